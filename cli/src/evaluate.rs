@@ -11,8 +11,8 @@ use std::time::SystemTime;
 
 use preshade::unstable::emit;
 use preshade::unstable::jobs::{
-    self, EVERY, Exhaustive, Found, JOB_SCHEMA, Job, JobResult, Kind, OUTCOME_SCHEMA, Outcome,
-    Partition, Reason, Run, adapter_id,
+    self, EVERY, Exhaustive, Found, JOB_SCHEMA, Job, JobResult, Kind, Machine, OUTCOME_SCHEMA,
+    Outcome, Partition, Reason, Run, adapter_id,
 };
 use preshade::unstable::limits::Limits;
 use preshade::unstable::measure::record::Report;
@@ -24,6 +24,9 @@ use crate::{Ending, Failure, merge, output, verify, worker};
 
 /// End of the names of results.
 pub const EXTENSION: &str = ".outcome.json";
+
+/// End of the names of files that list the adapters of a machine.
+pub const MACHINES: &str = ".adapters.json";
 
 /// Times to try a job that fails, if `--attempts` says nothing.
 const ATTEMPTS: u32 = 2;
@@ -100,15 +103,14 @@ pub fn run(args: &EvaluateArgs) -> Result<Ending, Failure> {
         });
         is_kind && args.partition.is_none_or(|p| p.contains(&job.key))
     });
+    let cards = render::cards();
+    note_machine(&args.out, &cards)?;
     let settings = Settings {
         workers: args.workers.map_or(0, usize::from),
         seconds: args.seconds,
         attempts: args.attempts,
         run: args.run.clone(),
-        ..Settings::new(
-            args.out.clone(),
-            models(render::cards(), args.adapter.as_deref())?,
-        )
+        ..Settings::new(args.out.clone(), models(cards, args.adapter.as_deref())?)
     };
     let tally = all_of(&share.collect::<Vec<_>>(), &settings)?;
     if tally.nowhere > 0 {
@@ -132,6 +134,15 @@ pub fn run(args: &EvaluateArgs) -> Result<Ending, Failure> {
             output::count(n, "job")
         ))),
     }
+}
+
+/// Writes which adapters this machine has, for `merge --adapters`.
+fn note_machine(out: &Path, cards: &[Card]) -> Result<(), Failure> {
+    verify::check_folder(out)?;
+    let host = host();
+    let text = serde_json::to_string_pretty(&Machine::new(&host, cards))? + "\n";
+    let file = out.join(format!("{}{MACHINES}", plain(&host)));
+    emit::write_file(&file, text.into_bytes()).map_err(|e| Failure(format!("error: {e}")))
 }
 
 /// How to run jobs.

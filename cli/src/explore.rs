@@ -24,7 +24,7 @@ use crate::verify::{
     FormArg, OrderArg, check_budget, check_folder, command, grouped, parse_seconds,
 };
 use crate::view::ViewArgs;
-use crate::{Ending, Failure, Table, evaluate, flags, guesses, many, output, worker};
+use crate::{Ending, Failure, Table, evaluate, flags, guesses, many, output, results, worker};
 
 /// Arguments of `explore`.
 #[derive(clap::Args)]
@@ -33,6 +33,7 @@ Examples:
   preshade explore scene.toml
   preshade explore scene.toml --budget flip_mean=0.02 --out report/     report/report.html
   preshade explore lit.wgsl --seconds 20
+  preshade explore scenes/ --results results.json         over all adapters of `merge`, no GPU
   preshade explore scene.toml --variant hoist:budget=1,threshold=1,tessellate:level=1..12,form=all
 
 Looks at ways to shade fewer fragments and at ways to compute less in one, alone and then the best
@@ -67,6 +68,9 @@ pub struct ExploreArgs {
     /// Seed of the confidence intervals.
     #[arg(long, value_name = "N", default_value_t = 1)]
     seed: u64,
+    /// Draw nothing: take the worst error and the mean speedup over the adapters of these merged results.
+    #[arg(long, value_name = "FILE", conflicts_with_all = MEASURES)]
+    results: Option<PathBuf>,
     /// Part of an adapter's name, driver or backend.
     #[arg(long, value_name = "TEXT")]
     adapter: Option<String>,
@@ -91,6 +95,25 @@ pub struct ExploreArgs {
     pub flags: Vec<String>,
 }
 
+/// Flags that say what to measure, and how.
+const MEASURES: [&str; 15] = [
+    "adapter",
+    "camera",
+    "candidates",
+    "finalists",
+    "form",
+    "frames",
+    "order",
+    "passes",
+    "recipes",
+    "seconds",
+    "seed",
+    "set",
+    "size",
+    "variants",
+    "workers",
+];
+
 /// Size on a software adapter, if none is given: a search then takes less than a minute on two cores.
 const SOFTWARE_SIZE: [u32; 2] = [480, 270];
 
@@ -102,6 +125,13 @@ static INTERRUPTS: AtomicU32 = AtomicU32::new(0);
 
 /// Explores a scene or a shader, or each scene of a folder.
 pub fn run(args: &ExploreArgs) -> Result<Ending, Failure> {
+    if let Some(file) = &args.results {
+        let to = results::To {
+            format: args.format,
+            out: args.out.as_deref(),
+        };
+        return results::explore(file, &many::drawn(args.shader.clone())?, args.budget, &to);
+    }
     if !args.shader.files.iter().any(|f| f.is_dir()) {
         return one(args, &args.shader, args.out.as_deref());
     }

@@ -51,6 +51,7 @@ mod pairs;
 mod passes;
 mod plan;
 mod promises;
+mod results;
 mod rewrite;
 mod rewritten;
 mod share;

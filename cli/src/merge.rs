@@ -2,11 +2,13 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::jobs::{Answer, OUTCOME_SCHEMA, Outcome, Results};
+use preshade::unstable::jobs::{
+    Answer, FleetAdapter, MACHINE_SCHEMA, Machine, OUTCOME_SCHEMA, Outcome, Results, fleet,
+};
 use preshade::unstable::search::plan::regret::Choosing;
 use preshade::unstable::{emit, report};
 
-use crate::evaluate::EXTENSION;
+use crate::evaluate::{EXTENSION, MACHINES};
 use crate::{Ending, Failure, Table, output, verify};
 
 /// Arguments of `merge`.
@@ -15,6 +17,8 @@ use crate::{Ending, Failure, Table, output, verify};
 Examples:
   preshade merge results/
   preshade merge laptop/ cluster/ -o results.json
+  preshade merge results/ --html report/             report/index.html: adapters as columns
+  preshade merge results/ --adapters                 what the machines have
 
 The same results give the same bytes, in any order and however often a part was run. Two different
 pictures of one job on one adapter and driver are an error, and so are timing jobs that shared an
@@ -27,6 +31,12 @@ pub struct MergeArgs {
     /// Write the merged results to this file.
     #[arg(short, long, alias = "output", value_name = "FILE")]
     out: Option<PathBuf>,
+    /// Folder for `index.html`: what each adapter said of each variant, in one page.
+    #[arg(long, value_name = "DIR")]
+    html: Option<PathBuf>,
+    /// Print the adapters of the machines, and how many results each has. No job has to have run.
+    #[arg(long)]
+    adapters: bool,
     /// Merge results of several versions of preshade.
     #[arg(long)]
     mix_versions: bool,
@@ -38,7 +48,11 @@ pub struct MergeArgs {
 /// Merges.
 pub fn run(args: &MergeArgs) -> Result<Ending, Failure> {
     let outcomes = outcomes(&args.results)?;
-    if outcomes.is_empty() {
+    let machines = match args.adapters {
+        true => machines(&args.results)?,
+        false => Vec::new(),
+    };
+    if outcomes.is_empty() && machines.is_empty() {
         return Err(Failure(
             "error: no result is in the folders given: `evaluate --out` writes them".to_owned(),
         ));
@@ -51,12 +65,23 @@ pub fn run(args: &MergeArgs) -> Result<Ending, Failure> {
             .map_err(|e| Failure(format!("error: {e}")))?;
         output::message(&format!("wrote {}", path.display()));
     }
+    let command = verify::command();
+    let regrets = results.regrets(Choosing::default(), &command);
+    if let Some(dir) = &args.html {
+        let page = emit::File {
+            name: "index.html".to_owned(),
+            bytes: report::html::merged::page(&results, &regrets, &command)?.into_bytes(),
+        };
+        emit::write(dir, &[page]).map_err(|e| Failure(format!("error: {e}")))?;
+        output::message(&format!("wrote {}", dir.join("index.html").display()));
+    }
     match args.format {
+        _ if args.adapters => print(&fleet(&results, &machines), args.format)?,
         Table::Json => output::data(&json)?,
         Table::Csv => output::data(&report::merged::csv(&results))?,
         Table::Human => {
             output::table(&report::merged::table(&results))?;
-            for regret in results.regrets(Choosing::default(), &verify::command()) {
+            for regret in regrets {
                 output::table(&format!("\n{}", regret.render()))?;
             }
         }
@@ -73,6 +98,24 @@ pub fn run(args: &MergeArgs) -> Result<Ending, Failure> {
     })
 }
 
+/// The adapters of a fleet, as JSON.
+#[derive(serde::Serialize)]
+struct Fleet<'a> {
+    schema: &'static str,
+    adapters: &'a [FleetAdapter],
+}
+
+fn print(adapters: &[FleetAdapter], format: Table) -> Result<(), Failure> {
+    match format {
+        Table::Human => output::table(&report::fleet::adapters(adapters)),
+        Table::Csv => output::data(&report::fleet::adapters_csv(adapters)),
+        Table::Json => output::json(&Fleet {
+            schema: "preshade.fleet.v1",
+            adapters,
+        }),
+    }
+}
+
 /// The results in folders, or in files.
 ///
 /// # Errors
@@ -80,25 +123,45 @@ pub fn run(args: &MergeArgs) -> Result<Ending, Failure> {
 pub fn outcomes(paths: &[PathBuf]) -> Result<Vec<Outcome>, Failure> {
     let mut outcomes = Vec::new();
     for path in paths {
-        for file in files(path)? {
+        for file in files(path, EXTENSION)? {
             outcomes.push(read(&file)?);
         }
     }
     Ok(outcomes)
 }
 
-/// The results in a folder, or the one file.
-fn files(path: &Path) -> Result<Vec<PathBuf>, Failure> {
+/// The machines in folders, or in files.
+fn machines(paths: &[PathBuf]) -> Result<Vec<Machine>, Failure> {
+    let mut machines = Vec::new();
+    for path in paths {
+        for file in files(path, MACHINES)? {
+            let machine: Machine = parsed(&file)?;
+            checked(&file, &machine.schema, MACHINE_SCHEMA)?;
+            machines.push(machine);
+        }
+    }
+    Ok(machines)
+}
+
+/// The files of a folder whose names end so, or the one file. One of the other kind is none.
+fn files(path: &Path, extension: &str) -> Result<Vec<PathBuf>, Failure> {
     let failed = |e: std::io::Error| Failure(format!("error: {}: {e}", path.display()));
+    let ends = |file: &Path, extension: &str| {
+        let name = file.file_name().unwrap_or_default().to_string_lossy();
+        // A file that is being written has another name until it is whole.
+        name.ends_with(extension) && !name.starts_with('.')
+    };
     if !path.is_dir() {
-        return Ok(vec![path.to_owned()]);
+        let is_of_machine = ends(path, MACHINES);
+        return Ok(match is_of_machine == (extension == MACHINES) {
+            true => vec![path.to_owned()],
+            false => Vec::new(),
+        });
     }
     let mut found = Vec::new();
     for entry in std::fs::read_dir(path).map_err(failed)? {
         let file = entry.map_err(failed)?.path();
-        let name = file.file_name().unwrap_or_default().to_string_lossy();
-        // A file that is being written has another name until it is whole.
-        if name.ends_with(EXTENSION) && !name.starts_with('.') {
+        if ends(&file, extension) {
             found.push(file);
         }
     }
@@ -108,14 +171,23 @@ fn files(path: &Path) -> Result<Vec<PathBuf>, Failure> {
 
 /// Reads one result.
 pub fn read(file: &Path) -> Result<Outcome, Failure> {
+    let outcome: Outcome = parsed(file)?;
+    checked(file, &outcome.schema, OUTCOME_SCHEMA)?;
+    Ok(outcome)
+}
+
+fn parsed<T: serde::de::DeserializeOwned>(file: &Path) -> Result<T, Failure> {
     let failed = |e: &dyn std::fmt::Display| Failure(format!("error: {}: {e}", file.display()));
     let text = std::fs::read_to_string(file).map_err(|e| failed(&e))?;
-    let outcome: Outcome = serde_json::from_str(&text).map_err(|e| failed(&e))?;
-    match outcome.schema == OUTCOME_SCHEMA {
-        true => Ok(outcome),
-        false => Err(failed(&format!(
-            "its schema is `{}`, and this version reads `{OUTCOME_SCHEMA}`",
-            outcome.schema
+    serde_json::from_str(&text).map_err(|e| failed(&e))
+}
+
+fn checked(file: &Path, schema: &str, read: &str) -> Result<(), Failure> {
+    match schema == read {
+        true => Ok(()),
+        false => Err(Failure(format!(
+            "error: {}: its schema is `{schema}`, and this version reads `{read}`",
+            file.display()
         ))),
     }
 }

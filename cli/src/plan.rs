@@ -33,7 +33,7 @@ use crate::output::{self, ProgressLine};
 use crate::rewrite::check_name;
 use crate::verify::{OrderArg, check_budget, check_folder, parse_frames, parse_seconds};
 use crate::view::ViewArgs;
-use crate::{Ending, Failure, Table, exhaustive, worker};
+use crate::{Ending, Failure, Table, exhaustive, results, worker};
 
 /// Arguments of `plan`.
 #[derive(clap::Args)]
@@ -47,6 +47,7 @@ use crate::{Ending, Failure, Table, exhaustive, worker};
   preshade plan scene.toml --time no                 predictions of a nominal model, no clock
   preshade plan scenes/ --out chosen/                a folder each
   preshade plan scenes/*.toml --exhaustive --out regret/
+  preshade plan scenes/ --results results.json       over all adapters of `merge`, no GPU
 
 A recipe is taken where it was measured to be faster than the original beyond noise, and by 1 % at
 least; where none is, nothing is, and the reasons are told. docs/guides/plan.md says how. With \
@@ -94,6 +95,10 @@ pub struct PlanArgs {
     /// Every other scene is held out of the fit.
     #[arg(long)]
     exhaustive: bool,
+    /// Draw nothing: choose the variant that holds everywhere and pays on most adapters of these merged
+    /// results, and the best for each adapter alone.
+    #[arg(long, value_name = "FILE", conflicts_with_all = MEASURES)]
+    results: Option<PathBuf>,
     /// Part of an adapter's name, driver or backend.
     #[arg(long, value_name = "TEXT")]
     pub adapter: Option<String>,
@@ -120,6 +125,25 @@ pub struct PlanArgs {
     pub flags: Vec<String>,
 }
 
+/// Flags that say how to measure, or what to keep of it.
+const MEASURES: [&str; 15] = [
+    "adapter",
+    "budget",
+    "camera",
+    "exhaustive",
+    "frames",
+    "lock",
+    "model",
+    "one",
+    "order",
+    "runners",
+    "seconds",
+    "set",
+    "size",
+    "time",
+    "workers",
+];
+
 /// Frames of a camera path, by default.
 pub const FRAMES: usize = 3;
 
@@ -138,7 +162,8 @@ impl PlanArgs {
     pub fn reads(&self) -> Vec<PathBuf> {
         let jobs = self.jobs().unwrap_or_default();
         let below = jobs.iter().flat_map(|job| job.shader.reads());
-        self.scenes.iter().cloned().chain(below).collect()
+        let scenes = self.scenes.iter().chain(&self.results).cloned();
+        scenes.chain(below).collect()
     }
 
     /// The scenes and the bare shaders.
@@ -170,6 +195,17 @@ enum TimeArg {
 pub fn run(args: &PlanArgs) -> Result<Ending, Failure> {
     let jobs = args.jobs()?;
     let scenes: Vec<PathBuf> = jobs.iter().map(path_of).collect();
+    if let Some(out) = &args.out {
+        check_folder(out)?;
+        many::told_apart(&scenes)?;
+    }
+    if let Some(file) = &args.results {
+        let to = results::To {
+            format: args.format,
+            out: args.out.as_deref(),
+        };
+        return results::plan(file, &jobs, &to);
+    }
     if scenes.len() > 1 && !args.exhaustive && args.format != Table::Human {
         return Err(Failure(
             "error: --format json and csv are of one scene; of several --out keeps one each"
@@ -182,10 +218,6 @@ pub fn run(args: &PlanArgs) -> Result<Ending, Failure> {
              no"
             .to_owned(),
         ));
-    }
-    if let Some(out) = &args.out {
-        check_folder(out)?;
-        many::told_apart(&scenes)?;
     }
     if args.lock && scenes.len() > 1 {
         return Err(Failure(

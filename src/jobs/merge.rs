@@ -140,7 +140,7 @@ impl Slot {
 }
 
 /// The schema of [`Results`].
-const SCHEMA: &str = "preshade.results.v1";
+pub const SCHEMA: &str = "preshade.results.v1";
 
 impl Results {
     /// The union of outcomes: the same for any order, and however often one is given. A report wins over a

@@ -4,12 +4,19 @@
 //! of one job, in a file of its own. [`Results::merge`] is their union: it does not depend on how the
 //! jobs were shared out, on the order, or on how often a job ran.
 
+pub mod decision;
+mod machine;
+#[cfg(test)]
+mod made_up;
 mod merge;
 mod partition;
 mod regrets;
+mod said;
 
-pub use merge::{Answer, Measured, MergeError, Merged, Results};
+pub use machine::{FleetAdapter, MACHINE_SCHEMA, Machine, MachineCard, fleet};
+pub use merge::{Answer, Measured, MergeError, Merged, Results, SCHEMA};
 pub use partition::Partition;
+pub use said::{Rows, Said, Standing, Subject, Variants};
 
 use std::collections::BTreeMap;
 

@@ -1,7 +1,7 @@
 //! Reports as HTML: one self-contained file each, without network access, readable without its
 //! scripts.
 //!
-//! Data in, text out. [`explore`], [`verify`] and [`plan`] are the pages. `base.html` is the frame
+//! Data in, text out. [`explore`], [`verify`], [`plan`] and [`merged`] are the pages. `base.html` is the frame
 //! of each, `variant.html` (filled by `section`) shows one variant with its pictures, and
 //! `effects.html` shows the effects that the scene uses. `chart` and `range` draw figures, `diff`
 //! shows shaders, and `words` puts contracts into words.
@@ -9,6 +9,7 @@
 mod chart;
 mod diff;
 pub mod explore;
+pub mod merged;
 pub mod plan;
 mod range;
 mod section;

@@ -7,6 +7,7 @@ mod choice;
 pub mod crossover;
 pub mod csv;
 pub mod decision;
+pub mod fleet;
 pub mod frontier;
 mod headline;
 pub mod html;

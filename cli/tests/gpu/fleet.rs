@@ -198,3 +198,173 @@ fn jobs_of_changed_files_and_two_pictures_of_one_job_are_errors() {
     let said = ended(&run(folder, &all), 2, &all);
     assert!(said.contains("jobs.jsonl: line 1: "), "{said}");
 }
+
+/// Copies results as if another adapter had measured them: each variant with a speedup of its own.
+fn remade(folder: &Path, name: &str, speedups: [(&str, f64); 2]) {
+    let to = folder.join(name);
+    fs::create_dir(&to).unwrap();
+    for file in results(&folder.join("real")).keys() {
+        let mut outcome: serde_json::Value =
+            serde_json::from_str(&fs::read_to_string(file).unwrap()).unwrap();
+        let (_, speedup) = speedups
+            .iter()
+            .find(|(variant, _)| outcome["job"]["variant"] == *variant)
+            .unwrap();
+        outcome["adapter"]["name"] = name.into();
+        let report = &mut outcome["result"]["report"];
+        report["adapter"]["name"] = name.into();
+        if outcome["job"]["kind"] == "time" {
+            let report = &mut outcome["result"]["report"];
+            report["variants"][1]["speedup"] = serde_json::json!({
+                "median": speedup, "low": speedup - 0.05, "high": speedup + 0.05,
+            });
+        }
+        fs::write(to.join(file.file_name().unwrap()), outcome.to_string()).unwrap();
+    }
+}
+
+fn stdout(folder: &Path, args: &[&str]) -> String {
+    let output = run(folder, args);
+    ended(&output, 0, args);
+    String::from_utf8(output.stdout).unwrap()
+}
+
+#[test]
+fn plan_and_explore_decide_over_the_adapters_of_merged_results() {
+    let (dir, _) = listed("decided");
+    let folder = &dir;
+    let read = |name: &str| fs::read_to_string(folder.join(name)).unwrap();
+    // Before any job ran, a fleet already says what it has.
+    fs::write(folder.join("none.jsonl"), "").unwrap();
+    accepted(
+        folder,
+        &["evaluate", "--jobs", "none.jsonl", "--out", "idle"],
+    );
+    let table = stdout(folder, &["merge", "idle", "--adapters"]);
+    assert!(table.starts_with("adapter"), "{table}");
+    assert!(table.lines().count() > 1, "{table}");
+
+    let jobs = [
+        "jobs",
+        "scene.toml",
+        "--size",
+        "32x24",
+        "--frames",
+        "1",
+        "--time",
+        "headline",
+        "--seconds",
+        "0.05",
+        "--variant",
+        "depth-prepass",
+        "--variant",
+        "early-discard",
+    ];
+    fs::write(folder.join("jobs.jsonl"), stdout(folder, &jobs)).unwrap();
+    accepted(
+        folder,
+        &["evaluate", "--jobs", "jobs.jsonl", "--out", "real"],
+    );
+    remade(
+        folder,
+        "Fast",
+        [("depth-prepass", 2.0), ("early-discard", 1.0)],
+    );
+    remade(
+        folder,
+        "Even",
+        [("depth-prepass", 1.5), ("early-discard", 1.0)],
+    );
+    remade(
+        folder,
+        "Slow",
+        [("depth-prepass", 0.8), ("early-discard", 1.2)],
+    );
+    let merge = ["merge", "Fast", "Even", "Slow", "-o", "results.json"];
+    accepted(folder, &[&merge[..], &["--html", "report"]].concat());
+    let page = read("report/index.html");
+    for text in [
+        "Fast",
+        "Slow",
+        "holds on 3 of 3, pays on 2 of 3",
+        "0.80x [0.75, 0.85]",
+    ] {
+        assert!(page.contains(text), "{text}: {page}");
+    }
+    // What machines have is no result.
+    fs::rename(folder.join("idle"), folder.join("Slow/idle")).unwrap();
+    let machine = fs::read_dir(folder.join("Slow/idle"))
+        .unwrap()
+        .next()
+        .unwrap()
+        .unwrap()
+        .path();
+    fs::rename(
+        &machine,
+        folder.join("Slow").join(machine.file_name().unwrap()),
+    )
+    .unwrap();
+    let before = read("results.json");
+    accepted(folder, &merge);
+    assert_eq!(before, read("results.json"));
+    let table = stdout(folder, &["merge", "Slow", "--adapters", "--format", "csv"]);
+    assert!(
+        table
+            .lines()
+            .any(|l| l.starts_with("\"Slow\"") && l.ends_with("\"2\",\"2\",\"0\"")),
+        "{table}"
+    );
+
+    let plan = ["plan", "./scene.toml", "--results", "results.json"];
+    let told = stdout(folder, &[&plan[..], &["--out", "chosen"]].concat());
+    for line in [
+        "  draw with depth-prepass: pays on 2 of 3, 1.34x on average",
+        "  does not pay on Slow: 0.80x [0.75, 0.85], slower",
+        "    early-discard: Slow 1.20x",
+    ] {
+        assert!(told.lines().any(|l| l == line), "{line}: {told}");
+    }
+    let decision: serde_json::Value = serde_json::from_str(&read("chosen/decision.json")).unwrap();
+    assert_eq!(decision["schema"], "preshade.fleet-decision.v1");
+    assert!(folder.join("chosen/stone.plan.json").exists());
+    let explore = [
+        "explore",
+        "scene.toml",
+        "--results",
+        "results.json",
+        "--format",
+        "csv",
+    ];
+    let told = stdout(folder, &explore);
+    assert!(
+        told.contains("\"original\",flip_mean,0,1,1,1,3,\"beaten by depth-prepass\""),
+        "{told}"
+    );
+
+    let refused = |args: &[&str]| ended(&run(folder, args), 2, args);
+    let said = refused(&[&plan[..], &["--seconds", "1"]].concat());
+    assert!(said.contains("--seconds"), "{said}");
+    let said = refused(&["plan", "shaders/foliage.wgsl", "--results", "results.json"]);
+    assert!(
+        said.contains("there is no input `shaders/foliage.wgsl`"),
+        "{said}"
+    );
+    let pictures = results(&folder.join("Fast")).into_keys();
+    let pictures = pictures.map(|f| f.to_string_lossy().into_owned());
+    // The names of times end in the run's.
+    let pictures: Vec<String> = pictures.filter(|f| f.matches('.').count() == 3).collect();
+    let mut merge = vec!["merge", "-o", "pictures.json"];
+    merge.extend(pictures.iter().map(String::as_str));
+    accepted(folder, &merge);
+    let said = refused(&["plan", "scene.toml", "--results", "pictures.json"]);
+    assert!(
+        said.contains("no job has a time\nhelp: `preshade jobs scene.toml"),
+        "{said}"
+    );
+    fs::write(folder.join("shaders/textured.wgsl"), "// nothing\n").unwrap();
+    let said = refused(&plan);
+    assert!(
+        said.contains("shaders/textured.wgsl was changed; measure it again"),
+        "{said}"
+    );
+}
