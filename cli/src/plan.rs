@@ -52,7 +52,8 @@ use crate::{Ending, Failure, Table, exhaustive, results, worker};
 A recipe is taken where it was measured to be faster than the original beyond noise, and by 1 % at
 least; where none is, nothing is, and the reasons are told. docs/guides/plan.md says how. With \
     --out what is
-measured is kept on the way, in plan.unfinished.json, until all of it is told.
+measured is kept on the way, in plan.unfinished.json, until all of it is told. With --exhaustive it is
+kept in outcomes/, and the same command goes on where it ended.
 Of several scenes one that cannot be read or drawn is told, and the others are planned.
 Exit status 1: a plan broke its contract (it is not taken); 2: an input failed.")]
 pub struct PlanArgs {
