@@ -10,7 +10,7 @@ use crate::{Ending, Failure, Format};
 #[derive(clap::Args)]
 #[command(after_help = "\
 preshade uses the first one. `preshade verify --adapter TEXT` selects another, by a part of its
-name, driver or backend.")]
+name, driver or backend; `--adapter '#2'` the second of this list.")]
 pub struct AdaptersArgs {
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]

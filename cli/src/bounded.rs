@@ -59,12 +59,25 @@ pub fn step() {
     });
 }
 
+/// Stops the clock while others work.
+pub fn pause() {
+    with(|bound| bound.iter_mut().for_each(|b| b.since = None));
+}
+
+/// Starts it anew.
+pub fn resume() {
+    with(|bound| {
+        bound
+            .iter_mut()
+            .for_each(|b| b.since = Some(Instant::now()))
+    });
+}
+
 /// Does `work`, which waits for a process that has bounds of its own.
 pub fn elsewhere<T>(work: impl FnOnce() -> T) -> T {
-    let set = |since| with(|bound| bound.iter_mut().for_each(|b| b.since = since));
-    set(None);
+    pause();
     let done = work();
-    set(Some(Instant::now()));
+    resume();
     done
 }
 

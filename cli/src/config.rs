@@ -422,10 +422,13 @@ fn keys(command: &Command) -> impl Iterator<Item = (&str, &Arg)> {
     };
     let flags = of.into_iter().flat_map(Command::get_arguments);
     let flags = flags.filter_map(|a| Some((a.get_long()?, a)));
-    let is_jobs = command.get_name() == JOBS;
-    flags.filter(move |(long, _)| {
-        !(NOT_KEYS.contains(long) || is_jobs && NOT_OF_JOBS.contains(long))
-    })
+    let others: &[&str] = match command.get_name() {
+        JOBS => &NOT_OF_JOBS,
+        // Elsewhere these are seconds for times.
+        "evaluate" => &["seconds"],
+        _ => &[],
+    };
+    flags.filter(move |(long, _)| !NOT_KEYS.contains(long) && !others.contains(long))
 }
 
 /// A number if it is written as in TOML. `007` is a string.
@@ -607,4 +610,25 @@ fn said(command: &Command, key: &str, value: &Value) -> Result<Said, String> {
         words: words.into_iter().map(OsString::from).collect(),
         from: From::File,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use clap::CommandFactory;
+
+    use super::*;
+    use crate::Cli;
+
+    #[test]
+    fn the_variables_of_workers_are_no_flags() {
+        let command = Cli::command();
+        let flags = command
+            .get_subcommands()
+            .flat_map(keys)
+            .chain(keys(&command));
+        let variables: Vec<String> = flags.map(|(long, _)| variable(long)).collect();
+        for name in [worker::VARIABLE, worker::LOCK] {
+            assert!(!variables.iter().any(|v| v == name), "{name}");
+        }
+    }
 }

@@ -28,6 +28,10 @@ pub const EXTENSION: &str = ".outcome.json";
 /// End of the names of files that list the adapters of a machine.
 pub const MACHINES: &str = ".adapters.json";
 
+/// Name of a run, if `--run` says nothing: the same on all machines, so that a job that moves to another one
+/// is not measured twice.
+const RUN: &str = "first";
+
 /// Times to try a job that fails, if `--attempts` says nothing.
 const ATTEMPTS: u32 = 2;
 
@@ -65,14 +69,15 @@ pub struct EvaluateArgs {
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     workers: Option<u16>,
     /// Stop a job after so many seconds. Waiting for other jobs does not count.
-    #[arg(long, value_name = "SECONDS", default_value_t = worker::OF_A_VARIANT)]
-    seconds: u64,
+    /// Default: 600, and 3600 for every candidate of a scene.
+    #[arg(long, value_name = "SECONDS")]
+    seconds: Option<u64>,
     /// Try a job that fails so many times in all, also over several runs of this command.
     #[arg(long, value_name = "N", default_value_t = ATTEMPTS, value_parser = clap::value_parser!(u32).range(1..))]
     attempts: u32,
-    /// Name of this run of timing jobs; each run adds samples. Default: the machine's name.
-    #[arg(long, value_name = "NAME", value_parser = parse_run)]
-    run: Option<String>,
+    /// Name of this run of timing jobs; each run adds samples.
+    #[arg(long, value_name = "NAME", default_value = RUN, value_parser = parse_run)]
+    run: String,
 }
 
 /// What to run.
@@ -153,12 +158,12 @@ pub struct Settings {
     pub models: Vec<Model>,
     /// Jobs at once; 0: one for each card.
     pub workers: usize,
-    /// A job is stopped after so many seconds.
-    pub seconds: u64,
+    /// A job is stopped after so many seconds. `None`: by what it measures.
+    pub seconds: Option<u64>,
     /// A job that fails is tried so many times in all.
     pub attempts: u32,
-    /// Name of this run of timing jobs. `None`: the machine's name.
-    pub run: Option<String>,
+    /// Name of this run of timing jobs.
+    pub run: String,
 }
 
 impl Settings {
@@ -168,9 +173,9 @@ impl Settings {
             out,
             models,
             workers: 0,
-            seconds: worker::OF_A_VARIANT,
+            seconds: None,
             attempts: ATTEMPTS,
-            run: None,
+            run: RUN.to_owned(),
         }
     }
 }
@@ -324,7 +329,7 @@ pub fn models(cards: Vec<Card>, wanted: Option<&str>) -> Result<Vec<Model>, Fail
 pub fn all_of(jobs: &[Job], settings: &Settings) -> Result<Tally, Failure> {
     verify::check_folder(&settings.out)?;
     let host = host();
-    let run = settings.run.clone().unwrap_or_else(|| plain(&host));
+    let run = settings.run.clone();
     let runner = Runner {
         settings,
         host,
@@ -591,7 +596,14 @@ impl Runner<'_> {
         let seat = task.model.take()?;
         let (start_ms, before) = (turns::since_1970(), load());
         let command = self.command(task, &seat)?;
-        let ended = worker::watched(command, &Limits::default(), self.settings.seconds)
+        let seconds = self
+            .settings
+            .seconds
+            .unwrap_or(match task.job.variant == EVERY {
+                true => worker::OF_AN_INPUT,
+                false => worker::OF_A_VARIANT,
+            });
+        let ended = worker::watched(command, &Limits::default(), seconds)
             .map_err(|why| Failure(format!("error: {why}")))?;
         let run = Run {
             id: self.run.clone(),
@@ -607,8 +619,14 @@ impl Runner<'_> {
         let found = match &ended.status {
             Err(why) => Err(why.replace("--limits seconds=N", "--seconds N")),
             Ok(status) if !matches!(status.code(), Some(0 | 1 | 3)) => Err(ended.why(*status)),
-            Ok(_) if task.job.variant == EVERY => read_found::<Exhaustive>(&ended.out)
-                .map(|exhaustive| Found::Exhausted(Box::new(exhaustive))),
+            Ok(_) if task.job.variant == EVERY => {
+                read_found::<Exhaustive>(&ended.out).and_then(|found| {
+                    match found.adapter == adapter_id(adapter) {
+                        true => Ok(Found::Exhausted(Box::new(found))),
+                        false => Err("it ran on another adapter".to_owned()),
+                    }
+                })
+            }
             Ok(_) => read_found::<Report>(&ended.out).and_then(|r| checked(r, task.job, adapter)),
         };
         Ok((run, found))
@@ -619,12 +637,15 @@ impl Runner<'_> {
         let (mut command, adapter) = (seat.command()?, seat.adapter());
         match job.variant == EVERY {
             true => {
-                let probes = self
-                    .settings
-                    .out
-                    .join(format!("{}.probes.json", task.model.id()));
                 command.args(["plan", "--exhaustive", &adapter]);
-                command.arg("--probes").arg(probes);
+                if !job
+                    .arguments
+                    .iter()
+                    .any(|word| word.starts_with("--model="))
+                {
+                    let name = format!("{}.{}.probes.json", task.model.id(), jobs::VERSION);
+                    command.arg("--probes").arg(self.settings.out.join(name));
+                }
             }
             false => {
                 command.args(["verify", "--format=json", &adapter]);
@@ -665,12 +686,9 @@ fn checked(mut report: Report, job: &Job, adapter: &AdapterReport) -> Result<Fou
     Ok(Found::Report(Box::new(report)))
 }
 
-/// A file that all processes of this machine lock which use a card. All software adapters are one: the CPU.
+/// A file that all processes lock which use a card.
 fn lock_of(card: &Card, what: &str) -> PathBuf {
-    let place = match card.report.kind.as_str() {
-        "software" => "cpu".to_owned(),
-        _ => jobs::key([adapter_id(&card.report).as_str(), card.address.as_str()]),
-    };
+    let place = jobs::hash(card.address.as_bytes());
     std::env::temp_dir().join(format!("preshade-{place}.{what}"))
 }
 

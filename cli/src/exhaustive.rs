@@ -4,7 +4,7 @@ use std::path::Path;
 
 use clap::CommandFactory;
 use preshade::unstable::emit;
-use preshade::unstable::jobs::{EVERY, Exhaustive, Kind, Outcome, Results};
+use preshade::unstable::jobs::{EVERY, Exhaustive, Kind, Outcome, Results, adapter_id};
 use preshade::unstable::measure::{self, Session};
 use preshade::unstable::passes::budget::Budget;
 use preshade::unstable::passes::pass::Facts;
@@ -23,13 +23,15 @@ use crate::verify::command;
 use crate::{Cli, Ending, Failure, Table, flags, merge, output, worker};
 
 /// Flags of `plan` that are the parent's.
-const OF_THE_RUN: [&str; 8] = [
+const OF_THE_RUN: [&str; 10] = [
     "adapter",
     "exhaustive",
     "format",
     "lock",
+    "one",
     "out",
     "probes",
+    "runners",
     "time",
     "workers",
 ];
@@ -70,8 +72,16 @@ pub fn job(
     for recipe in &recipes {
         plans.extend(measure::variant(&originals, recipe, &Facts::default()).plans);
     }
-    let (pictures, views) = jobs::estimate(scene, plan::FRAMES);
-    let seconds = pictures * recipes.len() as f64 + views * plan::SECONDS;
+    let given = |flag: &str| {
+        let flag = format!("--{flag}=");
+        arguments
+            .iter()
+            .find_map(|word| word.strip_prefix(flag.as_str()))
+    };
+    let frames = given("frames").and_then(|n| n.parse().ok());
+    let (pictures, views) = jobs::estimate(scene, frames.unwrap_or(plan::FRAMES));
+    let seconds = given("seconds").and_then(|n| n.parse().ok());
+    let seconds = pictures * recipes.len() as f64 + views * seconds.unwrap_or(plan::SECONDS);
     input.job((Kind::Time, seconds), EVERY, arguments, &plans)
 }
 
@@ -83,6 +93,8 @@ pub fn measured(args: &PlanArgs, jobs: &[Job]) -> Result<Ending, Failure> {
     let bar = output::bar();
     let choice = args.adapter.clone();
     let choice = choice.map_or(AdapterChoice::Best, AdapterChoice::Matching);
+    // What takes a share of the adapter goes first: two of one process can lock each other out.
+    let scene = plan::grouped(args, plan::scene(args, &job.shader)?)?;
     let open = || worker::in_turns(Gpu::with_trust(&choice, args.limits.limits().trust())?);
     let known = args.probes.as_deref().map(|file| probes(file, open));
     let known = known.transpose()?;
@@ -91,7 +103,6 @@ pub fn measured(args: &PlanArgs, jobs: &[Job]) -> Result<Ending, Failure> {
         None => plan::model(args, &gpu, &bar)?,
         Some(probes) => (Model::fit(&gpu.adapter().title(), &probes), probes),
     };
-    let scene = plan::grouped(args, plan::scene(args, &job.shader)?)?;
     let session = Session::new(&gpu, &scene, ShaderForm::Text)?;
     let (recipes, facts) = plan::prepare(args, &session, &bar)?;
     let settings = plan::settings(args, &model);
@@ -101,7 +112,11 @@ pub fn measured(args: &PlanArgs, jobs: &[Job]) -> Result<Ending, Failure> {
         scene: name.into_owned(),
         ..decide::exhaust(&session, &recipes, &facts, &settings)?
     };
-    output::json(&Exhaustive { probes, scene })?;
+    output::json(&Exhaustive {
+        adapter: adapter_id(gpu.adapter()),
+        probes,
+        scene,
+    })?;
     Ok(Ending::Fine)
 }
 
@@ -111,7 +126,7 @@ fn probes(
     open: impl Fn() -> Result<Gpu, Failure>,
 ) -> Result<Vec<Observation>, Failure> {
     // Held until they are written.
-    let _first = worker::first_of_several()?;
+    let _first = worker::first_of_several(file)?;
     let known = std::fs::read_to_string(file).ok();
     // A file that cannot be read is written again.
     if let Some(probes) = known.and_then(|text| serde_json::from_str(&text).ok()) {
@@ -144,18 +159,29 @@ pub fn run(args: &PlanArgs, inputs: &[Job]) -> Result<Ending, Failure> {
         Some(out) => out.join("outcomes"),
         None => temporary.path().to_owned(),
     };
+    if args.adapter.as_deref() == Some("all") {
+        return Err(Failure(
+            "error: --adapter all is for `evaluate`: the report is of one adapter".to_owned(),
+        ));
+    }
     let models = evaluate::models(cards(), args.adapter.as_deref())?;
     let settings = Settings {
         workers: args.workers.map_or(0, usize::from),
+        // Views have times of their own.
+        seconds: Some(u64::MAX),
         ..Settings::new(out.clone(), models)
     };
-    evaluate::all_of(&list, &settings)?;
+    let tally = evaluate::all_of(&list, &settings)?;
+    if tally.stale > 0 {
+        return Err(Failure(format!(
+            "error: files of {} changed meanwhile",
+            output::count(tally.stale, "scene")
+        )));
+    }
     let keys: Vec<&str> = list.iter().map(|job| job.key.as_str()).collect();
     let ids: Vec<String> = settings.models.iter().map(evaluate::Model::id).collect();
-    let is_ours = |o: &Outcome| {
-        let id = preshade::unstable::jobs::adapter_id(&o.adapter);
-        keys.contains(&o.job.key.as_str()) && ids.contains(&id)
-    };
+    let is_ours =
+        |o: &Outcome| keys.contains(&o.job.key.as_str()) && ids.contains(&adapter_id(&o.adapter));
     let outcomes = merge::outcomes(&[out])?.into_iter().filter(is_ours);
     let results = Results::merge(outcomes, false).map_err(|e| Failure(format!("error: {e}")))?;
     let mut reports = results.regrets(plan::choosing(args), &command());

@@ -220,7 +220,7 @@ fn side_by_side(
                     let scene = next.lock().unwrap_or_else(PoisonError::into_inner).next();
                     let Some(scene) = scene else { break };
                     let out = args.out.as_ref().map(|out| many::folder_of(out, &scene));
-                    let ended = elsewhere(model, &words, &scene, out.as_deref());
+                    let ended = elsewhere(model, &words, &scene, (out.as_deref(), args.seconds));
                     let name = scene.display().to_string();
                     let mut all = all.lock().unwrap_or_else(PoisonError::into_inner);
                     tell_failure(&name, &ended);
@@ -237,7 +237,7 @@ fn elsewhere(
     model: &evaluate::Model,
     words: &[String],
     scene: &Path,
-    out: Option<&Path>,
+    (out, seconds): (Option<&Path>, f64),
 ) -> Result<Ending, Failure> {
     let failed = |why: String| Failure(format!("error: {why}"));
     let seat = model.take()?;
@@ -247,15 +247,17 @@ fn elsewhere(
         command.arg("--out").arg(out);
     }
     command.arg("--").arg(scene);
-    let ended =
-        worker::watched(command, &Limits::default(), worker::OF_AN_INPUT).map_err(failed)?;
+    // Only a measurement that hangs goes on for so long.
+    let seconds = worker::OF_AN_INPUT + seconds as u64;
+    let ended = worker::watched(command, &Limits::default(), seconds).map_err(failed)?;
     let status = ended.status.clone().map_err(failed)?;
+    ended.told.iter().for_each(|line| output::message(line));
     output::table(ended.out.trim_end())?;
     match status.code() {
         Some(0) => Ok(Ending::Fine),
         Some(1) => Ok(Ending::ContractBroken),
         Some(3) => Ok(Ending::NotMeasured),
-        _ => Err(failed(ended.why(status))),
+        _ => Err(failed(format!("its process ended with {status}"))),
     }
 }
 

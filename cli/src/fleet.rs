@@ -142,17 +142,18 @@ pub fn run(args: &FleetArgs) -> Result<Ending, Failure> {
             shell_words::join(piped),
         ),
     };
-    // GitHub replaces expressions in the text of a step.
-    let line = match scheduler {
-        Scheduler::Github => line.replace("${{", "${{ '${{' }}"),
-        _ => line.clone(),
+    // GitHub replaces expressions in texts.
+    let plain = |text: String| match scheduler {
+        Scheduler::Github => text.replace("${{", "${{ '${{' }}"),
+        _ => text,
     };
+    let line = plain(line.clone());
     output::data(&filled(
         template,
         &[
             ("jobs", &jobs),
             ("out", &shell_words::quote(out)),
-            ("folder", &serde_json::to_string(out)?),
+            ("folder", &plain(serde_json::to_string(out)?)),
             ("evaluate", &line),
             ("piped", &piped),
             ("request", &request),

@@ -22,10 +22,10 @@ use preshade::unstable::regular;
 use preshade::unstable::render::{AdapterChoice, Gpu, Rendered};
 use preshade::unstable::scene::{self, Scene, Variable, Variables};
 
-use crate::Failure;
 use crate::limits::LimitArgs;
 use crate::many;
 use crate::state::StateArgs;
+use crate::{Failure, worker};
 
 /// A shader and its pipeline state, or a scene.
 #[derive(Clone, Default, clap::Args)]
@@ -466,7 +466,7 @@ impl ShaderArgs {
     fn replay_gpu(&self) -> Result<Gpu, Failure> {
         let on = self.replay_on.clone();
         let on = on.map_or(AdapterChoice::Best, AdapterChoice::Matching);
-        Ok(Gpu::with_trust(&on, self.limits.limits().trust())?)
+        worker::in_turns(Gpu::with_trust(&on, self.limits.limits().trust())?)
     }
 
     /// The scene of a captured frame.

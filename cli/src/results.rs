@@ -6,7 +6,7 @@ use preshade::unstable::emit;
 use preshade::unstable::jobs::decision::{
     FleetDecision, FleetDecisions, FleetFrontiers, NoTimes, decide, frontier,
 };
-use preshade::unstable::jobs::{Results, Rows, SCHEMA, Subject, Variants, hash};
+use preshade::unstable::jobs::{Results, Rows, SCHEMA, Subject, VERSION, Variants, hash};
 use preshade::unstable::measure;
 use preshade::unstable::nearest::unknown;
 use preshade::unstable::passes::budget::Budget;
@@ -28,8 +28,10 @@ pub fn plan(file: &Path, inputs: &[Job], to: &To<'_>) -> Result<Ending, Failure>
     let results = read(file)?;
     let rows = results.rows();
     let (mut decisions, mut shaders) = (Vec::new(), Vec::new());
+    let mut is_current = true;
     let failed = each(inputs, |shader| {
         let (subject, row) = found(&rows, file, &shader.files)?;
+        is_current &= subject.version == VERSION;
         let decision = decide(&results, subject, row).map_err(|e| no_times(shader, &e))?;
         shaders.push((shader.clone(), decision.clone()));
         decisions.push(decision);
@@ -42,6 +44,11 @@ pub fn plan(file: &Path, inputs: &[Job], to: &To<'_>) -> Result<Ending, Failure>
     let json = serde_json::to_string_pretty(&decisions)? + "\n";
     let csv = fleet::decisions_csv(&decisions);
     to.print(&tables, ("decision.json", json), csv)?;
+    if !is_current && to.out.is_some() {
+        // Its shaders may be others than those that were measured.
+        output::message("note: no shaders are written: another version of preshade measured");
+        shaders.clear();
+    }
     for (shader, decision) in &shaders {
         let out = match (to.out, inputs.len()) {
             (None, _) => break,

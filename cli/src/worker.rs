@@ -9,6 +9,7 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
+use preshade::unstable::jobs::hash;
 use preshade::unstable::limits::Limits;
 use preshade::unstable::render::Gpu;
 use preshade::unstable::render::turns::{Turn, Turns};
@@ -23,7 +24,7 @@ pub const VARIABLE: &str = "PRESHADE_WORKER";
 pub const OF_A_JOB: &str = "job";
 
 /// The lock file by which jobs share their adapter.
-pub const LOCK: &str = "PRESHADE_LOCK";
+pub const LOCK: &str = "PRESHADE_SHARED_ADAPTER";
 
 /// Begins a line of a job's stderr that tells a [`Turn`].
 const TURN: char = '\u{1e}';
@@ -46,7 +47,7 @@ pub fn mine() -> Option<usize> {
 /// Whether this process runs a job, or a part of one: its command line says all, and neither the
 /// environment nor a configuration file of this machine.
 pub fn is_job() -> bool {
-    std::env::var_os(LOCK).is_some()
+    has_parent() && std::env::var_os(LOCK).is_some()
 }
 
 /// Whether another process of preshade waits for this one.
@@ -70,31 +71,31 @@ pub fn end_with_parent() {
 /// # Errors
 /// The lock cannot be opened or taken.
 pub fn in_turns(gpu: Gpu) -> Result<Gpu, Failure> {
-    match std::env::var_os(LOCK) {
+    match std::env::var_os(LOCK).filter(|_| is_job()) {
         None => Ok(gpu),
         Some(path) => {
-            let lock = opened(Path::new(&path))?;
-            Ok(gpu.in_turns(Turns::new(lock, tell))?)
+            let path = Path::new(&path);
+            let (lock, gate) = (opened(path)?, opened(&path.with_extension("gate"))?);
+            Ok(gpu.in_turns(Turns::new([lock, gate], tell))?)
         }
     }
 }
 
-/// Takes the lock beside that of the adapter, so that one of several jobs does what all need. To be taken
-/// before the adapter is shared: who holds a share while it waits would keep the other one from timing.
+/// Takes a lock for a file that several jobs need, so that one of them makes it. To be taken before the
+/// adapter is shared: who holds a share while it waits would keep the other one from timing.
 ///
 /// # Errors
 /// The lock cannot be opened or taken.
-pub fn first_of_several() -> Result<Option<File>, Failure> {
-    let Some(path) = std::env::var_os(LOCK) else {
-        return Ok(None);
-    };
-    let lock = opened(&Path::new(&path).with_extension("first"))?;
+pub fn first_of_several(file: &Path) -> Result<File, Failure> {
+    let file = std::path::absolute(file)?;
+    let key = hash(file.as_os_str().as_encoded_bytes());
+    let lock = opened(&std::env::temp_dir().join(format!("preshade-{key}.first")))?;
     if lock.try_lock().is_err() {
         tell(Turn::Waits);
         lock.lock()?;
         tell(Turn::Runs);
     }
-    Ok(Some(lock))
+    Ok(lock)
 }
 
 /// Opens a lock file, and makes it if it is missing.
@@ -102,15 +103,19 @@ pub fn first_of_several() -> Result<Option<File>, Failure> {
 /// # Errors
 /// As for files.
 pub fn opened(lock: &Path) -> Result<File, Failure> {
+    let mut options = File::options();
+    let file = options.create(true).truncate(false).write(true).open(lock);
     // Another user's cannot be written to, and need not be.
-    let file = File::open(lock).or_else(|_| {
-        let mut options = File::options();
-        options.create(true).truncate(false).write(true).open(lock)
-    });
+    let file = file.or_else(|e| File::open(lock).map_err(|_| e));
     file.map_err(|e| Failure(format!("error: {}: {e}", lock.display())))
 }
 
 fn tell(turn: Turn) {
+    match turn {
+        Turn::Waits => bounded::pause(),
+        Turn::Runs => bounded::resume(),
+        Turn::Alone { .. } => {}
+    }
     match turn {
         Turn::Waits => eprintln!("{TURN}waits"),
         Turn::Runs => eprintln!("{TURN}runs"),
@@ -174,8 +179,8 @@ pub struct Ended {
     pub status: Result<ExitStatus, String>,
     /// Its stdout.
     pub out: String,
-    /// The last line of its stderr that says something.
-    told: String,
+    /// The lines of its stderr that say something.
+    pub told: Vec<String>,
     /// When it had a shared adapter for itself: starts and ends in milliseconds.
     pub alone: Vec<[u64; 2]>,
 }
@@ -183,9 +188,9 @@ pub struct Ended {
 impl Ended {
     /// Its exit status and the last line of its stderr.
     pub fn why(&self, status: ExitStatus) -> String {
-        match self.told.as_str() {
-            "" => format!("its process ended with {status}"),
-            told => format!("its process ended with {status}: {told}"),
+        match self.told.last() {
+            None => format!("its process ended with {status}"),
+            Some(told) => format!("its process ended with {status}: {told}"),
         }
     }
 }
@@ -242,19 +247,19 @@ pub fn watched(mut command: Command, limits: &Limits, seconds: u64) -> Result<En
     })
 }
 
-/// Reads stderr to its end in a thread. Returns the last line, and when the process was alone.
+/// Reads stderr to its end in a thread. Returns its lines, and when the process was alone.
 fn listen(
     pipe: Option<impl Read + Send + 'static>,
     waits: Arc<AtomicBool>,
-) -> std::thread::JoinHandle<(String, Vec<[u64; 2]>)> {
+) -> std::thread::JoinHandle<(Vec<String>, Vec<[u64; 2]>)> {
     std::thread::spawn(move || {
-        let (mut last, mut alone) = (String::new(), Vec::new());
+        let (mut told, mut alone) = (Vec::new(), Vec::new());
         let lines = pipe.map(|pipe| BufReader::new(pipe).split(b'\n'));
         for line in lines.into_iter().flatten().map_while(Result::ok) {
             let line = String::from_utf8_lossy(&line);
             let Some(turn) = turn(&line) else {
                 if !line.trim().is_empty() {
-                    last = line.trim().to_owned();
+                    told.push(line.trim().to_owned());
                 }
                 continue;
             };
@@ -268,7 +273,11 @@ fn listen(
                 tell(turn);
             }
         }
-        (last, alone)
+        // One that was killed while it waited does not say that it waits no more.
+        if waits.load(Ordering::Relaxed) && is_job() {
+            tell(Turn::Runs);
+        }
+        (told, alone)
     })
 }
 

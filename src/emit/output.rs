@@ -1,6 +1,7 @@
 //! Writes files to disk atomically.
 
 use std::fs;
+use std::hash::{BuildHasher as _, Hasher as _, RandomState};
 use std::io::{self, Write as _};
 use std::path::{Path, PathBuf};
 
@@ -57,7 +58,7 @@ fn staged(
         if target.is_dir() {
             return Err(at(&target, &io::Error::from(io::ErrorKind::IsADirectory)));
         }
-        let temporary = dir.join(format!(".{}.{}.tmp", file.name, std::process::id()));
+        let temporary = dir.join(format!(".{}.{}.tmp", file.name, unique()));
         staged.0.push((temporary.clone(), target));
         store(&temporary, &file.bytes).map_err(|e| at(&temporary, &e))?;
     }
@@ -68,6 +69,12 @@ fn staged(
         changed.push(target);
     }
     Ok(changed)
+}
+
+/// A name that no other process has, on machines that share a disk too.
+fn unique() -> String {
+    let random = RandomState::new().build_hasher().finish();
+    format!("{}-{random:x}", std::process::id())
 }
 
 /// Temporary files and their destinations. Dropping it removes the remaining files.

@@ -107,13 +107,17 @@ pub enum MergeError {
 /// When a job had an adapter for itself.
 #[derive(PartialEq, Eq, PartialOrd, Ord)]
 struct Slot {
-    /// The start of a machine, the card, and [`adapter_id`].
-    place: (String, String, String),
+    /// The start of a machine, and the card.
+    place: (String, String),
     /// Start and end in milliseconds.
     time: [u64; 2],
     /// Input, variant and run.
     job: String,
+    /// Jobs of one name may differ elsewhere.
+    key: String,
     host: String,
+    /// Name and driver.
+    adapter: String,
 }
 
 impl Slot {
@@ -126,14 +130,12 @@ impl Slot {
             false => run.boot.clone(),
         };
         let slot = |time: &[u64; 2]| Self {
-            place: (
-                machine.clone(),
-                run.card.clone(),
-                adapter_id(&outcome.adapter),
-            ),
+            place: (machine.clone(), run.card.clone()),
             time: *time,
             job: format!("{} (run {})", outcome.job.name(), run.id),
+            key: outcome.job.key.clone(),
             host: run.host.clone(),
+            adapter: title(&outcome.adapter),
         };
         run.alone.iter().map(slot).collect()
     }
@@ -164,7 +166,7 @@ impl Results {
             slots.extend(Slot::of(&outcome));
             errors.extend(results.add(outcome));
         }
-        errors.extend(results.overlaps(&slots));
+        errors.extend(Self::overlaps(&slots));
         if results.versions.len() > 1 && !may_mix_versions {
             errors.push(MergeError::Versions(results.versions.clone()));
         }
@@ -220,8 +222,12 @@ impl Results {
                 if *known == measured {
                     return None;
                 }
+                // Of several the first two are reported in any order.
                 let mut both = [known.told(), measured.told()];
-                both.sort();
+                if both[1] < both[0] {
+                    both.swap(0, 1);
+                    *known = measured;
+                }
                 Some(MergeError::Differ {
                     job: job.job.name(),
                     adapter,
@@ -247,19 +253,15 @@ impl Results {
     }
 
     /// Timing jobs, failed ones too, that had one adapter for themselves at the same time.
-    fn overlaps(&self, slots: &BTreeSet<Slot>) -> Vec<MergeError> {
+    fn overlaps(slots: &BTreeSet<Slot>) -> Vec<MergeError> {
         let mut errors = Vec::new();
         // The one that ends last among those before.
         let mut last: Option<&Slot> = None;
         for slot in slots {
             let before = last.filter(|last| last.place == slot.place);
-            if let Some(before) = before.filter(|b| slot.time[0] < b.time[1] && b.job != slot.job) {
+            if let Some(before) = before.filter(|b| slot.time[0] < b.time[1]) {
                 errors.push(MergeError::Overlap {
-                    adapter: self
-                        .adapters
-                        .get(&slot.place.2)
-                        .map(title)
-                        .unwrap_or_default(),
+                    adapter: slot.adapter.clone(),
                     host: slot.host.clone(),
                     both: Box::new([before.job.clone(), slot.job.clone()]),
                 });
@@ -406,10 +408,12 @@ mod tests {
             let all: Vec<Outcome> = (0..jobs)
                 .flat_map(|job| ["a", "b"].map(|place| match (job % 5, place) {
                     (0, "b") => picture(job, place, failed("the adapter was lost")),
-                    (1, _) => Outcome {
-                        adapter: adapter(place),
-                        ..timed(job, "1", [job as u64 * 10, job as u64 * 10 + 9])
-                    },
+                    (1, _) => {
+                        let mut timed = timed(job, "1", [job as u64 * 10, job as u64 * 10 + 9]);
+                        timed.adapter = adapter(place);
+                        timed.run.as_mut().unwrap().card = place.to_owned();
+                        timed
+                    }
                     _ => picture(job, place, measured(&job.to_string())),
                 }))
                 .collect();

@@ -165,6 +165,8 @@ impl Found {
 /// Every candidate of `plan`, timed in every view of a scene.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Exhaustive {
+    /// [`adapter_id`] of the adapter.
+    pub adapter: String,
     /// Frames that the adapter's cost model is fitted to.
     pub probes: Vec<Observation>,
     /// The scene.
@@ -180,7 +182,7 @@ pub const EVERY: &str = "every candidate";
 pub enum Reason {
     /// `verify` refused the input.
     Refused,
-    /// The process ended by itself without a report.
+    /// The process ended without a report.
     Crashed,
     /// The adapter was lost.
     DeviceLost,
@@ -196,7 +198,7 @@ impl Reason {
         let lower = why.to_lowercase();
         let has = |words: &[&str]| words.iter().any(|word| lower.contains(word));
         match () {
-            () if has(&["of memory (--limits", "out of memory", "signal: 9"]) => Self::OutOfMemory,
+            () if has(&["of memory (--limits", "out of memory"]) => Self::OutOfMemory,
             () if has(&["(--limits seconds", "(--seconds"]) => Self::TimedOut,
             () if has(&["adapter was lost", "device is lost", "device lost"]) => Self::DeviceLost,
             () if has(&["process ended with signal", "panicked"]) => Self::Crashed,

@@ -217,11 +217,13 @@ pub(super) fn load(inputs: &SceneInputs<'_>, passes: &[PreparedCompute]) -> Resu
     if once().next().is_none() {
         return Ok(());
     }
-    gpu.checked("computing what is kept from load", || {
+    let what = "computing what is kept from load";
+    let encoder = gpu.checked(what, || {
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         encode_those(inputs, once(), &mut encoder);
-        gpu.queue.submit([encoder.finish()]);
-    })
+        encoder
+    })?;
+    gpu.submit(what, encoder)
 }
 
 fn encode_those<'p>(

@@ -216,7 +216,8 @@ pub struct Card {
     pub report: AdapterReport,
     /// The text of [`AdapterChoice::Matching`] that selects it.
     pub choice: String,
-    /// Tells it from others of its name and driver on this machine: its PCI address, or its place.
+    /// Tells it from other cards of this machine: its PCI address, `cpu` of software, or its name and place. Two
+    /// drivers of one card have one address.
     pub address: String,
 }
 
@@ -235,13 +236,15 @@ pub fn cards() -> Vec<Card> {
         let place = places.entry(model).or_default();
         *place += 1;
         let bus = adapter.get_info().device_pci_bus_id;
+        let address = match report.kind.as_str() {
+            "software" => "cpu".to_owned(),
+            _ if bus.is_empty() => format!("{} {place}", report.name),
+            _ => bus,
+        };
         Card {
             report,
             choice: format!("#{}", i + 1),
-            address: match bus.is_empty() {
-                true => place.to_string(),
-                false => bus,
-            },
+            address,
         }
     };
     all.iter().enumerate().map(card).collect()

@@ -6,10 +6,12 @@ use std::io;
 use std::sync::{Mutex, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// A lock that all processes share which draw on an adapter.
+/// Locks that all processes share which draw on an adapter.
 #[derive(Debug)]
 pub struct Turns {
     lock: File,
+    /// Held by who waits to be alone, so that no other takes a share meanwhile.
+    gate: File,
     /// Whether all work of this process disturbs times, and not its drawing alone: the adapter is the CPU.
     is_cpu: bool,
     tell: fn(Turn),
@@ -40,10 +42,11 @@ struct State {
 }
 
 impl Turns {
-    /// Shares an adapter by this lock file. `tell` hears of each [`Turn`].
-    pub fn new(lock: File, tell: fn(Turn)) -> Self {
+    /// Shares an adapter by these two lock files. `tell` hears of each [`Turn`].
+    pub fn new([lock, gate]: [File; 2], tell: fn(Turn)) -> Self {
         Self {
             lock,
+            gate,
             is_cpu: false,
             tell,
             state: Mutex::default(),
@@ -68,13 +71,15 @@ impl Turns {
             }
             state.shared += 1;
         }
-        let drawn = draw();
-        let mut state = self.state();
-        state.shared -= 1;
-        if !self.is_cpu && !state.is_alone && state.shared == 0 {
-            self.lock.unlock()?;
-        }
-        Ok(drawn)
+        let _end = OnDrop(|| {
+            let mut state = self.state();
+            state.shared -= 1;
+            if !self.is_cpu && !state.is_alone && state.shared == 0 {
+                // It is unlocked at the end of the process at the latest.
+                let _ = self.lock.unlock();
+            }
+        });
+        Ok(draw())
     }
 
     /// Runs `time` while no other process draws. One thread at a time may do so, and while it does, the
@@ -84,16 +89,20 @@ impl Turns {
         if self.is_cpu {
             self.lock.unlock()?;
         }
-        self.wait(File::try_lock, File::lock)?;
+        self.take(File::try_lock, File::lock)?;
         self.state().is_alone = true;
         let start_ms = timeline().1;
-        let timed = time();
-        (self.tell)(Turn::Alone {
-            start_ms,
-            end_ms: timeline().1,
-        });
-        self.state().is_alone = false;
-        self.lock.unlock()?;
+        let timed = {
+            let _end = OnDrop(|| {
+                self.state().is_alone = false;
+                (self.tell)(Turn::Alone {
+                    start_ms,
+                    end_ms: timeline().1,
+                });
+                let _ = self.lock.unlock();
+            });
+            time()
+        };
         if self.is_cpu {
             self.take_share()?;
         }
@@ -101,25 +110,41 @@ impl Turns {
     }
 
     fn take_share(&self) -> io::Result<()> {
-        self.wait(File::try_lock_shared, File::lock_shared)
+        self.take(File::try_lock_shared, File::lock_shared)
     }
 
-    fn wait(
+    /// Takes the lock, through the gate.
+    fn take(
         &self,
         at_once: fn(&File) -> Result<(), std::fs::TryLockError>,
         later: fn(&File) -> io::Result<()>,
     ) -> io::Result<()> {
-        if at_once(&self.lock).is_ok() {
-            return Ok(());
+        let files = [&self.gate, &self.lock];
+        let mut taken = 0;
+        if files.iter().all(|file| {
+            let got = at_once(file).is_ok();
+            taken += usize::from(got);
+            got
+        }) {
+            return self.gate.unlock();
         }
         (self.tell)(Turn::Waits);
-        let got = later(&self.lock);
+        let got = files.iter().skip(taken).try_for_each(|file| later(file));
         (self.tell)(Turn::Runs);
-        got
+        got.and(self.gate.unlock())
     }
 
     fn state(&self) -> std::sync::MutexGuard<'_, State> {
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+}
+
+/// Runs a function at the end of a scope, also of one that panics.
+struct OnDrop<F: FnMut()>(F);
+
+impl<F: FnMut()> Drop for OnDrop<F> {
+    fn drop(&mut self) {
+        (self.0)();
     }
 }
 
@@ -162,12 +187,12 @@ mod tests {
         let path = std::env::temp_dir().join(format!("preshade-turns-{}", std::process::id()));
         // Each has a handle of its own, as processes have.
         let turns = |is_cpu| {
-            let file = File::options()
-                .create(true)
-                .truncate(false)
-                .write(true)
-                .open(&path);
-            Turns::new(file.unwrap(), count).begin(is_cpu).unwrap()
+            let files = [path.clone(), path.with_extension("gate")].map(|path| {
+                let mut options = File::options();
+                let file = options.create(true).truncate(false).write(true).open(path);
+                file.unwrap()
+            });
+            Turns::new(files, count).begin(is_cpu).unwrap()
         };
         let drawing = AtomicUsize::new(0);
         let draw = || {
@@ -198,5 +223,6 @@ mod tests {
         }
         assert!(WAITS.load(Ordering::Relaxed) > 0);
         std::fs::remove_file(&path).unwrap();
+        std::fs::remove_file(path.with_extension("gate")).unwrap();
     }
 }

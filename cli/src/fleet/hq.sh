@@ -7,6 +7,7 @@ trap 'rm -f "$lines"' EXIT
 
 # A kind of job, and what a task of it asks for.
 submit() {
+    [ -r @{jobs} ] || { echo "there is no list" @{jobs} >&2; exit 2; }
     grep "\"kind\":\"$1\"" @{jobs} > "$lines" || return 0
     name=preshade-$1
     shift

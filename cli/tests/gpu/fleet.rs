@@ -85,6 +85,7 @@ fn disturbed_runs_merge_to_the_bytes_of_an_undisturbed_one() {
     child.kill().unwrap();
     child.wait().unwrap();
     let before = results(&folder.join("first"));
+    assert!(before.len() < count, "it was killed at the end");
     // In the second half each job takes too long, and is tried again by the next run.
     let second = [&all[..3], &["--partition", "hash:2/2", "--out", "second"]].concat();
     let output = run(folder, &[&second[..], &["--seconds", "0"]].concat());
