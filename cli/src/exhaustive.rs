@@ -112,6 +112,12 @@ pub fn measured(args: &PlanArgs, jobs: &[Job]) -> Result<Ending, Failure> {
         scene: name.into_owned(),
         ..decide::exhaust(&session, &recipes, &facts, &settings)?
     };
+    // What could not be drawn any more looks like what cannot be drawn.
+    if let Some(why) = gpu.lost() {
+        return Err(Failure(format!(
+            "error: the graphics device was lost: {why}"
+        )));
+    }
     output::json(&Exhaustive {
         adapter: adapter_id(gpu.adapter()),
         probes,

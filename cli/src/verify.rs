@@ -304,6 +304,13 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
                     return Err(e);
                 }
             };
+            if let Some(why) = opened.0.lost().filter(|_| worker::is_job()) {
+                // A report that is put together from the rest may lack what the whole one has.
+                opened.abandon();
+                return Err(Failure(format!(
+                    "error: the graphics device was lost: {why}"
+                )));
+            }
             let outcome = match (&outcome.lost, worker::mine()) {
                 (Some(why), None) => {
                     output::message(&format!(

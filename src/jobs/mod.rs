@@ -200,7 +200,15 @@ impl Reason {
         match () {
             () if has(&["of memory (--limits", "out of memory"]) => Self::OutOfMemory,
             () if has(&["(--limits seconds", "(--seconds"]) => Self::TimedOut,
-            () if has(&["adapter was lost", "device is lost", "device lost"]) => Self::DeviceLost,
+            () if has(&[
+                "adapter was lost",
+                "device was lost",
+                "device is lost",
+                "device lost",
+            ]) =>
+            {
+                Self::DeviceLost
+            }
             () if has(&["process ended with signal", "panicked"]) => Self::Crashed,
             () => Self::Refused,
         }
