@@ -337,7 +337,7 @@ pub fn all_of(jobs: &[Job], settings: &Settings) -> Result<Tally, Failure> {
         files: Mutex::default(),
     };
     let mut tally = Tally::default();
-    let (mut tasks, mut done) = (Vec::new(), 0);
+    let (mut tasks, mut done, mut given_up) = (Vec::new(), 0, 0);
     for job in jobs {
         let wanted = job.adapter.as_deref();
         let may_run = settings.models.iter();
@@ -351,9 +351,18 @@ pub fn all_of(jobs: &[Job], settings: &Settings) -> Result<Tally, Failure> {
                 job,
                 model,
             };
-            match task.is_open(settings.attempts) {
-                true => tasks.push(task),
-                false => done += 1,
+            match task.known().filter(|o| !o.is_open(settings.attempts)) {
+                None => tasks.push(task),
+                Some(known) => match runner.stale(job) {
+                    Some(why) => {
+                        output::message(&format!("warning: {} is not run: {why}", job.name()));
+                        tally.stale += 1;
+                    }
+                    None => {
+                        done += 1;
+                        given_up += usize::from(matches!(known.result, JobResult::Failed { .. }));
+                    }
+                },
             }
         }
         tally.nowhere += usize::from(!is_somewhere);
@@ -363,6 +372,12 @@ pub fn all_of(jobs: &[Job], settings: &Settings) -> Result<Tally, Failure> {
     tally.jobs = tasks.len();
     if done > 0 {
         output::message(&format!("{} there already", output::count(done, "result")));
+    }
+    if given_up > 0 {
+        output::message(&format!(
+            "{given_up} of them failed {} times or more: a larger --attempts tries again",
+            settings.attempts
+        ));
     }
     let cards = settings.models.iter().map(|m| m.cards.len()).sum();
     let workers = match settings.workers {

@@ -5,8 +5,9 @@ use std::path::PathBuf;
 
 use preshade::unstable::jobs::{self, JOB_SCHEMA, Kind};
 use preshade::unstable::measure;
-use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::pass::{Facts, Pass};
 use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::specialize::Specialize;
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::scene::{Scene, Variables};
 use preshade::unstable::search::candidates;
@@ -250,7 +251,9 @@ impl<'a> List<'a> {
         for recipe in recipes {
             // Facts of an adapter, which change few texts, are not known here.
             let variant = measure::variant(&originals, recipe, &Facts::default());
-            let is_chosen_there = measure::leaves_a_choice(recipe);
+            // Nor are the values of the scene that `specialize` takes.
+            let specialises = recipe.steps.iter().any(|s| s.pass == Specialize::INFO.name);
+            let is_chosen_there = measure::leaves_a_choice(recipe) || specialises;
             if variant.is_refused() && !is_chosen_there {
                 continue;
             }

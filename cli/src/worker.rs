@@ -186,9 +186,10 @@ pub struct Ended {
 }
 
 impl Ended {
-    /// Its exit status and the last line of its stderr.
+    /// Its exit status, and the last error on its stderr or the last line.
     pub fn why(&self, status: ExitStatus) -> String {
-        match self.told.last() {
+        let error = self.told.iter().rfind(|line| line.starts_with("error"));
+        match error.or(self.told.last()) {
             None => format!("its process ended with {status}"),
             Some(told) => format!("its process ended with {status}: {told}"),
         }

@@ -148,6 +148,10 @@ impl Error {
 
 fn no_adapter(wanted: &Option<String>, found: &[String]) -> String {
     match wanted {
+        Some(wanted) if wanted.starts_with('#') && !found.is_empty() => format!(
+            "there is no adapter {wanted}; there are: {}",
+            found.join(", ")
+        ),
         Some(wanted) if !found.is_empty() => format!(
             "no graphics adapter's name, driver or backend contains `{wanted}`; there are: {}",
             found.join(", ")
