@@ -215,6 +215,7 @@ fn remade(folder: &Path, name: &str, speedups: [(&str, f64); 2]) {
         let report = &mut outcome["result"]["report"];
         report["adapter"]["name"] = name.into();
         if outcome["job"]["kind"] == "time" {
+            outcome["run"]["card"] = name.into();
             let report = &mut outcome["result"]["report"];
             report["variants"][1]["speedup"] = serde_json::json!({
                 "median": speedup, "low": speedup - 0.05, "high": speedup + 0.05,
