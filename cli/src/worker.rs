@@ -112,13 +112,14 @@ pub fn opened(lock: &Path) -> Result<File, Failure> {
 
 fn tell(turn: Turn) {
     match turn {
-        Turn::Waits => bounded::pause(),
-        Turn::Runs => bounded::resume(),
-        Turn::Alone { .. } => {}
-    }
-    match turn {
-        Turn::Waits => eprintln!("{TURN}waits"),
-        Turn::Runs => eprintln!("{TURN}runs"),
+        Turn::Waits => {
+            bounded::pause();
+            eprintln!("{TURN}waits");
+        }
+        Turn::Runs => {
+            bounded::resume();
+            eprintln!("{TURN}runs");
+        }
         Turn::Alone { start_ms, end_ms } => eprintln!("{TURN}alone {start_ms} {end_ms}"),
     }
 }
