@@ -2,7 +2,7 @@
 //! has much of one kind of work and little of the others.
 
 use std::collections::BTreeMap;
-use std::sync::Arc;
+use std::sync::{Arc, PoisonError, RwLock};
 use std::time::Duration;
 
 use glam::{Mat4, Vec3};
@@ -170,12 +170,16 @@ pub fn fit(
     progress: &mut dyn FnMut(f64),
 ) -> Result<(Model, Vec<Observation>), PlanError> {
     let mut observations = Vec::new();
-    for (done, probe) in PROBES.iter().enumerate() {
+    let mut done = 0;
+    for probes in PROBES.chunks(at_once(gpu)) {
         progress(done as f64 / PROBES.len() as f64);
-        match observe(gpu, probe) {
-            Ok(observation) => observations.extend(observation),
-            Err(_) if !probe.recipe.is_empty() => {}
-            Err(error) => return Err(error),
+        done += probes.len();
+        for (probe, observed) in probes.iter().zip(observe_all(gpu, probes)) {
+            match observed {
+                Ok(observation) => observations.extend(observation),
+                Err(_) if !probe.recipe.is_empty() => {}
+                Err(error) => return Err(error),
+            }
         }
     }
     Ok((
@@ -184,7 +188,37 @@ pub fn fit(
     ))
 }
 
-fn observe(gpu: &Gpu, probe: &Probe) -> Result<Option<Observation>, PlanError> {
+/// Frames to compile at once. A software adapter draws with the cores that compile.
+fn at_once(gpu: &Gpu) -> usize {
+    let cores = std::thread::available_parallelism().map_or(1, usize::from);
+    match is_software(gpu) {
+        true => 1,
+        false => cores.min(8),
+    }
+}
+
+fn observe_all(gpu: &Gpu, probes: &[Probe]) -> Vec<Result<Option<Observation>, PlanError>> {
+    let drawing = RwLock::new(());
+    std::thread::scope(|scope| {
+        let threads: Vec<_> = probes
+            .iter()
+            .map(|probe| scope.spawn(|| observe(gpu, probe, &drawing)))
+            .collect();
+        let panicked = |panic| std::panic::resume_unwind(panic);
+        threads
+            .into_iter()
+            .map(|thread| thread.join().unwrap_or_else(panicked))
+            .collect()
+    })
+}
+
+/// Measures a probe. Who draws or compiles reads `drawing`, and who times writes it.
+fn observe(
+    gpu: &Gpu,
+    probe: &Probe,
+    drawing: &RwLock<()>,
+) -> Result<Option<Observation>, PlanError> {
+    let compiling = drawing.read().unwrap_or_else(PoisonError::into_inner);
     let scene = scene(probe, finest(gpu), size(gpu))?;
     let session = Session::new(gpu, &scene, ShaderForm::Ir)?;
     let originals = session.originals();
@@ -207,6 +241,8 @@ fn observe(gpu: &Gpu, probe: &Probe) -> Result<Option<Observation>, PlanError> {
     };
     let mut prepared = session.prepare(&assignment.plans(&choices))?;
     prepared.aim(frame, probe.order);
+    drop(compiling);
+    let _alone = drawing.write().unwrap_or_else(PoisonError::into_inner);
     let timing = TimingSettings {
         budget: Duration::ZERO,
         min_samples: 6,
