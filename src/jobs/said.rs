@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::{Answer, EVERY, Kind, Measured, Merged, Reason, Results};
 use crate::measure::Estimate;
 use crate::measure::record::VariantReport;
+use crate::measure::variant::{DOES_NOT_APPLY, EVERY_REFUSES};
 use crate::render::AdapterReport;
 use crate::search::plan::choose::WORTHWHILE;
 
@@ -53,6 +54,8 @@ pub enum Standing {
     Broken,
     /// It was run, and nothing was compared.
     NotMeasured,
+    /// Every material refuses it.
+    DoesNotApply,
     /// `verify` refused the input.
     Refused,
     /// The job has no report.
@@ -68,6 +71,7 @@ impl Standing {
             Self::Holds => "holds",
             Self::Broken => "BROKEN",
             Self::NotMeasured => "not measured",
+            Self::DoesNotApply => "does not apply",
             Self::Refused => "refused",
             Self::Failed => "failed",
             Self::NoPicture => "no picture",
@@ -77,6 +81,15 @@ impl Standing {
 
 fn is_broken(variant: &VariantReport) -> bool {
     matches!(variant.verdict, Verdict::Broken { .. })
+}
+
+/// The first refusal, as `pass[code]: reason`.
+fn refusal(variant: &VariantReport) -> Option<&str> {
+    let why = &variant.kept.first()?.why;
+    why.split("; to make it legal")
+        .next()?
+        .split(DOES_NOT_APPLY)
+        .next()
 }
 
 impl<'a> Said<'a> {
@@ -104,6 +117,9 @@ impl<'a> Said<'a> {
             Some(Ok(variant)) => match &variant.verdict {
                 Verdict::Holds => (Standing::Holds, ""),
                 Verdict::Broken { r#where } => (Standing::Broken, r#where),
+                Verdict::NotMeasured { why } if why == EVERY_REFUSES => {
+                    (Standing::DoesNotApply, refusal(variant).unwrap_or(why))
+                }
                 Verdict::NotMeasured { why } => (Standing::NotMeasured, why),
             },
         }

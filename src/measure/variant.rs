@@ -71,6 +71,9 @@ pub fn refused(originals: &[Plan], recipe: &Recipe, refusal: &Refusal) -> Varian
     }
 }
 
+/// Why a variant is not measured that changes no material.
+pub(crate) const EVERY_REFUSES: &str = "every material refuses it";
+
 /// The end of a refusal that has no remedy.
 pub(crate) const DOES_NOT_APPLY: &str = "; does not apply";
 

@@ -11,6 +11,7 @@ use crate::jobs::decision::{
     FleetDecision, FleetDecisions, FleetFate, FleetFrontier, FleetFrontiers, FleetPoint,
     FleetVariant, OnAdapter,
 };
+use crate::measure::error::counted;
 
 /// Most runners-up to print.
 const SHOWN: usize = 5;
@@ -28,7 +29,8 @@ pub fn decision(of: &FleetDecision) -> String {
     let chosen = |v: &&FleetVariant| Some(&v.variant) == of.choice.as_ref();
     match of.variants.iter().find(chosen) {
         None => lines.push(format!(
-            "  Nothing pays on more than half of {count} adapters: draw every material as it is written."
+            "  Nothing pays on more than half of {}: draw every material as it is written.",
+            counted(count as u64, "adapter")
         )),
         Some(v) => {
             lines.push(format!("  draw with {}", summary(v)));
@@ -138,9 +140,9 @@ pub fn decisions_csv(of: &FleetDecisions) -> String {
 pub fn frontier(of: &FleetFrontier) -> String {
     let mut lines = vec![
         format!(
-            "{}, {} adapters: {}",
+            "{}, {}: {}",
             titled(&of.input, &of.arguments),
-            of.adapters.len(),
+            counted(of.adapters.len() as u64, "adapter"),
             of.adapters.join(", ")
         ),
         String::new(),

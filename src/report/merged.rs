@@ -8,10 +8,10 @@ use crate::jobs::{Results, Said, Standing};
 use crate::measure::Estimate;
 
 /// On how many adapters a variant holds and pays, in words.
-pub fn counted(row: &BTreeMap<&str, Said<'_>>) -> String {
+pub fn holds_and_pays(row: &BTreeMap<&str, Said<'_>>) -> String {
     let drawn = || {
         let standings = row.values().map(|s| s.standing().0);
-        standings.filter(|s| *s != Standing::NoPicture)
+        standings.filter(|s| ![Standing::NoPicture, Standing::DoesNotApply].contains(s))
     };
     let timed = || row.values().filter(|s| !s.times.is_empty());
     let mut told = Vec::new();
@@ -38,7 +38,7 @@ pub fn table(results: &Results) -> String {
     for (subject, variants) in &rows {
         lines.push(format!("\n{}", subject.title(&rows)));
         for (variant, row) in variants {
-            lines.push(format!("  {variant}: {}", counted(row)));
+            lines.push(format!("  {variant}: {}", holds_and_pays(row)));
             for (id, said) in row {
                 let name = names.get(id).map_or(*id, String::as_str);
                 let (standing, why) = said.standing();

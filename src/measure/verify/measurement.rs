@@ -12,6 +12,7 @@ use crate::measure::record::{
     Worst,
 };
 use crate::measure::statistics::invocations;
+use crate::measure::variant::EVERY_REFUSES;
 use crate::measure::verdict::{breaks, nothing_drawn};
 use crate::measure::{
     Counter, Error, ErrorLadder, Session, Shading, Timing, View, counting, junctions, outputs,
@@ -177,7 +178,7 @@ impl<'a> Measurement<'a> {
         if variant.is_refused() {
             // Its picture would equal the original's and prove nothing.
             drawn.subject.verdict = Verdict::NotMeasured {
-                why: "every material refuses it".to_owned(),
+                why: EVERY_REFUSES.to_owned(),
             };
             return Ok(drawn);
         }

@@ -4,9 +4,10 @@ use askama::Template;
 
 use super::{Gallery, PageError, Shell, words};
 use crate::jobs::{Answer, Kind, Reason, Results, Said, Standing};
+use crate::measure::error::counted;
 use crate::render::AdapterReport;
 use crate::report::frontier;
-use crate::report::merged::counted;
+use crate::report::merged::holds_and_pays;
 use crate::report::plain::plain;
 use crate::search::plan::RegretReport;
 
@@ -69,7 +70,7 @@ pub fn page(
                 .iter()
                 .map(|(variant, said)| Row {
                     variant,
-                    counted: counted(said),
+                    counted: holds_and_pays(said),
                     cells: adapters
                         .iter()
                         .map(|(id, _)| said.get(id.as_str()).map(cell).unwrap_or_default())
@@ -78,7 +79,7 @@ pub fn page(
                 .collect(),
         })
         .collect();
-    let variants = inputs.iter().map(|i| i.rows.len()).sum();
+    let variants: usize = inputs.iter().map(|i| i.rows.len()).sum();
     let failed = failed(results);
     let versions: Vec<&str> = results.versions.iter().map(String::as_str).collect();
     let page = Page {
@@ -86,14 +87,14 @@ pub fn page(
             title: "Merged results".to_owned(),
             headline: format!(
                 "{} of {} on {}",
-                count(variants, "variant"),
-                count(inputs.len(), "input"),
-                count(results.adapters.len(), "adapter")
+                counted(variants as u64, "variant"),
+                counted(inputs.len() as u64, "input"),
+                counted(results.adapters.len() as u64, "adapter")
             ),
             about: format!(
                 "preshade {}. {} without a report.",
                 versions.join(", "),
-                count(failed.len(), "job")
+                counted(failed.len() as u64, "job")
             ),
             said: Vec::new(),
             command: command.to_owned(),
@@ -108,13 +109,6 @@ pub fn page(
         regrets: regrets.iter().map(regret).collect(),
     };
     Ok(plain(&page.render()?).into_owned())
-}
-
-fn count(n: usize, what: &str) -> String {
-    match n {
-        1 => format!("1 {what}"),
-        _ => format!("{n} {what}s"),
-    }
 }
 
 fn cell<'a>(said: &Said<'a>) -> Cell<'a> {

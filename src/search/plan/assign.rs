@@ -241,21 +241,42 @@ impl FramePredictor<'_> {
 
 /// Indices of the frames to measure, from their predicted times by view: the original, which is the
 /// first, and `runners` others. Views vote for their fastest frames.
-pub fn finalists(predicted: &[&[f64]], runners: usize) -> Vec<usize> {
+///
+/// A frame that may be the fastest of a view if predictions are off by `error` is measured too, until
+/// there are twice as many.
+pub fn finalists(predicted: &[&[f64]], runners: usize, error: f64) -> Vec<usize> {
     let views = predicted.first().map_or(0, |p| p.len());
     let mut votes: BTreeMap<usize, f64> = BTreeMap::new();
+    let mut close: BTreeMap<usize, f64> = BTreeMap::new();
     for view in 0..views {
         let time = |i: usize| predicted[i].get(view).copied().unwrap_or(f64::INFINITY);
         let mut order: Vec<usize> = (1..predicted.len()).collect();
         order.sort_by(|a, b| time(*a).total_cmp(&time(*b)));
+        for frame in &order {
+            let over_best = time(*frame) / time(order[0]);
+            if over_best * (1.0 - error) < 1.0 + error {
+                let least = close.entry(*frame).or_insert(over_best);
+                *least = least.min(over_best);
+            }
+        }
         for (place, frame) in order.into_iter().take(runners).enumerate() {
             *votes.entry(frame).or_default() += 1.0 / (place + 1) as f64;
         }
     }
-    let mut chosen: Vec<(usize, f64)> = votes.into_iter().collect();
-    chosen.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
-    let chosen = chosen.into_iter().take(runners).map(|(frame, _)| frame);
-    std::iter::once(0).chain(chosen).collect()
+    let mut voted: Vec<(usize, f64)> = votes.into_iter().collect();
+    voted.sort_by(|a, b| b.1.total_cmp(&a.1).then(a.0.cmp(&b.0)));
+    voted.truncate(runners);
+    let mut chosen: Vec<usize> = std::iter::once(0)
+        .chain(voted.into_iter().map(|(frame, _)| frame))
+        .collect();
+    let mut close: Vec<(usize, f64)> = close.into_iter().collect();
+    close.sort_by(|a, b| a.1.total_cmp(&b.1).then(a.0.cmp(&b.0)));
+    for (frame, _) in close {
+        if chosen.len() <= 2 * runners && !chosen.contains(&frame) {
+            chosen.push(frame);
+        }
+    }
+    chosen
 }
 
 #[cfg(test)]
@@ -271,8 +292,21 @@ mod tests {
             &[3.0, 0.5],
             &[4.0, 4.0],
         ];
-        assert_eq!(finalists(&predicted, 3), [0, 1, 3, 2]);
-        assert_eq!(finalists(&predicted, 9), [0, 1, 3, 2, 4]);
-        assert_eq!(finalists(&predicted[..1], 3), [0]);
+        assert_eq!(finalists(&predicted, 3, 0.0), [0, 1, 3, 2]);
+        assert_eq!(finalists(&predicted, 9, 0.0), [0, 1, 3, 2, 4]);
+        assert_eq!(finalists(&predicted[..1], 3, 0.0), [0]);
+    }
+
+    #[test]
+    fn those_that_predictions_cannot_tell_from_the_best() {
+        let predicted: [&[f64]; 5] = [&[9.0], &[1.0], &[1.1], &[1.2], &[1.9]];
+        assert_eq!(finalists(&predicted, 1, 0.05), [0, 1]);
+        assert_eq!(finalists(&predicted, 1, 0.06), [0, 1, 2]);
+        assert_eq!(
+            finalists(&predicted, 1, 0.5),
+            [0, 1, 2],
+            "at most twice as many"
+        );
+        assert_eq!(finalists(&predicted, 3, 0.5), [0, 1, 2, 3, 4]);
     }
 }

@@ -132,6 +132,14 @@ impl Model {
         each.map(|(term, ns)| ns * work.of(*term)).sum::<f64>() * 1e-6
     }
 
+    /// How far a prediction is typically off, as a part of 1. 0 if the model was not fitted.
+    pub fn error(&self) -> f64 {
+        match &self.origin {
+            ModelOrigin::Fitted { median_error, .. } => median_error.min(1.0),
+            ModelOrigin::Nominal => 0.0,
+        }
+    }
+
     /// The relative error of the prediction at each frame.
     pub fn errors(&self, frames: &[Observation]) -> Vec<f64> {
         let error = |f: &Observation| (self.predict(&f.work) / f.ms - 1.0).abs();

@@ -202,7 +202,7 @@ impl Exhausted {
             })
             .collect();
         let predicted: Vec<&[f64]> = predicted.iter().map(Vec::as_slice).collect();
-        finalists(&predicted, runners)
+        finalists(&predicted, runners, model.error())
     }
 
     fn regret(&self, model: &Model, held_out: bool, runners: usize, hold: Hold) -> SceneRegret {

@@ -43,7 +43,8 @@ pub struct Settings<'a> {
     pub timing: TimingSettings,
     /// Most frames of each camera to measure, evenly spaced from its first.
     pub frames_per_camera: usize,
-    /// Plans of the frame that are measured beside the original, before any refinement.
+    /// Plans of the frame that are measured beside the original, before any refinement. Up to twice as many
+    /// if predictions are too coarse to tell them apart.
     pub runners: usize,
     /// Most plans to measure in refining the best one, if there are several materials.
     pub refinements: usize,
@@ -142,7 +143,7 @@ pub fn decide(
         Timed::No => (0..all.len()).collect(),
         Timed::Yes => {
             let predicted: Vec<&[f64]> = all.iter().map(|f| f.predicted.as_slice()).collect();
-            finalists(&predicted, settings.runners)
+            finalists(&predicted, settings.runners, settings.model.error())
         }
     };
     let mut frames: Vec<Considered> = finalists.into_iter().map(|i| all[i].clone()).collect();
