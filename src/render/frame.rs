@@ -212,13 +212,18 @@ impl<'a> Prepared<'a> {
     /// Sorts the draws for `frame`: opaque ones in `order`, blended ones back to front.
     /// [`SceneInputs::set_frame`] sets the uniforms.
     pub fn aim(&mut self, frame: &Frame, order: DrawOrder) {
-        let scene = self.inputs.scene();
-        let opaque = order::opaque(scene, frame, order);
-        let blended = order::blended(scene, frame);
+        let opaque = order::opaque(self.inputs.scene(), frame, order);
+        self.arrange(frame, &opaque);
+    }
+
+    /// As [`Self::aim`], with only these draws, the opaque ones in this order. A draw is its place in the scene.
+    pub(crate) fn arrange(&mut self, frame: &Frame, draws: &[usize]) {
+        let mut blended = order::blended(self.inputs.scene(), frame);
+        blended.retain(|draw| draws.contains(draw));
         for pass in &mut self.passes {
             let draws = match pass.frame.phase {
                 Phase::Blended => &blended,
-                _ => &opaque,
+                _ => draws,
             };
             let items = &pass.items;
             pass.sequence = draws
@@ -415,11 +420,7 @@ impl<'a> Prepared<'a> {
                 readback::color(self.gpu, texture, target.format).map(Some)
             })
             .collect::<Result<Vec<_>, Error>>()?;
-        let depth = self
-            .targets
-            .depth(preshade_passes::plan::SCENE_DEPTH)
-            .map(|d| readback::depth(self.gpu, &d.texture, d.format))
-            .transpose()?;
+        let depth = self.read_depth()?;
         let mut rendered = Rendered { colors, depth };
         if self.inputs.scene().rows == Rows::FromBottom {
             rendered
@@ -430,6 +431,22 @@ impl<'a> Prepared<'a> {
             rendered.depth.iter_mut().for_each(DepthImage::turn_over);
         }
         Ok(rendered)
+    }
+
+    /// Draws the frame once and reads its depth back, in the rows of the texture. `None`: it has none.
+    ///
+    /// # Errors
+    /// As [`Prepared::draw`].
+    pub(crate) fn depth(&self) -> Result<Option<DepthImage>, Error> {
+        self.draw()?;
+        self.read_depth()
+    }
+
+    fn read_depth(&self) -> Result<Option<DepthImage>, Error> {
+        let depth = self.targets.depth(preshade_passes::plan::SCENE_DEPTH);
+        depth
+            .map(|d| readback::depth(self.gpu, &d.texture, d.format))
+            .transpose()
     }
 
     /// Keeps every sample of the colour targets, for [`Self::render_red`].

@@ -2,8 +2,11 @@
 
 use preshade_passes::contract::Verdict;
 
+use crate::measure::error::counted;
 use crate::render::order;
-use crate::search::plan::decision::{Decision, MaterialDecision, PlanReport, SwitchCost};
+use crate::search::plan::decision::{
+    Decision, MaterialDecision, PlanReport, SwitchCost, ViewReport,
+};
 use crate::search::plan::model::ModelOrigin;
 use crate::search::plan::policy::Rule;
 use crate::search::plan::reasons::ratio;
@@ -116,7 +119,24 @@ pub(crate) fn policy(decision: &Decision) -> Vec<String> {
         }
         lines
     });
-    told.collect()
+    told.chain(decision.views.iter().filter_map(sorted))
+        .collect()
+}
+
+/// What another order of the draws gains in a view, if it pays.
+fn sorted(view: &ViewReport) -> Option<String> {
+    let sorted = view.sorted.as_ref().filter(|s| s.pays())?;
+    let changed = match sorted.changed_pixels {
+        0 => "no pixel changes".to_owned(),
+        n => format!("{} where depths tie", counted(n, "changed pixel")),
+    };
+    Some(format!(
+        "{}: sort {} of {} draws front to back: {} as written, without a new pass; {changed}",
+        view.view,
+        sorted.moved.len(),
+        sorted.draws.len(),
+        ratio(&sorted.speedup),
+    ))
 }
 
 fn rule(decision: &Decision, rule: &Rule) -> Vec<String> {

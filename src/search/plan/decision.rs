@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::choices::Refused;
 use super::model::Model;
 use super::policy::{Policy, Rule};
+use super::sorting::Sorting;
 use super::work::Fragments;
 use crate::measure::View;
 use crate::measure::{Clock, ErrorLadder, Estimate};
@@ -136,6 +137,9 @@ pub struct ViewReport {
     pub plan: usize,
     /// The plan it would be drawn with if there were no other view.
     pub alone: usize,
+    /// Another order of the draws, if the scene has one of its own and another one hides more.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub sorted: Option<Sorting>,
 }
 
 /// Costs of a second set of pipelines.

@@ -24,6 +24,7 @@ pub(crate) mod reasons;
 pub mod regret;
 pub mod scene;
 pub mod so_far;
+pub mod sorting;
 pub mod stage;
 pub mod terms;
 pub mod work;

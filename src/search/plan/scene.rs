@@ -19,11 +19,11 @@ use super::policy::{Hold, Measure, Rule, policy};
 use super::so_far::{PlanProgress, SceneSoFar};
 use super::stage::{self, Runner};
 use super::work::{Counted, DrawCounts, drawn};
-use super::{PlanError, reasons};
+use super::{PlanError, reasons, sorting};
 use crate::measure::telling::{self, Colours};
 use crate::measure::{Clock, Estimate, Session, TimingSettings, View};
 use crate::recipe::Recipe;
-use crate::scene::{Frame, Scene, bind};
+use crate::scene::{DrawOrder, Frame, Scene, bind};
 
 /// Whether anything is timed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -195,10 +195,21 @@ pub fn decide(
             )?;
         }
     }
+    let mut decision = report(session, &scouted, settings, &frames, &subjects, measured);
+    if settings.timed == Timed::Yes {
+        for (of, (view, frame)) in decision.views.iter_mut().zip(&scouted.views) {
+            if view.order == DrawOrder::AsGiven {
+                progress(PlanProgress::at(
+                    0.9,
+                    format!("sorting the draws of {view}"),
+                ));
+                session.inputs().set_frame(frame)?;
+                of.sorted = sorting::measured(session, frame, &settings.timing)?;
+            }
+        }
+    }
     progress(PlanProgress::at(1.0, "done"));
-    Ok(report(
-        session, &scouted, settings, &frames, &subjects, measured,
-    ))
+    Ok(decision)
 }
 
 /// The frames with a plan whose contract assumes that no depths tie.
@@ -363,6 +374,7 @@ fn report(
             materials: counted.materials.clone(),
             plan: policy.plan(measures[i].order, measures[i].shaded),
             alone: measured.table.best_in(i),
+            sorted: None,
         })
         .collect();
     let mut decision = Decision {

@@ -203,6 +203,12 @@ pub struct Counting {
 }
 
 impl Counting {
+    /// Operations of a fragment in all passes.
+    pub fn fragment_ops(&self) -> f64 {
+        let stages = self.shapes.iter().filter_map(|shape| shape.fragment);
+        stages.map(|cost| cost.ops + cost.samples).sum()
+    }
+
     /// Reads the passes of a plan.
     pub fn of(plan: &Plan) -> Self {
         let costs: BTreeMap<&str, BTreeMap<String, Cost>> = plan

@@ -1,0 +1,320 @@
+//! Whether another order of the draws is faster: sorting them is cheaper to have than any pass.
+//!
+//! Each opaque draw is drawn alone. Its depths say which fragments of which other draws it hides. A
+//! draw goes ahead of another one if it hides more of it than the other way round, in operations of
+//! their fragment stages. Blended draws and those that depend on their place, by the depth test or
+//! the stencil, stay where they are, and no draw moves past them.
+
+use preshade_passes::plan::{BindingKind, Phase, Plan};
+use preshade_passes::state::DepthDirection;
+use serde::Serialize;
+
+use super::PlanError;
+use super::choose::WORTHWHILE;
+use super::work::Counting;
+use crate::measure::{self, Estimate, Session, TimingSettings, compare};
+use crate::render::Prepared;
+use crate::scene::{DrawOrder, Frame};
+
+/// Another order of the draws, measured beside the scene's own.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Sorting {
+    /// All draws in that order, by their place in the scene.
+    pub draws: Vec<usize>,
+    /// The draws that move, if the others stay.
+    pub moved: Vec<usize>,
+    /// Time of the original in the scene's order over its time in this one.
+    pub speedup: Estimate,
+    /// Pixels that differ. Surfaces that tie in depth are drawn in another order.
+    pub changed_pixels: u64,
+}
+
+impl Sorting {
+    /// Whether it is faster beyond noise, by as much as a plan has to be.
+    pub fn pays(&self) -> bool {
+        self.speedup.low > WORTHWHILE
+    }
+}
+
+/// Most draws to look at. The others stay.
+const MOST: usize = 256;
+
+/// Pixels are looked at in every so many columns and rows.
+const STRIDE: usize = 2;
+
+/// The least part of the frame's fragment operations that an order must save to be measured.
+const LEAST: f64 = 0.01;
+
+/// Measures the frame in the order in which most is hidden. `None`: no order hides more.
+/// [`crate::render::SceneInputs::set_frame`] must have set the uniforms of `frame`.
+///
+/// # Errors
+/// The original cannot be drawn or timed, or the adapter is lost.
+pub fn measured(
+    session: &Session<'_>,
+    frame: &Frame,
+    timing: &TimingSettings,
+) -> Result<Option<Sorting>, PlanError> {
+    let mut given = session.prepare(session.originals())?;
+    let Some(draws) = sorted(session, &mut given, frame)? else {
+        return Ok(None);
+    };
+    given.aim(frame, DrawOrder::AsGiven);
+    let mut sorted = session.prepare(session.originals())?;
+    sorted.arrange(frame, &draws);
+    let ladder = compare(&given.render()?, &sorted.render()?).map_err(measure::Error::from)?;
+    let (_, times) = measure::time(session.gpu(), &[&given, &sorted], timing, |_| {})?;
+    Ok(times.get(1).map(|time| Sorting {
+        moved: moved(&draws),
+        draws,
+        speedup: time.speedup,
+        changed_pixels: ladder.changed_pixels,
+    }))
+}
+
+/// The order in which most is hidden, or `None` if it is the scene's own.
+fn sorted(
+    session: &Session<'_>,
+    prepared: &mut Prepared<'_>,
+    frame: &Frame,
+) -> Result<Option<Vec<usize>>, PlanError> {
+    let runs = runs(session);
+    if runs.is_empty() {
+        return Ok(None);
+    }
+    let originals = session.originals();
+    let costs: Vec<f64> = originals
+        .iter()
+        .map(|plan| Counting::of(plan).fragment_ops().max(1.0))
+        .collect();
+    let scene = session.scene();
+    let mut order: Vec<usize> = (0..scene.draws.len()).collect();
+    let (mut saved, mut all) = (0.0, 0.0);
+    for run in runs {
+        let layers = layers(prepared, frame, &run)?;
+        let cost_of = |i: usize| costs[scene.draws[run[i]].material];
+        let is_nearer = match scene.depth_direction {
+            DepthDirection::Forward => |a: f32, b: f32| a < b,
+            DepthDirection::Reversed => |a: f32, b: f32| a > b,
+        };
+        let hidden = Hidden::of(&layers, cost_of, is_nearer);
+        let own: Vec<usize> = (0..run.len()).collect();
+        let best = hidden.best(&own);
+        saved += hidden.lost(&own) - hidden.lost(&best);
+        all += hidden.all;
+        for (place, draw) in run.iter().zip(&best) {
+            order[*place] = run[*draw];
+        }
+    }
+    Ok((saved > LEAST * all).then_some(order))
+}
+
+/// Runs of draws that may change places, each with at least two.
+fn runs(session: &Session<'_>) -> Vec<Vec<usize>> {
+    let movable: Vec<bool> = session.originals().iter().map(is_movable).collect();
+    let draws = session.scene().draws.iter().enumerate();
+    let mut runs: Vec<Vec<usize>> = vec![Vec::new()];
+    for (i, draw) in draws {
+        match (movable[draw.material], runs.last_mut()) {
+            (true, Some(run)) => run.push(i),
+            _ => runs.push(Vec::new()),
+        }
+    }
+    let mut left = MOST;
+    for run in &mut runs {
+        run.truncate(left);
+        left -= run.len();
+    }
+    runs.retain(|run| run.len() > 1);
+    runs
+}
+
+/// Whether the picture does not depend on the place of a material's draws, unless depths tie.
+fn is_movable(plan: &Plan) -> bool {
+    let Some(main) = plan.main() else {
+        return false;
+    };
+    let is_tested = main
+        .depth
+        .as_ref()
+        .is_some_and(|d| d.write && d.compare.direction().is_some());
+    let blends = main.targets.iter().flatten().any(|t| t.blend.is_some());
+    let stencil = main.stencil.as_ref().is_some_and(|s| s.writes());
+    let stores = |kind| {
+        matches!(
+            kind,
+            BindingKind::StorageReadWrite | BindingKind::StorageTexture
+        )
+    };
+    let stores = main.bindings.iter().any(|b| stores(b.kind));
+    is_tested && !blends && !stencil && !stores && main.phase == Phase::Opaque
+}
+
+/// The pixels and depths of a draw alone.
+type Layer = Vec<(u32, f32)>;
+
+fn layers(
+    prepared: &mut Prepared<'_>,
+    frame: &Frame,
+    draws: &[usize],
+) -> Result<Vec<Layer>, PlanError> {
+    let mut depths = |draws: &[usize]| -> Result<Vec<f32>, PlanError> {
+        prepared.arrange(frame, draws);
+        let Some(depth) = prepared.depth()? else {
+            return Ok(Vec::new());
+        };
+        let [width, samples] = [depth.size[0] as usize, depth.samples as usize];
+        let rows = depth.values.chunks(width * samples).step_by(STRIDE);
+        Ok(rows
+            .flat_map(|row| row.iter().step_by(STRIDE * samples).copied())
+            .collect())
+    };
+    let empty = depths(&[])?;
+    let layer = |draw: &usize| {
+        let drawn = depths(&[*draw])?;
+        let pixels = drawn.into_iter().zip(&empty).enumerate();
+        let pixels = pixels.filter(|(_, (drawn, empty))| drawn != *empty);
+        Ok(pixels.map(|(at, (depth, _))| (at as u32, depth)).collect())
+    };
+    draws.iter().map(layer).collect()
+}
+
+/// What some draws hide of each other.
+struct Hidden {
+    count: usize,
+    /// Operations of the fragments of draw `b` that lie behind draw `a`, at `a * count + b`.
+    behind: Vec<f64>,
+    /// Operations of all fragments.
+    all: f64,
+}
+
+impl Hidden {
+    fn of(
+        layers: &[Layer],
+        cost_of: impl Fn(usize) -> f64,
+        is_nearer: fn(f32, f32) -> bool,
+    ) -> Self {
+        let count = layers.len();
+        let mut pixels: Vec<(u32, usize, f32)> = Vec::new();
+        for (draw, layer) in layers.iter().enumerate() {
+            pixels.extend(layer.iter().map(|(at, depth)| (*at, draw, *depth)));
+        }
+        pixels.sort_by_key(|(at, draw, _)| (*at, *draw));
+        let mut behind = vec![0.0; count * count];
+        for pixel in pixels.chunk_by(|a, b| a.0 == b.0) {
+            for (_, a, near) in pixel {
+                for (_, b, far) in pixel {
+                    if is_nearer(*near, *far) {
+                        behind[a * count + b] += cost_of(*b);
+                    }
+                }
+            }
+        }
+        Self {
+            count,
+            behind,
+            all: pixels.iter().map(|(_, draw, _)| cost_of(*draw)).sum(),
+        }
+    }
+
+    /// What `a` saves by going ahead of `b`, less what `b` would.
+    fn gain(&self, a: usize, b: usize) -> f64 {
+        self.behind[a * self.count + b] - self.behind[b * self.count + a]
+    }
+
+    /// Operations of fragments that are drawn and hidden later, each once for what hides it.
+    fn lost(&self, order: &[usize]) -> f64 {
+        let pairs = order.iter().enumerate();
+        pairs
+            .flat_map(|(i, first)| order[i + 1..].iter().map(move |then| (first, then)))
+            .map(|(first, then)| self.behind[then * self.count + first])
+            .sum()
+    }
+
+    /// The better of the given order and that by what a draw hides on balance, each improved by swaps of
+    /// neighbours. A swap happens only for a gain, so this ends.
+    fn best(&self, given: &[usize]) -> Vec<usize> {
+        let balance = |a: &usize| given.iter().map(|b| self.gain(*a, *b)).sum::<f64>();
+        let mut by_balance = given.to_vec();
+        by_balance.sort_by(|a, b| balance(b).total_cmp(&balance(a)));
+        let orders = [given.to_vec(), by_balance].map(|mut order| {
+            let mut is_changed = true;
+            while is_changed {
+                is_changed = false;
+                for i in 1..order.len() {
+                    if self.gain(order[i], order[i - 1]) > 0.0 {
+                        order.swap(i - 1, i);
+                        is_changed = true;
+                    }
+                }
+            }
+            order
+        });
+        let [given, by_balance] = orders;
+        match self.lost(&by_balance) < self.lost(&given) {
+            true => by_balance,
+            false => given,
+        }
+    }
+}
+
+/// The fewest draws that move: all but a longest sequence that stays in order.
+fn moved(order: &[usize]) -> Vec<usize> {
+    // The longest sequence that ends at each place, and the place before in it.
+    let mut ends: Vec<(usize, Option<usize>)> = Vec::new();
+    for (i, draw) in order.iter().enumerate() {
+        let before = (0..i)
+            .filter(|j| order[*j] < *draw)
+            .max_by_key(|j| ends[*j].0);
+        ends.push((before.map_or(0, |j| ends[j].0) + 1, before));
+    }
+    let mut at = (0..order.len()).max_by_key(|i| ends[*i].0);
+    let mut stays = vec![false; order.len()];
+    while let Some(i) = at {
+        stays[i] = true;
+        at = ends[i].1;
+    }
+    let moved = order.iter().zip(stays).filter(|(_, stays)| !stays);
+    moved.map(|(draw, _)| *draw).collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn hidden(layers: &[&[(u32, f32)]]) -> Hidden {
+        let layers: Vec<Layer> = layers.iter().map(|l| l.to_vec()).collect();
+        Hidden::of(&layers, |_| 1.0, |a, b| a < b)
+    }
+
+    #[test]
+    fn what_hides_goes_first() {
+        // The wall hides both others, and the box hides the floor in one pixel.
+        let floor = [(0, 0.9), (1, 0.9), (2, 0.9)];
+        let a_box = [(1, 0.5), (2, 0.5)];
+        let wall = [(1, 0.1), (2, 0.1), (3, 0.1)];
+        let hidden = hidden(&[&floor, &a_box, &wall]);
+        assert_eq!(hidden.best(&[0, 1, 2]), [2, 1, 0]);
+        assert_eq!(hidden.lost(&[0, 1, 2]), 6.0);
+        assert_eq!(hidden.lost(&[2, 1, 0]), 0.0);
+        assert_eq!(hidden.all, 8.0);
+    }
+
+    #[test]
+    fn draws_that_hide_each_other_go_by_the_balance() {
+        let a = [(0, 0.1), (1, 0.1), (2, 0.9)];
+        let b = [(0, 0.5), (1, 0.5), (2, 0.5)];
+        assert_eq!(hidden(&[&a, &b]).best(&[0, 1]), [0, 1]);
+        assert_eq!(hidden(&[&b, &a]).best(&[0, 1]), [1, 0]);
+    }
+
+    #[test]
+    fn what_need_not_move_stays() {
+        let apart = [[(0, 0.5)], [(1, 0.5)], [(2, 0.5)]];
+        let apart = apart.each_ref().map(|l| l.as_slice());
+        assert_eq!(hidden(&apart).best(&[0, 1, 2]), [0, 1, 2]);
+        assert_eq!(moved(&[0, 1, 2]), [0; 0]);
+        assert_eq!(moved(&[3, 0, 1, 2]), [3]);
+        assert_eq!(moved(&[2, 1, 0]).len(), 2);
+    }
+}
