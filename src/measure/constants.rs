@@ -119,7 +119,10 @@ impl<'s> Looked<'s> {
             return Ok(BTreeMap::new());
         };
         let bound = bind::draw(scene, material, pass, draw, frame)?;
-        let mut found = uniforms(material, &bound, &self.changing);
+        let mut found = match draw.captured.is_some() {
+            true => uniforms(material, &bound, &[], is_setting),
+            false => uniforms(material, &bound, &self.changing, |_, _| true),
+        };
         found.extend(attributes(pass, &bound));
         found.extend(self.textures[draw.material].iter().cloned());
         Ok(found.into_iter().map(|a| (a.place.clone(), a)).collect())
@@ -144,7 +147,20 @@ impl<'s> Looked<'s> {
     }
 }
 
-fn uniforms(material: &Material, bound: &DrawBindings, changing: &[Changing]) -> Vec<Assumed> {
+/// Whether a number of a captured draw may be a setting, such as a switch or the strength of an effect. One frame
+/// does not tell what the next one changes, so a guess has to do: the guard catches what it gets wrong. Numbers of
+/// cameras, clocks and objects are seldom whole.
+fn is_setting(scalar: &UniformScalar, number: f64) -> bool {
+    !scalar.is_of_matrix && (scalar.ty != ScalarType::F32 || [-1.0, 0.0, 1.0].contains(&number))
+}
+
+/// The scalars of uniforms that do not change, and of which `keep` takes the number.
+fn uniforms(
+    material: &Material,
+    bound: &DrawBindings,
+    changing: &[Changing],
+    keep: impl Fn(&UniformScalar, f64) -> bool,
+) -> Vec<Assumed> {
     let module = material.program.module();
     // Members that change, by their path.
     let moving: BTreeSet<(u32, u32, Option<&str>)> = changing
@@ -183,7 +199,7 @@ fn uniforms(material: &Material, bound: &DrawBindings, changing: &[Changing]) ->
             }
             let bytes = buffer.data.bytes.get(at..)?;
             let number = scalar.ty.read(*bytes.first_chunk::<4>()?);
-            number.is_finite().then(|| Assumed {
+            (number.is_finite() && keep(&scalar, number)).then(|| Assumed {
                 place: scalar.place(),
                 name: scalar.name,
                 ty: scalar.ty,

@@ -17,7 +17,9 @@ use preshade::unstable::search::plan::model::Model;
 use preshade::unstable::search::plan::policy::{Hold, Rule};
 use preshade::unstable::search::plan::terms::{Term, Work};
 use preshade::unstable::search::plan::work::{Counted, DrawCounts, Fragments, drawn};
-use preshade::unstable::search::plan::{Choices, Settings, Timed, choices, decide, recipes};
+use preshade::unstable::search::plan::{
+    Choices, Settings, Timed, choices, decide, recipes, sorting,
+};
 
 use crate::render_support::*;
 
@@ -309,4 +311,39 @@ fn without_a_clock_the_choice_is_a_prediction() {
     assert!(1.0 < switch.off && switch.off < switch.on && switch.on < 8.0);
     // It loses front to back: held to one plan, it is the original.
     assert_eq!(of(Hold::One).policy.plans(), [0]);
+}
+
+#[test]
+fn draws_are_sorted_by_what_they_hide() {
+    for direction in [DepthDirection::Forward, DepthDirection::Reversed] {
+        // The first plane is the nearest.
+        let mut scene = with_depth(planes([32, 32], 5), DepthFormat::Depth32float, direction);
+        scene.orders = vec![DrawOrder::AsGiven];
+        let sorted = |scene: &Scene| {
+            let session = Session::new(gpu(), scene, ShaderForm::Text).unwrap();
+            let frame = &scene.cameras[0].frames[0];
+            session.inputs().set_frame(frame).unwrap();
+            let timing = settings(&Model::nominal(), Timed::Yes).timing;
+            sorting::measured(&session, frame, &timing).unwrap()
+        };
+        assert_eq!(sorted(&scene), None);
+        scene.draws.reverse();
+        let found = sorted(&scene).unwrap();
+        assert_eq!(
+            (found.draws, found.changed_pixels),
+            (vec![4, 3, 2, 1, 0], 0)
+        );
+        assert_eq!(found.moved.len(), 4);
+        // Nothing moves past what is drawn without a test.
+        let mut sky = scene.materials[0].clone();
+        sky.name = "sky".to_owned();
+        sky.state.depth_compare = Some(CompareFunction::Always);
+        scene.materials.push(sky);
+        scene.draws[2].material = 1;
+        let found = sorted(&scene).unwrap();
+        assert_eq!(
+            (found.draws, found.changed_pixels),
+            (vec![1, 0, 2, 4, 3], 0)
+        );
+    }
 }
