@@ -50,6 +50,7 @@ mod output;
 mod pairs;
 mod passes;
 mod plan;
+mod profile;
 mod promises;
 mod results;
 mod rewrite;
@@ -141,6 +142,8 @@ enum Command {
     Verify(verify::VerifyArgs),
     /// Chooses the passes that pay for each material of a scene on this adapter, by measurement.
     Plan(plan::PlanArgs),
+    /// Finds where the time of a frame goes, by leaving out one kind of work after the other.
+    Profile(profile::ProfileArgs),
     /// Finds the best recipes by error and time: those that no other recipe beats in both.
     Explore(explore::ExploreArgs),
     /// Lists measurements as jobs, one a line, that any machine or scheduler can run.
@@ -175,6 +178,7 @@ impl Command {
             Self::Agree(a) => agree::run(a),
             Self::Verify(a) => verify::run(a),
             Self::Plan(a) => plan::run(a),
+            Self::Profile(a) => profile::run(a),
             Self::Explore(a) => explore::run(a),
             Self::Jobs(a) => jobs::run(a),
             Self::Fleet(a) => fleet::run(a),
@@ -214,6 +218,7 @@ impl Command {
             Self::Rewrite(a) => &a.shader.limits,
             Self::Agree(a) => &a.shader.limits,
             Self::Verify(a) => &a.shader.limits,
+            Self::Profile(a) => &a.shader.limits,
             Self::Explore(a) => &a.shader.limits,
             Self::Jobs(a) => &a.verify.shader.limits,
             Self::Plan(a) => &a.limits,
@@ -229,6 +234,7 @@ impl Command {
             Self::Graph(a) => &a.shader,
             Self::Rewrite(a) => return a.reads(),
             Self::Verify(a) => &a.shader,
+            Self::Profile(a) => &a.shader,
             Self::Explore(a) => &a.shader,
             Self::Agree(a) => {
                 return Some(Reads {

@@ -27,6 +27,7 @@ pub mod interpolation;
 pub mod junctions;
 pub mod on_adapter;
 pub mod outputs;
+pub mod profile;
 pub mod ranges;
 pub mod rasterizer;
 pub mod record;

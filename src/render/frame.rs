@@ -73,6 +73,8 @@ pub struct Prepared<'a> {
     settings: FrameSettings,
     /// Whether the samples of a colour target are kept after resolving.
     resolved_samples: wgpu::StoreOp,
+    /// Indices or vertices to draw of each draw, at most.
+    most_corners: u32,
     creation: Duration,
     pipelines: usize,
 }
@@ -198,6 +200,7 @@ impl<'a> Prepared<'a> {
             settings: *settings,
             // A host discards the samples after resolving, so we do too.
             resolved_samples: wgpu::StoreOp::Discard,
+            most_corners: u32::MAX,
             creation: start.elapsed(),
         };
         if let Some(frame) = scene.cameras.first().and_then(|c| c.frames.first()) {
@@ -449,6 +452,14 @@ impl<'a> Prepared<'a> {
             .transpose()
     }
 
+    /// Draws only the first triangle of each draw.
+    pub(crate) fn one_triangle_a_draw(self) -> Self {
+        Self {
+            most_corners: 3,
+            ..self
+        }
+    }
+
     /// Keeps every sample of the colour targets, for [`Self::render_red`].
     pub(crate) fn keeping_samples(self) -> Self {
         Self {
@@ -619,7 +630,7 @@ impl<'a> Prepared<'a> {
                 base_vertex,
                 first_instance,
             } = draw.call;
-            let corners = first..first + count;
+            let corners = first..first + count.min(self.most_corners);
             let instances = first_instance..first_instance + draw.instances;
             match &item.call {
                 Call::AsGiven => {}

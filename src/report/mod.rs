@@ -15,6 +15,7 @@ pub mod merged;
 pub mod picture;
 pub mod plain;
 pub mod plot;
+pub mod profile;
 pub mod regret;
 pub mod sheet;
 pub mod sweep;

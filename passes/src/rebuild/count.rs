@@ -4,7 +4,10 @@
 //! the number of shaded fragments per covered pixel on any adapter. Discarded fragments are not
 //! counted; the rest hid each other.
 
-use naga::{Binding, BuiltIn, Expression, Handle, Literal, Module, ShaderStage, VectorSize};
+use naga::{
+    Binding, Block, BuiltIn, Expression, Handle, Literal, Module, ShaderStage, Span, Statement,
+    VectorSize,
+};
 
 use crate::analysis::coverage;
 use crate::core::plan::{GpuPass, Plan};
@@ -61,6 +64,49 @@ pub fn program(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
         (ShaderStage::Fragment, ENTRY),
     ];
     program.with_module(place::retain(&module, &kept))
+}
+
+/// The program of `pass` with an entry point [`ENTRY`] that covers the same pixels and is as cheap as that allows: all its
+/// colours are 0. If something decides coverage, only location 0 is written, as by [`program`].
+///
+/// # Errors
+/// As [`program`]. The material writes depth, or has no fragment stage.
+pub fn blank(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
+    let refused = |message: &str| {
+        Box::new(Invalid {
+            message: message.to_owned(),
+            labels: Vec::new(),
+        })
+    };
+    let authored = plan.program(pass).zip(pass.fragment.as_deref());
+    let authored =
+        authored.and_then(|(p, name)| Some((p, p.entry_point(ShaderStage::Fragment, name)?.1)));
+    let (author, entry) = authored.ok_or_else(|| refused("the plan has no fragment stage"))?;
+    let depth = Some(Binding::BuiltIn(BuiltIn::FragDepth));
+    let outputs = reflect::outputs(author.module(), &entry.function);
+    if outputs.iter().any(|o| o.binding == depth) {
+        return Err(refused("the material writes depth"));
+    }
+    let graph = Graph::build(author);
+    if coverage::of_pass(&graph, author, pass).is_some_and(|(_, d)| d.anything()) {
+        return program(plan, pass);
+    }
+    let mut module = author.module().clone();
+    let mut blank = color::empty_fragment(ENTRY);
+    if let Some(result) = &entry.function.result {
+        let zero = blank
+            .function
+            .expressions
+            .append(Expression::ZeroValue(result.ty), Span::UNDEFINED);
+        blank.function.result = Some(result.clone());
+        blank.function.body = Block::from_vec(vec![Statement::Return { value: Some(zero) }]);
+    }
+    module.entry_points.push(blank);
+    let kept = [
+        (ShaderStage::Vertex, pass.vertex.as_str()),
+        (ShaderStage::Fragment, ENTRY),
+    ];
+    author.with_module(place::retain(&module, &kept))
 }
 
 /// The position of a coverage decision in the result.

@@ -1,0 +1,62 @@
+//! `preshade profile`: finds where the time of a frame goes.
+
+use std::time::Duration;
+
+use preshade::unstable::measure::{TimingSettings, profile};
+use preshade::unstable::render::{AdapterChoice, Gpu};
+use preshade::unstable::report;
+
+use crate::input::ShaderArgs;
+use crate::verify::{command, parse_seconds};
+use crate::view::ViewArgs;
+use crate::{Ending, Failure, Table, guesses, output, worker};
+
+/// Arguments of `profile`.
+#[derive(clap::Args)]
+#[command(after_help = "\
+Examples:
+  preshade profile frame/
+  preshade profile scene.toml --camera nave --format csv
+
+Leaves out one kind of work after the other, and times the frame beside the original: draw calls, vertices, and
+for each material its textures, its arithmetic, and the writing of its colours. What runs side by side on the
+adapter overlaps, so the parts need not add up to 100 %.")]
+pub struct ProfileArgs {
+    #[command(flatten)]
+    view: ViewArgs,
+    /// Seconds to spend on each group of times.
+    #[arg(long, value_name = "SECONDS", default_value_t = 2.0, value_parser = parse_seconds)]
+    seconds: f64,
+    /// Part of an adapter's name, driver or backend.
+    #[arg(long, value_name = "TEXT")]
+    adapter: Option<String>,
+    /// Output form.
+    #[arg(long, value_enum, default_value_t = Table::Human)]
+    format: Table,
+    // Last, because its help heading applies to all following arguments.
+    #[command(flatten)]
+    pub shader: ShaderArgs,
+}
+
+/// Profiles a scene, a captured frame, or a bare shader.
+pub fn run(args: &ProfileArgs) -> Result<Ending, Failure> {
+    let scene = args.view.of(args.shader.scene()?)?;
+    guesses::tell(&scene);
+    let choice = args.adapter.clone();
+    let choice = choice.map_or(AdapterChoice::Best, AdapterChoice::Matching);
+    let gpu = worker::in_turns(Gpu::with_trust(
+        &choice,
+        args.shader.limits.limits().trust(),
+    )?)?;
+    let timing = TimingSettings {
+        budget: Duration::from_secs_f64(args.seconds),
+        ..TimingSettings::default()
+    };
+    let found = profile::profile(&gpu, &scene, &timing, &command())?;
+    match args.format {
+        Table::Human => output::table(&report::profile::render(&found))?,
+        Table::Json => output::json(&found)?,
+        Table::Csv => output::data(&report::profile::csv(&found))?,
+    }
+    Ok(Ending::Fine)
+}

@@ -1,0 +1,381 @@
+//! Where the time of a view goes, by experiment: one kind of work after the other is left out, and the frame is
+//! timed beside the original.
+//!
+//! A part is the time that the frame is shorter by, over its time. What runs side by side on the adapter overlaps,
+//! so parts need not add up to 1.
+
+use std::sync::Arc;
+
+use preshade_passes::count;
+use preshade_passes::plan::Plan;
+use preshade_passes::reflect;
+use preshade_passes::state::CompareFunction;
+use serde::Serialize;
+
+use super::{Clock, Error, Estimate, Session, Timing, TimingSettings, View, time};
+use crate::render::{AdapterReport, Gpu, Prepared, ShaderForm};
+use crate::scene::bind::TextureContent;
+use crate::scene::{Frame, Image, Scene};
+
+/// Version of the JSON that [`Profile`] serialises to.
+pub const SCHEMA: &str = "preshade.profile.v1";
+
+/// Where the time of a scene's views goes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct Profile {
+    /// Always [`SCHEMA`].
+    pub schema: String,
+    /// Scene's name.
+    pub scene: String,
+    /// Width and height, in pixels.
+    pub resolution: [u32; 2],
+    /// The command that measured it.
+    pub command: String,
+    /// Where it was measured.
+    pub adapter: AdapterReport,
+    /// By view.
+    pub views: Vec<ViewProfile>,
+}
+
+/// Where the time of one view goes.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct ViewProfile {
+    /// Camera, frame and order.
+    #[serde(flatten)]
+    pub view: View,
+    /// The clock.
+    pub clock: Clock,
+    /// Milliseconds a frame.
+    pub time_ms: Estimate,
+    /// The part of the draw calls: what is left if each draws one triangle that fails the depth test. `None`: a pass
+    /// without depth.
+    pub draws: Option<Estimate>,
+    /// The part of all further vertices and triangles.
+    pub vertices: Option<Estimate>,
+    /// The materials with the largest parts, largest first.
+    pub materials: Vec<MaterialProfile>,
+}
+
+/// The time that the fragments of one material take.
+#[derive(Clone, Debug, PartialEq, Serialize)]
+pub struct MaterialProfile {
+    /// Name.
+    pub material: String,
+    /// Its draws.
+    pub draws: usize,
+    /// The part of its fragments: what it writes depth for, but no colour.
+    pub fragments: Estimate,
+    /// The part of its textures' texels: what they take beyond one texel each.
+    pub textures: Option<Estimate>,
+    /// The part of the rest of its fragment stage, but for what decides a discard. `None`: not told apart.
+    pub arithmetic: Option<Estimate>,
+    /// The part of writing its colours.
+    pub fill: Option<Estimate>,
+}
+
+impl ViewProfile {
+    /// The largest part, and what it is of. `None`: none is above 0 beyond noise.
+    pub fn bound_by(&self) -> Option<(String, Estimate)> {
+        let frame = [("draw calls", self.draws), ("vertices", self.vertices)];
+        let frame = frame.map(|(what, part)| (what.to_owned(), part));
+        let materials = self.materials.iter().flat_map(|m| {
+            let parts = [
+                ("arithmetic", m.arithmetic),
+                ("textures", m.textures),
+                ("fill", m.fill),
+            ];
+            parts.map(|(what, part)| (format!("{what} of `{}`", m.material), part))
+        });
+        let all = frame.into_iter().chain(materials);
+        all.filter_map(|(what, part)| Some((what, part?)))
+            .filter(|(_, part)| part.low > 0.0)
+            .max_by(|a, b| a.1.median.total_cmp(&b.1.median))
+    }
+}
+
+/// Most materials whose fragments are left out one after the other.
+const LOOKED_AT: usize = 32;
+
+/// Most materials that are told apart further.
+const TOLD_APART: usize = 6;
+
+/// Profiles the first frame of each camera, in the scene's first order.
+///
+/// # Errors
+/// The original cannot be drawn or timed, or the adapter is lost.
+pub fn profile(
+    gpu: &Gpu,
+    scene: &Scene,
+    timing: &TimingSettings,
+    command: &str,
+) -> Result<Profile, Error> {
+    let session = Session::new(gpu, scene, ShaderForm::Text)?;
+    let all = View::all(scene, 1);
+    let first = all.first().map(|(view, _)| view.order);
+    let views = all.into_iter().filter(|(v, _)| Some(v.order) == first);
+    Ok(Profile {
+        schema: SCHEMA.to_owned(),
+        scene: scene.name.clone(),
+        resolution: scene.size,
+        command: command.to_owned(),
+        adapter: gpu.adapter().clone(),
+        views: views
+            .map(|(view, frame)| profiled(&session, (view, frame), timing))
+            .collect::<Result<_, _>>()?,
+    })
+}
+
+fn profiled(
+    session: &Session<'_>,
+    (view, frame): (View, &Frame),
+    timing: &TimingSettings,
+) -> Result<ViewProfile, Error> {
+    let originals = session.originals();
+    let aimed = |session: &Session<'_>| session.inputs().set_frame(frame);
+    aimed(session)?;
+    let mut frames = Frames::new(session, frame, &view);
+    frames.add(Some(originals.to_vec()))?;
+    frames.add(untested(originals))?;
+    frames.add_with(untested(originals), Prepared::one_triangle_a_draw)?;
+    let scene = session.scene();
+    let draws = |material: usize| {
+        scene
+            .draws
+            .iter()
+            .filter(|d| d.material == material)
+            .count()
+    };
+    let looked_at: Vec<usize> = (0..originals.len())
+        .filter(|m| draws(*m) > 0)
+        .take(LOOKED_AT)
+        .collect();
+    for m in &looked_at {
+        frames.add(with(originals, *m, depth_only))?;
+    }
+    let (clock, times) = frames.time(timing)?;
+    let mut parts = times.iter().skip(1).map(|t| t.as_ref().map(part));
+    let mut next = || parts.next().flatten();
+    let (fragments, all) = (next(), next());
+    let mut found: Vec<(usize, Estimate)> = Vec::new();
+    for m in looked_at {
+        found.extend(next().map(|part| (m, part)));
+    }
+    found.sort_by(|a, b| b.1.median.total_cmp(&a.1.median));
+    found.truncate(TOLD_APART);
+    let mut materials = Vec::new();
+    for (m, fragments) in found {
+        let [flat, still] = told_apart(session, m, (&view, frame), timing)?;
+        materials.push(MaterialProfile {
+            material: originals[m].material.clone(),
+            draws: draws(m),
+            fragments,
+            textures: still,
+            arithmetic: flat.map(|flat| still.map_or(flat, |still| less(flat, still))),
+            fill: flat.map(|flat| less(fragments, flat)),
+        });
+    }
+    aimed(session)?;
+    let time_ms = match times.into_iter().next().flatten() {
+        Some(original) => original.time.estimate,
+        None => return Err(Error::Clock),
+    };
+    let whole = Estimate {
+        median: 1.0,
+        low: 1.0,
+        high: 1.0,
+    };
+    Ok(ViewProfile {
+        view,
+        clock,
+        time_ms,
+        draws: all.map(|all| less(whole, all)),
+        vertices: all.zip(fragments).map(|(all, f)| less(all, f)),
+        materials,
+    })
+}
+
+/// The parts of a material's fragment stage, and of its textures.
+fn told_apart(
+    session: &Session<'_>,
+    material: usize,
+    (view, frame): (&View, &Frame),
+    timing: &TimingSettings,
+) -> Result<[Option<Estimate>; 2], Error> {
+    let scene = small_textures(session.scene(), material);
+    let small = Session::new(session.gpu(), &scene, session.form())?;
+    small.inputs().set_frame(frame)?;
+    session.inputs().set_frame(frame)?;
+    let originals = session.originals();
+    let mut frames = Frames::new(session, frame, view);
+    frames.add(Some(originals.to_vec()))?;
+    frames.add(with(originals, material, flat))?;
+    let mut still = Frames::new(&small, frame, view);
+    still.add(Some(small.originals().to_vec()))?;
+    frames.prepared.extend(still.prepared);
+    let (_, times) = frames.time(timing)?;
+    let part_of = |i: usize| times.get(i)?.as_ref().map(part);
+    Ok([part_of(1), part_of(2)])
+}
+
+/// Frames to be timed beside each other. `None`: one that the adapter does not draw.
+struct Frames<'s> {
+    session: &'s Session<'s>,
+    frame: &'s Frame,
+    view: &'s View,
+    prepared: Vec<Option<Prepared<'s>>>,
+}
+
+impl<'s> Frames<'s> {
+    fn new(session: &'s Session<'s>, frame: &'s Frame, view: &'s View) -> Self {
+        Self {
+            session,
+            frame,
+            view,
+            prepared: Vec::new(),
+        }
+    }
+
+    fn add(&mut self, plans: Option<Vec<Plan>>) -> Result<(), Error> {
+        self.add_with(plans, |prepared| prepared)
+    }
+
+    /// Adds a frame. The first must be drawn.
+    fn add_with(
+        &mut self,
+        plans: Option<Vec<Plan>>,
+        change: fn(Prepared<'s>) -> Prepared<'s>,
+    ) -> Result<(), Error> {
+        let Some(plans) = plans else {
+            self.prepared.push(None);
+            return Ok(());
+        };
+        let is_first = self.prepared.is_empty();
+        let prepared = match self.session.prepare(&plans).map(change) {
+            Ok(mut prepared) => {
+                prepared.aim(self.frame, self.view.order);
+                Some(prepared)
+            }
+            Err(error) if is_first || matches!(error, crate::render::Error::Lost(_)) => {
+                return Err(error.into());
+            }
+            Err(_) => None,
+        };
+        self.prepared.push(prepared);
+        Ok(())
+    }
+
+    fn time(&self, timing: &TimingSettings) -> Result<(Clock, Vec<Option<Timing>>), Error> {
+        let ready: Vec<&Prepared<'_>> = self.prepared.iter().flatten().collect();
+        let (clock, times) = time(self.session.gpu(), &ready, timing, |_| {})?;
+        let mut times = times.into_iter();
+        let each = self.prepared.iter();
+        Ok((
+            clock,
+            each.map(|p| p.as_ref().and_then(|_| times.next()))
+                .collect(),
+        ))
+    }
+}
+
+/// The part of the original's time that a frame is shorter by.
+fn part(timing: &Timing) -> Estimate {
+    let of = |speedup: f64| 1.0 - 1.0 / speedup;
+    let speedup = timing.speedup;
+    Estimate {
+        median: of(speedup.median),
+        low: of(speedup.low),
+        high: of(speedup.high),
+    }
+}
+
+/// A part without another one. The interval is the widest that the two allow.
+fn less(of: Estimate, without: Estimate) -> Estimate {
+    Estimate {
+        median: of.median - without.median,
+        low: of.low - without.high,
+        high: of.high - without.low,
+    }
+}
+
+/// The plans, one of them changed. `None`: it cannot be.
+fn with(plans: &[Plan], material: usize, change: fn(&Plan) -> Option<Plan>) -> Option<Vec<Plan>> {
+    let mut plans = plans.to_vec();
+    plans[material] = change(&plans[material])?;
+    Some(plans)
+}
+
+/// Plans none of whose fragments passes the depth test. `None`: a pass does not test depth.
+fn untested(plans: &[Plan]) -> Option<Vec<Plan>> {
+    let mut plans = plans.to_vec();
+    for pass in plans.iter_mut().flat_map(|p| &mut p.passes) {
+        let depth = pass.depth.as_mut()?;
+        depth.compare = CompareFunction::Never;
+        depth.write = false;
+    }
+    Some(plans)
+}
+
+/// The plan with the cheapest fragment stage that covers the same pixels.
+fn flat(plan: &Plan) -> Option<Plan> {
+    let mut out = plan.clone();
+    for pass in &mut out.passes {
+        pass.fragment.as_ref()?;
+        let program = count::blank(plan, pass).ok()?;
+        pass.program = "blank".to_owned();
+        pass.fragment = Some(count::ENTRY.to_owned());
+        reflect::fill(pass, &program);
+        out.programs.insert("blank".to_owned(), program);
+    }
+    Some(out)
+}
+
+/// The same without writing colours.
+fn depth_only(plan: &Plan) -> Option<Plan> {
+    let mut out = flat(plan)?;
+    for pass in &mut out.passes {
+        for target in pass.targets.iter_mut().flatten() {
+            target.write_mask = 0;
+            target.blend = None;
+        }
+    }
+    Some(out)
+}
+
+/// The scene with textures of one texel in each layer for one material.
+fn small_textures(scene: &Scene, material: usize) -> Scene {
+    let mut scene = scene.clone();
+    for image in scene.materials[material].textures.values_mut() {
+        *image = Arc::new(one_texel(image));
+    }
+    for draw in scene.draws.iter_mut().filter(|d| d.material == material) {
+        let Some(captured) = &mut draw.captured else {
+            continue;
+        };
+        for texture in &mut Arc::make_mut(captured).textures {
+            if let TextureContent::Image(image) = &mut texture.content {
+                *image = Arc::new(one_texel(image));
+            }
+        }
+    }
+    scene
+}
+
+/// The first block of each layer.
+fn one_texel(image: &Image) -> Image {
+    let (width, height) = image.format.block_dimensions();
+    let blocks = image.size[0].div_ceil(width) * image.size[1].div_ceil(height) * image.layers;
+    let level = image.levels.first().map_or(&[][..], Vec::as_slice);
+    let bytes = level.len() / blocks.max(1) as usize;
+    let layers = match image.dimension {
+        wgpu::TextureDimension::D3 => 1,
+        _ => image.layers,
+    };
+    let layer = level.len() / image.layers.max(1) as usize;
+    let first = (0..layers as usize).filter_map(|i| level.get(i * layer..i * layer + bytes));
+    Image {
+        size: [width, height],
+        layers,
+        levels: vec![first.flatten().copied().collect()],
+        ..image.clone()
+    }
+}

@@ -1,0 +1,86 @@
+//! A profile for a terminal and for a spreadsheet.
+
+use super::csv::quoted;
+use crate::measure::Estimate;
+use crate::measure::profile::{Profile, ViewProfile};
+
+/// The profile as lines of text.
+pub fn render(of: &Profile) -> String {
+    let [width, height] = of.resolution;
+    let mut lines = vec![format!(
+        "{}, {width}x{height}, on {} ({}, {})",
+        of.scene,
+        of.adapter.title(),
+        of.adapter.backend,
+        of.adapter.kind
+    )];
+    lines.extend(of.views.iter().flat_map(view));
+    lines.join("\n")
+}
+
+fn view(of: &ViewProfile) -> Vec<String> {
+    let mut lines = vec![format!("\n{}: {:.3} ms", of.view, of.time_ms.median)];
+    lines.push(match of.bound_by() {
+        Some((what, part)) => format!("  bound by {what}: {}", interval(part)),
+        None => "  nothing takes a part of the time that can be told from noise".to_owned(),
+    });
+    let frame = [("draw calls", of.draws), ("vertices", of.vertices)];
+    let frame = frame.map(|(what, part)| format!("{what} {}", percent(part)));
+    lines.push(format!("  {}", frame.join(", ")));
+    let names = of.materials.iter().map(|m| m.material.chars().count());
+    let width = names.max().unwrap_or(0).max("material".len());
+    lines.push(format!(
+        "  {:<width$}  draws  fragments  arithmetic  textures  fill",
+        "material"
+    ));
+    lines.extend(of.materials.iter().map(|m| {
+        format!(
+            "  {:<width$}  {:>5}  {:>9}  {:>10}  {:>8}  {:>4}",
+            m.material,
+            m.draws,
+            percent(Some(m.fragments)),
+            percent(m.arithmetic),
+            percent(m.textures),
+            percent(m.fill)
+        )
+    }));
+    lines
+}
+
+/// A part in percent, `-` if it was not measured.
+fn percent(part: Option<Estimate>) -> String {
+    match part {
+        Some(part) => format!("{:.0} %", part.median.max(0.0) * 100.0),
+        None => "-".to_owned(),
+    }
+}
+
+fn interval(part: Estimate) -> String {
+    let [low, high] = [part.low, part.high].map(|p| p.max(0.0) * 100.0);
+    format!("{:.0} % [{low:.0}, {high:.0}]", part.median * 100.0)
+}
+
+/// One line a view and material. Parts are from 0 to 1.
+pub fn csv(of: &Profile) -> String {
+    let mut out = "view,ms,draw_calls,vertices,material,draws,fragments,arithmetic,textures,fill\n"
+        .to_owned();
+    let cell = |part: Option<Estimate>| part.map_or(String::new(), |p| p.median.to_string());
+    for v in &of.views {
+        for m in &v.materials {
+            let cells = [
+                quoted(&v.view.to_string()),
+                v.time_ms.median.to_string(),
+                cell(v.draws),
+                cell(v.vertices),
+                quoted(&m.material),
+                m.draws.to_string(),
+                m.fragments.median.to_string(),
+                cell(m.arithmetic),
+                cell(m.textures),
+                cell(m.fill),
+            ];
+            out.push_str(&(cells.join(",") + "\n"));
+        }
+    }
+    out
+}
