@@ -45,6 +45,7 @@ mod outputs;
 mod plan_is_enough;
 mod plan_mutations;
 mod plan_needs;
+mod profile;
 mod render;
 mod second_driver;
 mod self_test;
