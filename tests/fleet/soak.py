@@ -8,7 +8,9 @@ size=40m none FOLDER`). Needs a C compiler, Vulkan's headers, and libfaketime fo
 """
 
 import collections
+import difflib
 import glob
+import itertools
 import json
 import os
 import random
@@ -119,17 +121,20 @@ def main():
                     shutil.move(path, pictures)
         run("merge", "pictures", "-o", "parts.json")
         with open(os.path.join(folder, "parts.json")) as file:
-            same = file.read() == whole
+            parts = file.read()
         rounds.append({
             "seconds": round(time.monotonic() - began, 1),
             "starts": starts,
             "jobs": len(jobs),
             "lost": len({job["key"] for job in jobs} - set(keys)),
             "merged": len(json.loads(merged)["jobs"]),
-            "pictures_as_undisturbed": same,
+            "pictures_as_undisturbed": parts == whole,
             "most_memory_mib": round(max(memory, default=0) / 1024, 1),
             "left_over": len([n for n in os.listdir(os.path.join(folder, "out")) if n.startswith(".")]),
         })
+        if parts != whole:
+            differ = difflib.unified_diff(whole.splitlines(), parts.splitlines(), "undisturbed", "disturbed", n=2, lineterm="")
+            rounds[-1]["differ"] = list(itertools.islice(differ, 100))
         print(json.dumps(rounds[-1]), file=sys.stderr, flush=True)
         shutil.rmtree(os.path.join(folder, "out"))
         shutil.rmtree(pictures)
