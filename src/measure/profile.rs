@@ -47,8 +47,8 @@ pub struct ViewProfile {
     pub clock: Clock,
     /// Milliseconds a frame.
     pub time_ms: Estimate,
-    /// The part of the draw calls: what is left if each draws one triangle that fails the depth test. `None`: a pass
-    /// without depth.
+    /// The part of the pass itself and its draw calls: what is left if each draws one triangle that fails the depth
+    /// test. The attachments are cleared, resolved and stored all the same. `None`: a pass without depth.
     pub draws: Option<Estimate>,
     /// The part of all further vertices and triangles.
     pub vertices: Option<Estimate>,
@@ -76,7 +76,10 @@ pub struct MaterialProfile {
 impl ViewProfile {
     /// The largest part, and what it is of. `None`: none is above 0 beyond noise.
     pub fn bound_by(&self) -> Option<(String, Estimate)> {
-        let frame = [("draw calls", self.draws), ("vertices", self.vertices)];
+        let frame = [
+            ("the pass and its draw calls", self.draws),
+            ("vertices", self.vertices),
+        ];
         let frame = frame.map(|(what, part)| (what.to_owned(), part));
         let materials = self.materials.iter().flat_map(|m| {
             let parts = [

@@ -128,7 +128,7 @@ fn sorted(view: &ViewReport) -> Option<String> {
     let sorted = view.sorted.as_ref().filter(|s| s.pays())?;
     let changed = match sorted.changed_pixels {
         0 => "no pixel changes".to_owned(),
-        n => format!("{} where depths tie", counted(n, "changed pixel")),
+        n => counted(n, "changed pixel"),
     };
     Some(format!(
         "{}: sort {} of {} draws front to back: {} as written, without a new pass; {changed}",

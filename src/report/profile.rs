@@ -24,7 +24,10 @@ fn view(of: &ViewProfile) -> Vec<String> {
         Some((what, part)) => format!("  bound by {what}: {}", interval(part)),
         None => "  nothing takes a part of the time that can be told from noise".to_owned(),
     });
-    let frame = [("draw calls", of.draws), ("vertices", of.vertices)];
+    let frame = [
+        ("the pass and its draw calls", of.draws),
+        ("vertices", of.vertices),
+    ];
     let frame = frame.map(|(what, part)| format!("{what} {}", percent(part)));
     lines.push(format!("  {}", frame.join(", ")));
     let names = of.materials.iter().map(|m| m.material.chars().count());

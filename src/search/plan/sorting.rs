@@ -3,7 +3,7 @@
 //! Each opaque draw is drawn alone. Its depths say which fragments of which other draws it hides. A
 //! draw goes ahead of another one if it hides more of it than the other way round, in operations of
 //! their fragment stages. Blended draws and those that depend on their place, by the depth test or
-//! the stencil, stay where they are, and no draw moves past them.
+//! the stencil, stay where they are, and no draw moves past them. Draws that tie in depth keep their order.
 
 use preshade_passes::plan::{BindingKind, Phase, Plan};
 use preshade_passes::state::DepthDirection;
@@ -25,7 +25,7 @@ pub struct Sorting {
     pub moved: Vec<usize>,
     /// Time of the original in the scene's order over its time in this one.
     pub speedup: Estimate,
-    /// Pixels that differ. Surfaces that tie in depth are drawn in another order.
+    /// Pixels that differ.
     pub changed_pixels: u64,
 }
 
@@ -38,9 +38,6 @@ impl Sorting {
 
 /// Most draws to look at. The others stay.
 const MOST: usize = 256;
-
-/// Pixels are looked at in every so many columns and rows.
-const STRIDE: usize = 2;
 
 /// The least part of the frame's fragment operations that an order must save to be measured.
 const LEAST: f64 = 0.01;
@@ -150,7 +147,7 @@ fn is_movable(plan: &Plan) -> bool {
     is_tested && !blends && !stencil && !stores && main.phase == Phase::Opaque
 }
 
-/// The pixels and depths of a draw alone.
+/// The samples and depths of a draw alone.
 type Layer = Vec<(u32, f32)>;
 
 fn layers(
@@ -160,21 +157,14 @@ fn layers(
 ) -> Result<Vec<Layer>, PlanError> {
     let mut depths = |draws: &[usize]| -> Result<Vec<f32>, PlanError> {
         prepared.arrange(frame, draws);
-        let Some(depth) = prepared.depth()? else {
-            return Ok(Vec::new());
-        };
-        let [width, samples] = [depth.size[0] as usize, depth.samples as usize];
-        let rows = depth.values.chunks(width * samples).step_by(STRIDE);
-        Ok(rows
-            .flat_map(|row| row.iter().step_by(STRIDE * samples).copied())
-            .collect())
+        Ok(prepared.depth()?.map_or(Vec::new(), |depth| depth.values))
     };
     let empty = depths(&[])?;
     let layer = |draw: &usize| {
         let drawn = depths(&[*draw])?;
-        let pixels = drawn.into_iter().zip(&empty).enumerate();
-        let pixels = pixels.filter(|(_, (drawn, empty))| drawn != *empty);
-        Ok(pixels.map(|(at, (depth, _))| (at as u32, depth)).collect())
+        let samples = drawn.into_iter().zip(&empty).enumerate();
+        let samples = samples.filter(|(_, (drawn, empty))| drawn != *empty);
+        Ok(samples.map(|(at, (depth, _))| (at as u32, depth)).collect())
     };
     draws.iter().map(layer).collect()
 }
@@ -184,6 +174,8 @@ struct Hidden {
     count: usize,
     /// Operations of the fragments of draw `b` that lie behind draw `a`, at `a * count + b`.
     behind: Vec<f64>,
+    /// Whether two draws have the same depth somewhere, at the same place.
+    tied: Vec<bool>,
     /// Operations of all fragments.
     all: f64,
 }
@@ -201,18 +193,21 @@ impl Hidden {
         }
         pixels.sort_by_key(|(at, draw, _)| (*at, *draw));
         let mut behind = vec![0.0; count * count];
+        let mut tied = vec![false; count * count];
         for pixel in pixels.chunk_by(|a, b| a.0 == b.0) {
             for (_, a, near) in pixel {
                 for (_, b, far) in pixel {
                     if is_nearer(*near, *far) {
                         behind[a * count + b] += cost_of(*b);
                     }
+                    tied[a * count + b] |= a != b && near == far;
                 }
             }
         }
         Self {
             count,
             behind,
+            tied,
             all: pixels.iter().map(|(_, draw, _)| cost_of(*draw)).sum(),
         }
     }
@@ -234,15 +229,13 @@ impl Hidden {
     /// The better of the given order and that by what a draw hides on balance, each improved by swaps of
     /// neighbours. A swap happens only for a gain, so this ends.
     fn best(&self, given: &[usize]) -> Vec<usize> {
-        let balance = |a: &usize| given.iter().map(|b| self.gain(*a, *b)).sum::<f64>();
-        let mut by_balance = given.to_vec();
-        by_balance.sort_by(|a, b| balance(b).total_cmp(&balance(a)));
-        let orders = [given.to_vec(), by_balance].map(|mut order| {
+        let orders = [given.to_vec(), self.by_balance(given)].map(|mut order| {
             let mut is_changed = true;
             while is_changed {
                 is_changed = false;
                 for i in 1..order.len() {
-                    if self.gain(order[i], order[i - 1]) > 0.0 {
+                    let [before, then] = [order[i - 1], order[i]];
+                    if !self.are_tied(before, then) && self.gain(then, before) > 0.0 {
                         order.swap(i - 1, i);
                         is_changed = true;
                     }
@@ -255,6 +248,28 @@ impl Hidden {
             true => by_balance,
             false => given,
         }
+    }
+
+    /// The draws that hide most first, as far as those that tie allow.
+    fn by_balance(&self, given: &[usize]) -> Vec<usize> {
+        let balance = |a: usize| given.iter().map(|b| self.gain(a, *b)).sum::<f64>();
+        let balances: Vec<f64> = (0..self.count).map(balance).collect();
+        let mut left = given.to_vec();
+        let mut order = Vec::new();
+        while !left.is_empty() {
+            let is_free = |i: &usize| !left[..*i].iter().any(|b| self.are_tied(*b, left[*i]));
+            let free = (0..left.len()).filter(is_free);
+            // Of equals the first.
+            let next = free
+                .rev()
+                .max_by(|a, b| balances[left[*a]].total_cmp(&balances[left[*b]]));
+            order.push(left.remove(next.unwrap_or(0)));
+        }
+        order
+    }
+
+    fn are_tied(&self, a: usize, b: usize) -> bool {
+        self.tied[a * self.count + b]
     }
 }
 
@@ -306,6 +321,14 @@ mod tests {
         let b = [(0, 0.5), (1, 0.5), (2, 0.5)];
         assert_eq!(hidden(&[&a, &b]).best(&[0, 1]), [0, 1]);
         assert_eq!(hidden(&[&b, &a]).best(&[0, 1]), [1, 0]);
+    }
+
+    #[test]
+    fn draws_that_tie_keep_their_order() {
+        let floor = [(0, 0.9), (1, 0.9), (2, 0.9)];
+        let decal = [(1, 0.9), (2, 0.5)];
+        let wall = [(1, 0.1), (2, 0.1), (3, 0.1)];
+        assert_eq!(hidden(&[&floor, &decal, &wall]).best(&[0, 1, 2]), [2, 0, 1]);
     }
 
     #[test]
