@@ -1,0 +1,129 @@
+// Captures the frames of frames.json: pages that others wrote, at pinned commits, for measuring passes. Nothing of them
+// is kept in this repository.
+//
+//     node frames.mjs [--programs DIR] [--demos DIR] [--out DIR] [--freeze] [FRAME ..]
+//
+// --programs: where cargo put `preshade`; default: target/release of this checkout. --demos: where the repositories
+// are cloned to; default: target/frames-demos. --out: where `seen` and `unseen` go; default: target/frames. --freeze:
+// writes what it finds into frames.json. Without it, a frame that differs from the list is named, and the exit status is 1.
+
+import { execFile } from 'node:child_process';
+import { createHash } from 'node:crypto';
+import { existsSync } from 'node:fs';
+import { mkdir, readFile, rm, writeFile } from 'node:fs/promises';
+import { join, resolve } from 'node:path';
+import { fileURLToPath } from 'node:url';
+import { promisify } from 'node:util';
+import { gunzipSync } from 'node:zlib';
+import { count } from '../check.mjs';
+import { serve } from './serve.mjs';
+
+const run = promisify(execFile);
+const ROOT = fileURLToPath(new URL('../../../', import.meta.url));
+const LIST = fileURLToPath(new URL('frames.json', import.meta.url));
+const MINUTES = 60_000;
+/** A page is loaded when no file has come for so many seconds. */
+const QUIET = 5;
+const LOADED = `globalThis.surveyLoading = 10;
+performance.setResourceTimingBufferSize(1e5);
+addEventListener('load', () => {
+    let [files, quiet] = [0, 0];
+    const timer = setInterval(() => {
+        const now = performance.getEntriesByType('resource').length;
+        quiet = now === files ? quiet + 1 : 0;
+        files = now;
+        if (quiet >= ${QUIET}) { globalThis.loaded = true; clearInterval(timer); }
+    }, 1000);
+});
+`;
+const hash = (value) => createHash('sha256').update(JSON.stringify(value)).digest('hex').slice(0, 16);
+
+const words = process.argv.slice(2);
+const take = (flag) => {
+    const at = words.indexOf(flag);
+    return at < 0 ? undefined : words.splice(at, 2)[1];
+};
+const programs = resolve(take('--programs') ?? join(ROOT, 'target/release'));
+const demos = resolve(take('--demos') ?? join(ROOT, 'target/frames-demos'));
+const out = resolve(take('--out') ?? join(ROOT, 'target/frames'));
+const freezes = words.includes('--freeze') && words.splice(words.indexOf('--freeze'), 1);
+
+const list = JSON.parse(await readFile(LIST, 'utf8'));
+const chosen = words.length ? list.frames.filter(({ id }) => words.includes(id)) : list.frames;
+const { server, address } = await serve({ demos, loaded: LOADED });
+let differ = 0;
+for (const frame of chosen) {
+    try {
+        await checkOut(frame.repository, list.repositories[frame.repository]);
+        const found = await captured(frame);
+        const changed = Object.keys(found).filter((key) => JSON.stringify(found[key]) !== JSON.stringify(frame[key]));
+        if (changed.length) differ++;
+        console.log(`${frame.id}: ${changed.length ? `differs: ${changed.join(', ')}` : 'as listed'}`);
+        if (freezes) Object.assign(frame, found);
+    } catch (error) {
+        differ++;
+        console.log(`${frame.id}: not captured: ${error.stderr || error.message}`);
+    }
+}
+server.close();
+if (freezes) await writeFile(LIST, `${JSON.stringify(list, null, 4)}\n`);
+else process.exitCode = differ ? 1 : 0;
+
+/** A repository's checkout is at its pinned commit. */
+async function checkOut(repository, { commit }) {
+    const folder = join(demos, repository.split('/')[1]);
+    const git = (...args) => run('git', ['-C', folder, ...args]);
+    if (!existsSync(folder)) {
+        await mkdir(demos, { recursive: true });
+        await run('git', ['clone', '--quiet', `https://github.com/${repository}`, folder], { maxBuffer: 1 << 26 });
+    }
+    const { stdout } = await git('rev-parse', 'HEAD');
+    if (stdout.trim() !== commit) await git('checkout', '--quiet', commit);
+}
+
+async function captured({ id, repository, page, wait, half, draw }) {
+    const folder = join(out, half ?? '', id);
+    await rm(folder, { recursive: true, force: true });
+    const ready = wait ? `js:globalThis.ready && (${wait})` : 'js:globalThis.ready';
+    const options = ['--frames', '1', '--size', '1280x720', '--wait-for', ready, '--after', '0', '--patience', '120'];
+    // What a page has from other places does not come, so that it is the same everywhere.
+    const alone = '--flag=--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1';
+    if (draw) options.push('--draw', draw);
+    const url = `${address}/demos/${repository.split('/')[1]}/${page}`;
+    await run(join(programs, 'preshade'), ['capture', url, ...options, alone, '-o', folder], { timeout: 10 * MINUTES });
+    return described(folder);
+}
+
+/** What a frame holds. `shaders` and `draws` are the same in every run; textures and values may not be. */
+async function described(folder) {
+    const file = ['frame.json', 'frame.json.gz'].map((name) => join(folder, name)).find(existsSync);
+    const bytes = await readFile(file);
+    const json = JSON.parse(bytes[0] === 0x1f ? gunzipSync(bytes) : bytes);
+    const totals = count(json);
+    const stage = (stage) => stage && { ...stage, module: json.shaders[stage.module].data };
+    const pipeline = ({ label, layout, ...rest }) => ({
+        ...rest,
+        vertex: stage(rest.vertex),
+        fragment: stage(rest.fragment),
+    });
+    const pipelines = json.renderPipelines.map((each) => hash(pipeline(each)));
+    const draws = json.frames[0].commands.map(({ do: what, commands = [] }) => [
+        what,
+        commands.filter(({ do: each }) => /^(setPipeline|draw)/.test(each)).map((each) => drawn(each, what, pipelines)),
+    ]);
+    return {
+        api: { webgpu: 'WebGPU', webgl2: 'WebGL 2', webgl1: 'WebGL 1' }[json.source.api],
+        draws: totals.draws,
+        passes: totals.passes,
+        refused: json.refused.map(({ what, why, count }) => `${what} (${count}): ${why}`),
+        hashes: {
+            shaders: hash(json.shaders.map(({ data }) => data).sort()),
+            draws: hash(draws.filter(([what]) => what.endsWith('Pass'))),
+            picture: json.frames[0].picture.data,
+        },
+    };
+}
+
+function drawn({ do: what, pipeline, buffer, ...rest }, pass, pipelines) {
+    return what === 'setPipeline' && pass === 'renderPass' ? pipelines[pipeline] : { what, ...rest };
+}
