@@ -113,7 +113,7 @@ async function bundled(demos, entry) {
         target: 'es2022',
         logLevel: 'silent',
         nodePaths: [PACKAGES],
-        define: { __BASE_PATH__: '"/demos/vtk-js"' },
+        define: { __BASE_PATH__: '"/demos/vtk-js"', global: 'globalThis' },
         loader: {
             '.wgsl': 'text',
             '.glsl': 'text',

@@ -1,11 +1,19 @@
 // Captures the frames of frames.json: pages that others wrote, at pinned commits, for measuring passes. Nothing of them
 // is kept in this repository.
 //
-//     node frames.mjs [--programs DIR] [--demos DIR] [--out DIR] [--freeze] [FRAME ..]
+//     node frames.mjs [--programs DIR] [--demos DIR] [--out DIR] [--again] [--freeze] [FRAME ..]
 //
 // --programs: where cargo put `preshade`; default: target/release of this checkout. --demos: where the repositories
-// are cloned to; default: target/frames-demos. --out: where `seen` and `unseen` go; default: target/frames. --freeze:
-// writes what it finds into frames.json. Without it, a frame that differs from the list is named, and the exit status is 1.
+// are cloned to; default: target/frames-demos. --out: where `seen` and `unseen` go; default: target/frames. --again:
+// those that are there are not captured again. --freeze: writes what it finds into frames.json. Without it, a frame that
+// differs from the list is named, and the exit status is 1.
+//
+// Frames are sorted by the SHA-256 of their name: the first ten are `seen`, the others `unseen`. Nobody looks at what
+// passes do to the unseen ones before the seen ones are done.
+//
+// What is frozen: a page's files by the commit, its packages by package-lock.json, and hashes of what it draws:
+// `shaders`, and `commands`, which are pipelines and draws in order. `picture` is the page's, without the last word: pages
+// that count frames, or that load in another order, show it at another moment.
 
 import { execFile } from 'node:child_process';
 import { createHash } from 'node:crypto';
@@ -22,9 +30,12 @@ const run = promisify(execFile);
 const ROOT = fileURLToPath(new URL('../../../', import.meta.url));
 const LIST = fileURLToPath(new URL('frames.json', import.meta.url));
 const MINUTES = 60_000;
-/** A page is loaded when no file has come for so many seconds. */
+/**
+ * A page is loaded when no file has come for so many seconds. A page that builds its world over many frames has a
+ * `surveyLoading` in its address.
+ */
 const QUIET = 5;
-const LOADED = `globalThis.surveyLoading = 10;
+const LOADED = `globalThis.surveyLoading = Number(new URLSearchParams(location.search).get('surveyLoading') ?? 10);
 performance.setResourceTimingBufferSize(1e5);
 addEventListener('load', () => {
     let [files, quiet] = [0, 0];
@@ -46,19 +57,29 @@ const take = (flag) => {
 const programs = resolve(take('--programs') ?? join(ROOT, 'target/release'));
 const demos = resolve(take('--demos') ?? join(ROOT, 'target/frames-demos'));
 const out = resolve(take('--out') ?? join(ROOT, 'target/frames'));
+const again = words.includes('--again') && words.splice(words.indexOf('--again'), 1);
 const freezes = words.includes('--freeze') && words.splice(words.indexOf('--freeze'), 1);
 
 const list = JSON.parse(await readFile(LIST, 'utf8'));
+if (freezes) {
+    const name = ({ id }) => createHash('sha256').update(id).digest('hex');
+    list.frames.sort((a, b) => (name(a) < name(b) ? -1 : 1));
+    list.frames.forEach((frame, i) => (frame.half = i < list.frames.length / 2 ? 'seen' : 'unseen'));
+}
 const chosen = words.length ? list.frames.filter(({ id }) => words.includes(id)) : list.frames;
 const { server, address } = await serve({ demos, loaded: LOADED });
 let differ = 0;
 for (const frame of chosen) {
     try {
-        await checkOut(frame.repository, list.repositories[frame.repository]);
+        for (const repository of [frame.repository, ...(frame.packages ?? [])]) {
+            await checkOut(repository, list.repositories[repository]);
+        }
         const found = await captured(frame);
         const changed = Object.keys(found).filter((key) => JSON.stringify(found[key]) !== JSON.stringify(frame[key]));
-        if (changed.length) differ++;
-        console.log(`${frame.id}: ${changed.length ? `differs: ${changed.join(', ')}` : 'as listed'}`);
+        const moved = changed.filter((key) => key !== 'picture');
+        if (moved.length) differ++;
+        const whole = changed.length ? 'as listed, with another picture' : 'as listed';
+        console.log(`${frame.id}: ${moved.length ? `differs: ${moved.join(', ')}` : whole}`);
         if (freezes) Object.assign(frame, found);
     } catch (error) {
         differ++;
@@ -81,20 +102,20 @@ async function checkOut(repository, { commit }) {
     if (stdout.trim() !== commit) await git('checkout', '--quiet', commit);
 }
 
-async function captured({ id, repository, page, wait, half, draw }) {
+async function captured({ id, repository, page, half }) {
     const folder = join(out, half ?? '', id);
+    if (again && existsSync(folder)) return described(folder);
     await rm(folder, { recursive: true, force: true });
-    const ready = wait ? `js:globalThis.ready && (${wait})` : 'js:globalThis.ready';
-    const options = ['--frames', '1', '--size', '1280x720', '--wait-for', ready, '--after', '0', '--patience', '120'];
+    const ready = ['--wait-for', 'js:globalThis.ready', '--after', '0', '--patience', '120'];
+    const options = ['--frames', '1', '--size', '1280x720', ...ready];
     // What a page has from other places does not come, so that it is the same everywhere.
     const alone = '--flag=--host-resolver-rules=MAP * ~NOTFOUND , EXCLUDE 127.0.0.1';
-    if (draw) options.push('--draw', draw);
     const url = `${address}/demos/${repository.split('/')[1]}/${page}`;
     await run(join(programs, 'preshade'), ['capture', url, ...options, alone, '-o', folder], { timeout: 10 * MINUTES });
     return described(folder);
 }
 
-/** What a frame holds. `shaders` and `draws` are the same in every run; textures and values may not be. */
+/** What a frame holds, for the list. */
 async function described(folder) {
     const file = ['frame.json', 'frame.json.gz'].map((name) => join(folder, name)).find(existsSync);
     const bytes = await readFile(file);
@@ -116,11 +137,9 @@ async function described(folder) {
         draws: totals.draws,
         passes: totals.passes,
         refused: json.refused.map(({ what, why, count }) => `${what} (${count}): ${why}`),
-        hashes: {
-            shaders: hash(json.shaders.map(({ data }) => data).sort()),
-            draws: hash(draws.filter(([what]) => what.endsWith('Pass'))),
-            picture: json.frames[0].picture.data,
-        },
+        shaders: hash(json.shaders.map(({ data }) => data).sort()),
+        commands: hash(draws.filter(([what]) => what.endsWith('Pass'))),
+        picture: json.frames[0].picture.data,
     };
 }
 

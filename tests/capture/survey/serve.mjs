@@ -49,7 +49,10 @@ const demo = (html, prelude, loaded) => html.replace(/<head[^>]*>|^/i, `$&<scrip
 function local(text) {
     const address =
         /(?:https?:)?\/\/(?:cdn\.jsdelivr\.net\/npm|unpkg\.com|cdn\.skypack\.dev)\/((?:@[^/]+\/)?[^@/]+)(?:@([^/]+))?\//g;
-    return text.replaceAll('./node_modules/', '/npm/').replace(address, (_, name, version) => {
+    const known = text
+        .replaceAll('./node_modules/', '/npm/')
+        .replaceAll('https://preview.babylonjs.com/', '/npm/@babylonjs/core/assets/');
+    return known.replace(address, (_, name, version) => {
         const own = `${name}-${version}`;
         return `/npm/${existsSync(`${HERE}node_modules/${own}`) ? own : name}/`;
     });
