@@ -67,13 +67,13 @@ captures:
 	cd tests/capture/survey && node survey.mjs --cost
 
 # Clones pages that others wrote at pinned commits, records one frame of each into target/frames, and says which differ
-# from tests/capture/survey/frames.json. FRAMES names some of them. It takes half an hour and 2 GB.
+# from tests/capture/survey/frames.json. FRAMES names some of them, DEMOS a folder for the clones. It takes half an hour.
 frames:
 	scripts/setup.sh vulkan three swiftshader
 	cargo build --release --all-features -p preshade-cli
 	cd tests/capture && npm ci --ignore-scripts
 	cd tests/capture/survey && npm ci --ignore-scripts --legacy-peer-deps
-	cd tests/capture/survey && node frames.mjs $(FRAMES)
+	cd tests/capture/survey && node frames.mjs $(if $(DEMOS),--demos $(abspath $(DEMOS))) $(FRAMES)
 
 # Times frozen hand-written shaders beside those that preshade generates from the same entry points.
 bench:

@@ -4,16 +4,16 @@
 //     node frames.mjs [--programs DIR] [--demos DIR] [--out DIR] [--again] [--freeze] [FRAME ..]
 //
 // --programs: where cargo put `preshade`; default: target/release of this checkout. --demos: where the repositories
-// are cloned to; default: target/frames-demos. --out: where `seen` and `unseen` go; default: target/frames. --again:
+// are fetched to; default: target/frames-demos. --out: where `seen` and `unseen` go; default: target/frames. --again:
 // those that are there are not captured again. --freeze: writes what it finds into frames.json. Without it, a frame that
 // differs from the list is named, and the exit status is 1.
 //
 // Frames are sorted by the SHA-256 of their name: the first ten are `seen`, the others `unseen`. Nobody looks at what
-// passes do to the unseen ones before the seen ones are done.
+// passes gain in the unseen ones before the work on the seen ones is done.
 //
-// What is frozen: a page's files by the commit, its packages by package-lock.json, and hashes of what it draws:
-// `shaders`, and `commands`, which are pipelines and draws in order. `picture` is the page's, without the last word: pages
-// that count frames, or that load in another order, show it at another moment.
+// What is frozen: a page's files by the commit, its packages by package-lock.json, and hashes of what it draws. `shaders`
+// and `commands`, the pipelines and draws of each pass, are the same in every run. `picture` is not for pages that count
+// frames or load in another order, so another picture is no difference.
 
 import { execFile } from 'node:child_process';
 import { createHash } from 'node:crypto';
@@ -94,12 +94,12 @@ else process.exitCode = differ ? 1 : 0;
 async function checkOut(repository, { commit }) {
     const folder = join(demos, repository.split('/')[1]);
     const git = (...args) => run('git', ['-C', folder, ...args]);
-    if (!existsSync(folder)) {
-        await mkdir(demos, { recursive: true });
-        await run('git', ['clone', '--quiet', `https://github.com/${repository}`, folder], { maxBuffer: 1 << 26 });
-    }
-    const { stdout } = await git('rev-parse', 'HEAD');
-    if (stdout.trim() !== commit) await git('checkout', '--quiet', commit);
+    await mkdir(folder, { recursive: true });
+    if (!existsSync(join(folder, '.git'))) await git('init', '--quiet');
+    const { stdout } = await git('rev-parse', '--verify', '--quiet', 'HEAD').catch(() => ({ stdout: '' }));
+    if (stdout.trim() === commit) return;
+    await git('fetch', '--quiet', '--depth', '1', `https://github.com/${repository}`, commit);
+    await git('checkout', '--quiet', 'FETCH_HEAD');
 }
 
 async function captured({ id, repository, page, half }) {
@@ -128,21 +128,25 @@ async function described(folder) {
         fragment: stage(rest.fragment),
     });
     const pipelines = json.renderPipelines.map((each) => hash(pipeline(each)));
-    const draws = json.frames[0].commands.map(({ do: what, commands = [] }) => [
-        what,
-        commands.filter(({ do: each }) => /^(setPipeline|draw)/.test(each)).map((each) => drawn(each, what, pipelines)),
-    ]);
+    const passes = json.frames[0].commands.filter(({ do: what }) => what.endsWith('Pass'));
     return {
         api: { webgpu: 'WebGPU', webgl2: 'WebGL 2', webgl1: 'WebGL 1' }[json.source.api],
         draws: totals.draws,
         passes: totals.passes,
         refused: json.refused.map(({ what, why, count }) => `${what} (${count}): ${why}`),
         shaders: hash(json.shaders.map(({ data }) => data).sort()),
-        commands: hash(draws.filter(([what]) => what.endsWith('Pass'))),
+        commands: hash(passes.map((pass) => drawn(pass, pipelines))),
         picture: json.frames[0].picture.data,
     };
 }
 
-function drawn({ do: what, pipeline, buffer, ...rest }, pass, pipelines) {
-    return what === 'setPipeline' && pass === 'renderPass' ? pipelines[pipeline] : { what, ...rest };
+/** The draws of a pass with their pipelines, in no order: engines sort what is equally far as it was loaded. */
+function drawn({ do: pass, commands }, pipelines) {
+    const draws = [];
+    let pipeline;
+    for (const { do: what, buffer, ...rest } of commands) {
+        if (what === 'setPipeline') pipeline = pass === 'renderPass' ? pipelines[rest.pipeline] : 'compute';
+        else if (/^(draw|dispatch)/.test(what)) draws.push(hash([pipeline, what, rest]));
+    }
+    return [pass, draws.sort()];
 }
