@@ -56,20 +56,12 @@ export async function demoFile(demos, path) {
     if (example) return { text: playcanvas(example) };
     if (path.startsWith('webgpu-samples/assets/'))
         return { file: join(demos, path.replace('assets/', 'public/assets/')) };
-    if (/^(luma\.gl|ez-tree|threejs-procedural-planets)\/.*\.html$/.test(path))
-        return { text: await vite(demos, path) };
-    const [, script] = /^(.*)\.js\.html$/.exec(path) ?? [];
-    if (script) return { text: PAGE(`/demos/${script}.bundle.js`) };
-    if (path.startsWith('vtk-js/data/')) return { file: join(demos, path.replace('data/', 'Data/')) };
-    if (/\.tsx?$|\.bundle\.js$/.test(path))
+    if (/^(luma\.gl|threejs-procedural-planets)\/.*\.html$/.test(path)) return { text: await vite(demos, path) };
+    if (path.endsWith('.bundle.js'))
         return { text: await bundled(demos, join(demos, path.replace(/\.bundle\.js$/, '.js'))) };
     if (path.startsWith('engine/examples/scripts/')) return { file: join(demos, path.replace('examples/', '')) };
     return { file: join(demos, path) };
 }
-
-/** A page around a script that makes its own canvas. */
-const PAGE = (script) => `<!doctype html><html><head><title>${script}</title><style>body { margin: 0 }</style></head>
-<body><script type="module" src="${script}"></script></body></html>`;
 
 /** Packages that a repository holds come from its sources. */
 const sources = (demos) => ({
@@ -86,9 +78,6 @@ const sources = (demos) => ({
         build.onResolve({ filter: /^three\/.*\.module$/ }, ({ path, kind, resolveDir }) =>
             resolve(`${path}.js`, { kind, resolveDir }),
         );
-        build.onResolve({ filter: /^@dgreenheck\/ez-tree$/ }, () => ({
-            path: join(demos, 'ez-tree/src/lib/index.js'),
-        }));
     },
 });
 
@@ -113,15 +102,7 @@ async function bundled(demos, entry) {
         target: 'es2022',
         logLevel: 'silent',
         nodePaths: [PACKAGES],
-        define: { __BASE_PATH__: '"/demos/vtk-js"', global: 'globalThis' },
-        loader: {
-            '.wgsl': 'text',
-            '.glsl': 'text',
-            '.frag': 'text',
-            '.vert': 'text',
-            '.png': 'dataurl',
-            '.jpg': 'dataurl',
-        },
+        loader: { '.wgsl': 'text' },
         plugins: [sources(demos)],
     });
     return outputFiles[0].text;

@@ -30,12 +30,9 @@ const run = promisify(execFile);
 const ROOT = fileURLToPath(new URL('../../../', import.meta.url));
 const LIST = fileURLToPath(new URL('frames.json', import.meta.url));
 const MINUTES = 60_000;
-/**
- * A page is loaded when no file has come for so many seconds. A page that builds its world over many frames has a
- * `surveyLoading` in its address.
- */
+/** A page is loaded when no file has come for so many seconds. */
 const QUIET = 5;
-const LOADED = `globalThis.surveyLoading = Number(new URLSearchParams(location.search).get('surveyLoading') ?? 10);
+const LOADED = `globalThis.surveyLoading = 10;
 performance.setResourceTimingBufferSize(1e5);
 addEventListener('load', () => {
     let [files, quiet] = [0, 0];

@@ -20,8 +20,6 @@ const TYPES = {
     '.jpg': 'image/jpeg',
     '.svg': 'image/svg+xml',
     '.wgsl': 'text/plain',
-    '.glsl': 'text/plain',
-    '.webp': 'image/webp',
 };
 
 const HTML = (name, clock) => `<!doctype html><title>${name}</title><link rel="icon" href="data:,">
@@ -45,18 +43,11 @@ export async function pages() {
 const DEMO = `addEventListener('load', () => setTimeout(() => (globalThis.loaded = true), 6000));`;
 const demo = (html, prelude, loaded) => html.replace(/<head[^>]*>|^/i, `$&<script>${loaded}${prelude}</script>`);
 
-/** Text with the addresses of packages here. A version that has a package of its own, `three-0.114.0`, comes from it. */
-function local(text) {
-    const address =
-        /(?:https?:)?\/\/(?:cdn\.jsdelivr\.net\/npm|unpkg\.com|cdn\.skypack\.dev)\/((?:@[^/]+\/)?[^@/]+)(?:@([^/]+))?\//g;
-    const known = text
-        .replaceAll('./node_modules/', '/npm/')
-        .replaceAll('https://preview.babylonjs.com/', '/npm/@babylonjs/core/assets/');
-    return known.replace(address, (_, name, version) => {
-        const own = `${name}-${version}`;
-        return `/npm/${existsSync(`${HERE}node_modules/${own}`) ? own : name}/`;
-    });
-}
+/** Text with the addresses of packages here. */
+const local = (text) =>
+    text
+        .replace(/https:\/\/cdn\.jsdelivr\.net\/npm\/((?:@[^/]+\/)?[^@/]+)@[^/]+\//g, '/npm/$1/')
+        .replaceAll('./node_modules/', '/npm/');
 
 /** Resolves to an address; a page is at `/NAME?api=webgpu`. */
 export async function serve({ clock = true, demos, loaded = DEMO } = {}) {
