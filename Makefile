@@ -1,4 +1,4 @@
-.PHONY: demo check test web hosts bevy promises captures bench audit dist fuzz docs
+.PHONY: demo check test web hosts bevy promises captures frames bench audit dist fuzz docs
 
 # Draws the shrine with the original and its variants, and prints the cost and gain of each. The features
 # left out read other dialects of WGSL, which the shrine does not use.
@@ -65,6 +65,15 @@ captures:
 	cd tests/capture/survey && npm ci --ignore-scripts --legacy-peer-deps
 	cd tests/capture/survey && node survey.mjs $(if $(DEMOS),--demos $(abspath $(DEMOS)))
 	cd tests/capture/survey && node survey.mjs --cost
+
+# Clones pages that others wrote at pinned commits, records one frame of each into target/frames, and says which differ
+# from tests/capture/survey/frames.json. FRAMES names some of them, DEMOS a folder for the clones. It takes half an hour.
+frames:
+	scripts/setup.sh vulkan three swiftshader
+	cargo build --release --all-features -p preshade-cli
+	cd tests/capture && npm ci --ignore-scripts
+	cd tests/capture/survey && npm ci --ignore-scripts --legacy-peer-deps
+	cd tests/capture/survey && node frames.mjs $(if $(DEMOS),--demos $(abspath $(DEMOS))) $(FRAMES)
 
 # Times frozen hand-written shaders beside those that preshade generates from the same entry points.
 bench:

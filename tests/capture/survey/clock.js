@@ -1,10 +1,12 @@
 // Put before a page: random numbers with a seed, and a clock that counts frames. Time stands still from when the page
-// is ready until it is recorded, so every run records the same pictures.
+// is ready until it is recorded, so every run records the same pictures. A page that loads for an unknown number of
+// frames names the number after which its time stands still until it is loaded: `surveyLoading`.
 
 (() => {
     const STEP = 1000 / 60;
     /** Frames that a page draws after it has loaded, before it is ready. */
-    const SETTLING = 12;
+    const SETTLING = globalThis.surveyLoading ? 4 : 12;
+    const LOADING = globalThis.surveyLoading ?? 0;
 
     let state = 0x2545f491;
     Math.random = () => {
@@ -16,20 +18,25 @@
 
     let now = 0;
     let settled = 0;
+    let loading = 0;
     let moves = true;
     let last = -1;
     performance.now = () => now;
-    const Real = Date;
-    const epoch = Real.UTC(2026, 0, 1);
-    Real.now = () => epoch + Math.floor(now);
+    const epoch = Date.UTC(2026, 0, 1);
+    Date.now = () => epoch + Math.floor(now);
+    globalThis.Date = new Proxy(Date, {
+        construct: (real, words, made) => Reflect.construct(real, words.length ? words : [real.now()], made),
+    });
 
     const request = globalThis.requestAnimationFrame;
     globalThis.requestAnimationFrame = (callback) =>
         request((time) => {
             if (time !== last) {
                 last = time;
-                if (moves) now += STEP;
-                if (globalThis.loaded && !globalThis.ready && ++settled > SETTLING) {
+                const waits = LOADING && loading === LOADING && !globalThis.loaded;
+                if (moves && !waits) now += STEP;
+                if (loading < LOADING) loading++;
+                else if (globalThis.loaded && !globalThis.ready && ++settled > SETTLING) {
                     moves = false;
                     globalThis.ready = true;
                 }

@@ -6,12 +6,14 @@
 
 import { build } from 'esbuild';
 import { existsSync } from 'node:fs';
+import { readFile } from 'node:fs/promises';
 import { fileURLToPath } from 'node:url';
-import { join } from 'node:path';
+import { dirname, join } from 'node:path';
 
 const PACKAGES = fileURLToPath(new URL('node_modules', import.meta.url));
 
-const SAMPLES = `a-buffer animometer bitonicSort blending cameras computeBoids cornell cubemap deferredRendering fractalCube
+const SAMPLES =
+    `a-buffer animometer bitonicSort blending cameras computeBoids cornell cubemap deferredRendering fractalCube
     gameOfLife generateMipmap helloTriangleMSAA imageBlur instancedCube normalMap occlusionQuery particles points
     primitivePicking renderBundles reversedZ rotatingCube samplerParameters shadowMapping skinnedMesh stencilMask
     textRenderingMsdf texturedCube transparentCanvas twoCubes volumeRenderingTexture3D wireframe`.split(/\s+/);
@@ -32,7 +34,11 @@ export function list(demos) {
             const name = example.split('/')[1];
             for (const api of ['WebGL', 'WebGPU']) {
                 const path = `/demos/engine/examples/${example}.html?api=${api}`;
-                rows.push({ id: `playcanvas-${name}-${api.toLowerCase()}`, title: `PlayCanvas: example ${name}`, path });
+                rows.push({
+                    id: `playcanvas-${name}-${api.toLowerCase()}`,
+                    title: `PlayCanvas: example ${name}`,
+                    path,
+                });
             }
         }
     }
@@ -45,17 +51,51 @@ export function list(demos) {
 /** Where a file of a demo is, or its text. */
 export async function demoFile(demos, path) {
     const [, sample] = /^webgpu-samples\/(sample\/.*)\/main\.js$/.exec(path) ?? [];
-    if (sample) return { text: await bundled(join(demos, 'webgpu-samples', sample, 'main.ts')) };
+    if (sample) return { text: await bundled(demos, join(demos, 'webgpu-samples', sample, 'main.ts')) };
     const [, example] = /^engine\/examples\/([a-z]+\/[a-z0-9-]+)\.html$/.exec(path) ?? [];
     if (example) return { text: playcanvas(example) };
-    if (path.startsWith('webgpu-samples/assets/')) return { file: join(demos, path.replace('assets/', 'public/assets/')) };
+    if (path.startsWith('webgpu-samples/assets/'))
+        return { file: join(demos, path.replace('assets/', 'public/assets/')) };
+    if (/^(luma\.gl|threejs-procedural-planets)\/.*\.html$/.test(path)) return { text: await vite(demos, path) };
+    if (path.endsWith('.bundle.js'))
+        return { text: await bundled(demos, join(demos, path.replace(/\.bundle\.js$/, '.js'))) };
     if (path.startsWith('engine/examples/scripts/')) return { file: join(demos, path.replace('examples/', '')) };
     return { file: join(demos, path) };
 }
 
-async function bundled(entry) {
+/** Packages that a repository holds come from its sources. */
+const sources = (demos) => ({
+    name: 'sources',
+    setup(build) {
+        const { resolve } = build;
+        build.onResolve({ filter: /^@luma\.gl\// }, ({ path, kind }) => {
+            const [, module, ...rest] = path.split('/');
+            return resolve(`./${[module, 'src', ...rest].join('/')}`, {
+                kind,
+                resolveDir: join(demos, 'luma.gl/modules'),
+            });
+        });
+        build.onResolve({ filter: /^three\/.*\.module$/ }, ({ path, kind, resolveDir }) =>
+            resolve(`${path}.js`, { kind, resolveDir }),
+        );
+    },
+});
+
+/** A page for Vite: each script of its own is bundled. */
+async function vite(demos, path) {
+    const file = join(demos, path);
+    const html = await readFile(file, 'utf8');
+    const named = html.replace(/(<script type="module" src=")[./]*([^":]*\.)js"/g, '$1./$2bundle.js"');
+    const [whole, script] = /<script type="module">(.*?)<\/script>/s.exec(named) ?? [];
+    if (!whole) return named;
+    const text = await bundled(demos, { stdin: { contents: script, resolveDir: dirname(file) } });
+    return named.replace(whole, () => `<script type="module">${text.replaceAll('</script', '<\\/script')}</script>`);
+}
+
+/** The bundle of a file, or of what esbuild's options name. */
+async function bundled(demos, entry) {
     const { outputFiles } = await build({
-        entryPoints: [entry],
+        ...(typeof entry === 'string' ? { entryPoints: [entry] } : entry),
         bundle: true,
         write: false,
         format: 'esm',
@@ -63,6 +103,7 @@ async function bundled(entry) {
         logLevel: 'silent',
         nodePaths: [PACKAGES],
         loader: { '.wgsl': 'text' },
+        plugins: [sources(demos)],
     });
     return outputFiles[0].text;
 }

@@ -1,6 +1,7 @@
 // A server of the pages of `pages/`, each bundled with the libraries it imports; `/npm/` are files of packages.
 
 import { build } from 'esbuild';
+import { existsSync } from 'node:fs';
 import { readFile, readdir } from 'node:fs/promises';
 import { createServer } from 'node:http';
 import { extname, join, normalize } from 'node:path';
@@ -40,15 +41,16 @@ export async function pages() {
 
 /** A page of a demo: packages come from here, and it is loaded a while after it says so. */
 const DEMO = `addEventListener('load', () => setTimeout(() => (globalThis.loaded = true), 6000));`;
-function demo(html, prelude) {
-    const local = html
+const demo = (html, prelude, loaded) => html.replace(/<head[^>]*>|^/i, `$&<script>${loaded}${prelude}</script>`);
+
+/** Text with the addresses of packages here. */
+const local = (text) =>
+    text
         .replace(/https:\/\/cdn\.jsdelivr\.net\/npm\/((?:@[^/]+\/)?[^@/]+)@[^/]+\//g, '/npm/$1/')
         .replaceAll('./node_modules/', '/npm/');
-    return local.replace(/<head>|^/, `$&<script>${prelude};${DEMO}</script>`);
-}
 
 /** Resolves to an address; a page is at `/NAME?api=webgpu`. */
-export async function serve({ clock = true, demos } = {}) {
+export async function serve({ clock = true, demos, loaded = DEMO } = {}) {
     const prelude = clock ? await readFile(`${HERE}clock.js`, 'utf8') : '';
     const bundles = new Map();
     const bundle = async (name) => {
@@ -69,7 +71,10 @@ export async function serve({ clock = true, demos } = {}) {
         const type = (name) => response.setHeader('content-type', TYPES[extname(name)] ?? 'application/octet-stream');
         try {
             const [, page, script] = /^\/([a-z0-9-]+)(\.js)?$/.exec(path) ?? [];
-            const [, root, file] = /^\/(npm|demos)\/(.*)$/.exec(path) ?? [];
+            const [, from] = /\/demos\/(.*\/)[^/]*$/.exec(request.headers.referer?.split('?')[0]) ?? [];
+            // Vite serves a page's folder `public` as the root.
+            const known = /^\/(npm|demos)\/(.*)$/.exec(path);
+            const [, root, file] = known ?? (from && !page ? [path, 'demos', `${from}public${path}`] : []);
             if (page && !script) {
                 type('page.html');
                 response.end(HTML(page, prelude));
@@ -79,15 +84,24 @@ export async function serve({ clock = true, demos } = {}) {
                 type('page.js');
                 response.end(text);
             } else if (root && !normalize(file).startsWith('..')) {
-                const package_ = root === 'npm' && { file: join(`${HERE}node_modules`, normalize(file)) };
+                // A package that is not published is a checkout.
+                const homes = [`${HERE}node_modules`, ...(demos ? [demos] : [])].map((home) =>
+                    join(home, normalize(file)),
+                );
+                const package_ = root === 'npm' && { file: homes.find(existsSync) ?? homes[0] };
                 const found = package_ || (await demoFile(demos, normalize(file)));
                 const bytes = found.text ?? (await readFile(found.file));
-                type(file);
-                response.end(extname(file) === '.html' ? demo(String(bytes), prelude) : bytes);
+                type(found.text && extname(file) !== '.html' ? 'bundle.js' : file);
+                if (package_ || !/\.(html|m?js)$/.test(file)) response.end(bytes);
+                else if (extname(file) !== '.html') response.end(local(String(bytes)));
+                else response.end(demo(local(String(bytes)), prelude, loaded));
             } else response.writeHead(404).end();
         } catch (error) {
+            if (error.code === 'ENOENT') return response.writeHead(404).end();
             const text = String(error.message ?? error);
-            response.setHeader('content-type', 'text/javascript').end(`console.error(${JSON.stringify(text.slice(0, 2000))});`);
+            response
+                .setHeader('content-type', 'text/javascript')
+                .end(`console.error(${JSON.stringify(text.slice(0, 2000))});`);
         }
     });
     await new Promise((resolve) => server.listen(0, '127.0.0.1', resolve));
