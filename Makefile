@@ -1,4 +1,4 @@
-.PHONY: demo check test web hosts bevy promises captures frames bench audit dist fuzz docs
+.PHONY: demo check test web hosts bevy promises captures frames gains bench audit dist fuzz docs
 
 # Draws the shrine with the original and its variants, and prints the cost and gain of each. The features
 # left out read other dialects of WGSL, which the shrine does not use.
@@ -74,6 +74,12 @@ frames:
 	cd tests/capture && npm ci --ignore-scripts
 	cd tests/capture/survey && npm ci --ignore-scripts --legacy-peer-deps
 	cd tests/capture/survey && node frames.mjs $(if $(DEMOS),--demos $(abspath $(DEMOS))) $(FRAMES)
+
+# Profiles and plans the recorded frames on ADAPTER, and writes the results as NAME into docs/results/workload.
+gains:
+	cargo build --release --all-features -p preshade-cli
+	scripts/gains.sh target/release/preshade target/gains "$(ADAPTER)" target/frames/*/*
+	cd tests/capture/survey && node gains.mjs ../../../target/gains $(NAME)
 
 # Times frozen hand-written shaders beside those that preshade generates from the same entry points.
 bench:

@@ -163,7 +163,8 @@ function trackTextures() {
         define(gl, target, level, internal, width, height, depth),
     );
     const storage = (gl, target, levels, internal, width, height, depth) => {
-        for (let i = 0; i < levels; i++) {
+        // WebGL drops the fraction that three.js gives.
+        for (let i = 0; i < Math.trunc(levels); i++) {
             const deep = target === 0x806f ? Math.max(1, depth >> i) : depth;
             define(gl, target, i, internal, Math.max(1, width >> i), Math.max(1, height >> i), deep);
         }

@@ -95,7 +95,8 @@ gl.bindVertexArray(null);
 
 const image = gl.createTexture();
 gl.bindTexture(gl.TEXTURE_2D, image);
-gl.texStorage2D(gl.TEXTURE_2D, 6, gl.RGBA8, 32, 32);
+// As three.js counts levels.
+gl.texStorage2D(gl.TEXTURE_2D, 6.6, gl.RGBA8, 32, 32);
 gl.texSubImage2D(
     gl.TEXTURE_2D,
     0,
