@@ -61,6 +61,7 @@ impl PlanFile {
                 attachments: original.attachments,
                 passes: original.passes,
                 vertex_buffers: Vec::new(),
+                draw_buffers: Vec::new(),
                 frame_buffers: Vec::new(),
                 compute: Vec::new(),
                 steps: Vec::new(),

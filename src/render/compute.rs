@@ -104,6 +104,7 @@ pub(super) fn prepare(
                         Made::Drawn(&drawn),
                         Workgroups::Of(rows(bound.vertex_count * bound.instances, pass.workgroup)),
                     ),
+                    (None, Geometry::Draw) => (Made::Drawn(&drawn), Workgroups::Of([1, 1])),
                     (None, Geometry::Indirect { buffer }) => (
                         Made::Drawn(&drawn),
                         Workgroups::Indirect(table.arguments(buffer, &drawn).map_err(failed)?),

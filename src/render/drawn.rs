@@ -29,6 +29,8 @@ pub(super) struct DrawTable {
     frame: BTreeMap<String, (FrameWords, wgpu::Buffer)>,
     /// The computed vertices of draws without subdivision, by draw and name.
     vertices: BTreeMap<(usize, String), wgpu::Buffer>,
+    /// The values of each draw, by draw and name.
+    values: BTreeMap<(usize, String), wgpu::Buffer>,
     amend: Amend,
 }
 
@@ -43,6 +45,8 @@ pub(super) struct Drawn {
     frame: BTreeMap<String, wgpu::Buffer>,
     /// The buffers of computed vertices.
     vertices: BTreeMap<String, wgpu::Buffer>,
+    /// The buffers of the draw's values.
+    values: BTreeMap<String, wgpu::Buffer>,
     number: u64,
     /// Uniform buffers that the author does not have, each with its source.
     host: Vec<(BindingSource, wgpu::Buffer)>,
@@ -99,6 +103,7 @@ impl DrawTable {
         }
         Ok(Self {
             vertices: computed(inputs, plans)?,
+            values: values(inputs, plans),
             frame,
             viewport: viewport.map(|v| v as f32),
             first_ids,
@@ -188,8 +193,19 @@ impl DrawTable {
                 computed.insert(buffer.clone(), found.clone());
             }
         }
+        let mut values = BTreeMap::new();
+        for binding in bindings {
+            if let BindingSource::Geometry {
+                part: GeometryPart::Values { buffer },
+            } = &binding.source
+                && let Some(found) = self.values.get(&(index, buffer.clone()))
+            {
+                values.insert(buffer.clone(), found.clone());
+            }
+        }
         Ok(Drawn {
             frame,
+            values,
             vertices: computed,
             number: index as u64,
             host: host(gpu, bindings, index, previous),
@@ -276,6 +292,29 @@ fn computed(
         }
     }
     Ok(buffers)
+}
+
+/// The buffers of values that `plans` make for each draw.
+fn values(
+    inputs: &SceneInputs<'_>,
+    plans: &[Plan],
+) -> BTreeMap<(usize, String), wgpu::Buffer> {
+    let (gpu, scene) = (inputs.gpu(), inputs.scene());
+    let mut buffers = BTreeMap::new();
+    for (index, draw) in scene.draws.iter().enumerate() {
+        let material = scene.materials.get(draw.material).map(|m| &m.name);
+        let of_draw = plans.iter().filter(|p| Some(&p.material) == material);
+        for planned in of_draw.flat_map(|p| &p.draw_buffers) {
+            let buffer = gpu.device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(&planned.name),
+                size: u64::from(planned.size),
+                usage: wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::UNIFORM,
+                mapped_at_creation: false,
+            });
+            buffers.insert((index, planned.name.clone()), buffer);
+        }
+    }
+    buffers
 }
 
 /// A buffer of the frame for these numbers of draws, instances and pixels.
@@ -387,6 +426,13 @@ impl Drawn {
             GeometryPart::Vertices { buffer } => Some((
                 self.vertices.get(buffer)?,
                 wgpu::BufferBindingType::Storage { read_only },
+            )),
+            GeometryPart::Values { buffer } => Some((
+                self.values.get(buffer)?,
+                match binding.kind {
+                    BindingKind::Uniform => wgpu::BufferBindingType::Uniform,
+                    _ => wgpu::BufferBindingType::Storage { read_only },
+                },
             )),
             GeometryPart::Draw { .. } => Some((&self.entry, wgpu::BufferBindingType::Uniform)),
             GeometryPart::DrawTable => Some((

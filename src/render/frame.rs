@@ -774,7 +774,7 @@ impl FrameBuilder<'_, '_> {
                 let arguments = self.table.arguments(buffer, &drawn);
                 Call::Indirect(arguments.map_err(|m| found.failed(m))?)
             }
-            (None, Geometry::Instances | Geometry::Vertices) => {
+            (None, Geometry::Instances | Geometry::Vertices | Geometry::Draw) => {
                 let message = "its geometry is computed, not drawn".to_owned();
                 return Err(found.failed(message));
             }

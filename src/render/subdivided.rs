@@ -349,6 +349,9 @@ impl Subdivided {
                 (None, None) => &mesh.pattern,
             },
             GeometryPart::Attribute(a) => &attribute(draw, a.location)?.0.buffer,
+            GeometryPart::Values { .. } => {
+                return Err("a pass that subdivides its geometry has no values of the draw".to_owned());
+            }
             GeometryPart::Draw { .. } | GeometryPart::DrawTable | GeometryPart::Frame { .. } => {
                 return Err("a pass that subdivides its geometry has no draw table".to_owned());
             }

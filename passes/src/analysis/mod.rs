@@ -1,17 +1,22 @@
 //! Questions that any pass may ask about a program. An analysis reads the graph and changes nothing.
 
 pub mod authored;
+pub mod below;
 pub mod contraction;
 pub mod coverage;
+pub mod cut;
 pub(crate) mod discontinuity;
 pub(crate) mod effects;
 pub mod hazard;
 pub(crate) mod implicit_inputs;
 pub mod lit;
+pub mod loops;
+pub mod named;
 pub(crate) mod near_plane;
 pub mod neighbours;
 pub mod opaque;
 pub(crate) mod operations;
+pub mod preamble;
 pub(crate) mod range;
 pub(crate) mod reach;
 pub mod refusals;

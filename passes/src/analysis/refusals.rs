@@ -43,6 +43,10 @@ refusals! {
         "The fragment stage writes memory. Fragments that end up hidden write too, and would no \
          longer.",
         "Move the store to a pass of its own.";
+    FRAGMENT_STORES = "fragment-stores":
+        "The fragment stage writes memory, and a pass that moves values out of it does not follow \
+         what it writes.",
+        "Move the writes to a pass of their own.";
     FUSED_DISCARD = "fused-discard":
         "A discard or a depth is computed from a sum, and other code of the stage reads one of its \
          terms too. A compiler may fuse a term into a sum where nothing else reads it. The slice \
@@ -86,8 +90,18 @@ refusals! {
     NOT_FIRST = "not-first":
         "Another pass of the plan draws the same surface, with stages made of those that would \
          change.",
-        "Put `specialize` and `early-alpha` first in the recipe, and divide a surface once: \
-         `tessellate` after `tessellate` has no vertex stage of the author's left.";
+        "Put `specialize` and `early-alpha` first in the recipe, then `preamble`. Divide a surface \
+         once: `tessellate` after `tessellate` has no vertex stage of the author's left. Derive \
+         `shadow` and `outputs` from a plan without `preamble`.";
+    NOT_SEPARABLE = "not-separable":
+        "The values that would move cannot be separated from the rest of the stage.",
+        "Compute them ahead of the branch or return that encloses them.";
+    NOTHING_PAYS = "nothing-pays":
+        "No value that may move saves a fragment more than it costs to read it: from a varying \
+         (`hoist`), or from a buffer of the draw (`preamble`).",
+        "The message names the one thing that would help. `hoist`: a budget, a measurement, \
+         `finite=assumed`, `jumps=carried` or a larger error. `preamble`: `allow=rounding`, or a \
+         smaller `least`. `preshade explain` lists the values that were not moved, and why.";
     SAMPLE_MASK = "sample-mask":
         "The fragment stage writes the sample mask, so coverage is decided there, sample by \
          sample.",

@@ -21,6 +21,8 @@ use crate::analysis::range::{AllRanges, dimension, terms};
 use crate::analysis::users::Users;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::core::pass::SourceRange;
+use crate::core::plan::GpuPass;
+use crate::core::state::ColorTarget;
 use crate::evaluate::bound::Accuracy;
 use crate::evaluate::interval::Interval;
 use crate::graph::rate::Rate;
@@ -42,6 +44,24 @@ pub const MOST: f64 = 1.0 / 255.0;
 
 /// Slope of the sRGB transfer function at 0, its maximum (IEC 61966-2-1).
 pub const STEEPEST_SRGB: f64 = 12.92;
+
+/// Largest change of an output by rounding that the targets of a pass hide; negative where any change
+/// shows.
+pub fn most(pass: &GpuPass) -> f64 {
+    let is_srgb = |t: &ColorTarget| t.format.ends_with("-srgb");
+    let targets = || pass.targets.iter().flatten();
+    let multisample = &pass.multisample;
+    // Layers add up, and coverage decisions are discontinuous. With multisampling a pixel's centre
+    // may be outside of the triangle, where a varying exceeds the corners' range.
+    let is_step = targets().all(|t| t.blend.is_none())
+        && multisample.count == 1
+        && !multisample.alpha_to_coverage;
+    match targets().any(is_srgb) {
+        _ if !is_step => -1.0,
+        true => MOST / STEEPEST_SRGB,
+        false => MOST,
+    }
+}
 
 /// Most values to follow to the outputs for all moved values together; beyond that there is no
 /// bound.

@@ -31,6 +31,8 @@ pub enum Geometry {
     Instances,
     /// In a compute pass: the vertices of the draw's vertex buffers, for each instance.
     Vertices,
+    /// In a compute pass: the draw itself, `dispatchWorkgroups(1)`.
+    Draw,
 }
 
 impl Geometry {
@@ -47,7 +49,8 @@ impl Geometry {
             | Self::FullScreen
             | Self::Indirect { .. }
             | Self::Instances
-            | Self::Vertices => None,
+            | Self::Vertices
+            | Self::Draw => None,
             Self::Subdivided(subdivision) => Some(subdivision),
         }
     }

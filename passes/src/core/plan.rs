@@ -255,6 +255,11 @@ pub enum GeometryPart {
         /// Name of the buffer.
         buffer: String,
     },
+    /// The values that a compute pass made of the draw's uniforms, one of the plan's [`DrawBuffer`]s.
+    Values {
+        /// Name of the buffer.
+        buffer: String,
+    },
     /// The draw's index buffer, which needs the usage `STORAGE` beside `INDEX`; without one, any
     /// buffer. For a strip, the list of its triangles
     /// ([`crate::core::geometry::Subdivision::given`]).
@@ -468,6 +473,17 @@ pub struct VertexBuffer {
     pub stride: u32,
 }
 
+/// A buffer of values that a compute pass makes for a draw, one for each draw of the material. It
+/// needs the usages `STORAGE` and `UNIFORM`. A draw's compute and render passes bind the same one, and
+/// no other draw may bind it in between.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+pub struct DrawBuffer {
+    /// The name passes refer to.
+    pub name: String,
+    /// Bytes.
+    pub size: u32,
+}
+
 /// A buffer that the compute passes of a frame fill for later passes. There is one per frame,
 /// shared by all plans that name it. Its words are 0 at the start of a frame. It needs the usage
 /// `STORAGE`, and `INDIRECT` if it holds arguments.
@@ -554,10 +570,10 @@ pub struct ComputePass {
     /// `indirect` geometry it is the side of a square workgroup: a draw needs one invocation per
     /// pixel of the scene's colour, or the workgroup count of its entry. For `instances` and
     /// `vertices`, a draw needs one invocation per instance, or per vertex of each instance, in
-    /// rows as for new vertices.
+    /// rows as for new vertices. For `draw`, it needs one workgroup.
     pub workgroup: u32,
-    /// Its domain: new vertices, the pixels of the screen, instances, or the count in a frame's
-    /// buffer.
+    /// Its domain: new vertices, the pixels of the screen, instances, the draw itself, or the count
+    /// in a frame's buffer.
     pub geometry: Geometry,
     /// The draws that it runs for.
     #[serde(default, skip_serializing_if = "Draws::is_all")]
@@ -682,6 +698,9 @@ pub struct Plan {
     /// Buffers of computed vertices.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub vertex_buffers: Vec<VertexBuffer>,
+    /// Buffers of values, one for each draw.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub draw_buffers: Vec<DrawBuffer>,
     /// Buffers of the frame.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub frame_buffers: Vec<FrameBuffer>,
@@ -786,6 +805,7 @@ impl Plan {
                 state.multisample.count,
             )],
             vertex_buffers: Vec::new(),
+            draw_buffers: Vec::new(),
             frame_buffers: Vec::new(),
             compute: Vec::new(),
             passes: vec![pass],

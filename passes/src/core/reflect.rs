@@ -206,6 +206,20 @@ fn buffer_size(binding: &BindingUse) -> u64 {
     }
 }
 
+/// Group and binding behind all bindings of the last used group.
+pub fn free_binding(module: &Module) -> (u32, u32) {
+    let bindings = || {
+        let globals = module.global_variables.iter();
+        globals.filter_map(|(_, g)| g.binding)
+    };
+    let group = bindings().map(|b| b.group).max().unwrap_or(0);
+    let first = bindings()
+        .filter(|b| b.group == group)
+        .map(|b| b.binding + 1)
+        .max();
+    (group, first.unwrap_or(0))
+}
+
 /// Two bindings at one number that no bind group layout serves, one of each stage.
 pub fn conflict(
     program: &Program,

@@ -18,9 +18,19 @@ use crate::core::state::{AttachmentOps, CompareFunction, DepthBias, DepthFormat,
 /// to coverage does not apply there.
 ///
 /// # Errors
-/// As [`Opaque::examine`], and for a material that alpha covers.
+/// As [`Opaque::examine`], and for a material that alpha covers or whose stages read values made of
+/// the camera's uniforms.
 pub fn alone<'p>(plan: &'p Plan, name: &'static str) -> Result<Opaque<'p>, Vec<Refusal>> {
     let opaque = Opaque::examine(plan, name)?;
+    if !plan.draw_buffers.is_empty() {
+        return Err(vec![Refusal::new(
+            name,
+            &refusals::NOT_FIRST,
+            "its stages read what a compute pass makes of the camera's uniforms, and the picture \
+             may be of another view",
+            "derive it from a plan without `preamble`",
+        )]);
+    }
     if opaque.decides.alpha {
         return Err(vec![Refusal::new(
             name,

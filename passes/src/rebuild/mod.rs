@@ -15,6 +15,7 @@ pub(crate) mod outline;
 pub(crate) mod outputs;
 pub mod place;
 pub mod quad;
+pub(crate) mod remainder;
 pub(crate) mod remap;
 pub mod returns;
 pub(crate) mod snippet;

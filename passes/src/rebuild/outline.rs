@@ -13,7 +13,8 @@ use naga::{
     LocalVariable, Module, Span, Statement, StructMember, Type, TypeInner,
 };
 
-use crate::analysis::values::{ContextId, Values};
+use crate::analysis::named;
+use crate::analysis::values::{ContextId, ValueId, Values};
 use crate::core::program::Program;
 use crate::graph::{FunctionId, Graph, operands};
 use crate::rebuild::after::after;
@@ -34,6 +35,46 @@ pub struct Wanted {
     pub inner: TypeInner,
     /// Its name.
     pub name: String,
+}
+
+/// The values to return, with distinct names.
+pub fn wanted(values: &Values<'_, '_>, ids: impl IntoIterator<Item = ValueId>) -> Vec<Wanted> {
+    let mut taken: BTreeSet<String> = BTreeSet::new();
+    ids.into_iter()
+        .filter_map(|id| {
+            let (context, expression, _) = values.expression(id)?;
+            let base = named::name(values, id).unwrap_or_else(|| "carried".to_owned());
+            let mut name = base.clone();
+            // The first value with a name keeps it.
+            for i in 1.. {
+                if taken.insert(name.clone()) {
+                    break;
+                }
+                name = format!("{base}_{}", named::letters(i));
+            }
+            let f = values.function(context);
+            let inner = f.ty(values.graph.module(), expression).clone();
+            Some(Wanted {
+                context,
+                expression,
+                inner,
+                name,
+            })
+        })
+        .collect()
+}
+
+/// Hash of the slice that computes values.
+pub fn hash(values: &Values<'_, '_>, ids: impl IntoIterator<Item = ValueId>) -> String {
+    let criterion = |id| {
+        let (context, expression, _) = values.expression(id)?;
+        Some(Criterion::Value {
+            function: values.contexts[context].function,
+            expression,
+        })
+    };
+    let criteria: Vec<Criterion> = ids.into_iter().filter_map(criterion).collect();
+    slice::backward(values.graph, values.entry, &criteria).hash(values.graph)
 }
 
 /// The function in its module.

@@ -13,7 +13,7 @@ use crate::graph::FunctionId;
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 
 /// A source offset beyond every file: our own text has no place in the author's.
-const NOWHERE: u32 = u32::MAX / 2;
+pub(crate) const NOWHERE: u32 = u32::MAX / 2;
 
 /// A module with our own functions.
 pub(crate) struct Linked {

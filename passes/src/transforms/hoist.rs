@@ -11,7 +11,7 @@
 //! after:   vs -> hoisted = noise(normal)    fs(hoisted): shade(hoisted)
 //! ```
 //!
-//! A minimum cut of the fragment stage's values ([`mod@cut`]) decides what moves. We sweep the
+//! A minimum cut of the fragment stage's values ([`mod@crate::analysis::cut`]) decides what moves. We sweep the
 //! price of transport until the varyings fit and the total is cheapest. The contract depends on the
 //! effect of interpolation:
 //!
@@ -32,13 +32,14 @@
 //! Noise uses `floor` but is continuous across cells. We can't prove that, so we hoist noise only
 //! if `verify` measured it, if you list it in `carry`, or if you pass `jumps=carried`.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeMap;
 
 use naga::ShaderStage;
 
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::refusals as shared;
-use crate::analysis::{rounding, values};
+use crate::analysis::named::{name, span};
+use crate::analysis::{below, rounding, values};
 use crate::core::budget::Budget;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{
@@ -50,21 +51,15 @@ use crate::core::program::Program;
 use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
 use crate::core::self_test;
-use crate::core::state::ColorTarget;
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::outline;
 use crate::rebuild::place;
-use crate::slice::{self, Criterion};
 
 mod advice;
-mod below;
 mod candidates;
 pub mod choose;
-pub mod cut;
-mod flow;
 mod form;
-mod iteration;
 pub mod movable;
 mod moved;
 pub mod pack;
@@ -273,14 +268,6 @@ impl<'a> HoistMaterial<'a> {
     /// The required precision of the targets, and the known ranges.
     fn precision(&self, facts: &Facts) -> Precision {
         let ranges = facts.ranges.iter();
-        let is_srgb = |t: &ColorTarget| t.format.ends_with("-srgb");
-        let targets = || self.pass.targets.iter().flatten();
-        let multisample = &self.pass.multisample;
-        // Layers add up, and coverage decisions are discontinuous. With multisampling a pixel's
-        // centre may be outside of the triangle, where a varying exceeds the corners' range.
-        let is_step = targets().all(|t| t.blend.is_none())
-            && multisample.count == 1
-            && !multisample.alpha_to_coverage;
         Precision {
             ranges: ranges
                 .filter(|r| r.material == self.name)
@@ -288,11 +275,7 @@ impl<'a> HoistMaterial<'a> {
                 .filter(|r| !self.is_rebuilt || !matches!(r.source, Source::Varying { .. }))
                 .cloned()
                 .collect(),
-            most: match targets().any(is_srgb) {
-                _ if !is_step => Precision::EXACT.most,
-                true => rounding::MOST / rounding::STEEPEST_SRGB,
-                false => rounding::MOST,
-            },
+            most: rounding::most(self.pass),
         }
     }
 
@@ -303,7 +286,7 @@ impl<'a> HoistMaterial<'a> {
         if graph.effects(id).iter().any(|e| writes.contains(e)) {
             return Err(Box::new(Refusal::new(
                 name,
-                &refusals::FRAGMENT_STORES,
+                &shared::FRAGMENT_STORES,
                 "the fragment stage writes memory, and `hoist` does not follow what it writes",
                 "move the writes to a pass of their own",
             )));
@@ -325,7 +308,7 @@ fn refuse(why: Failed) -> Refusal {
     match why {
         Failed::NotSeparable => Refusal::new(
             name,
-            &refusals::NOT_SEPARABLE,
+            &shared::NOT_SEPARABLE,
             why.to_string(),
             "compute it before the branch or return that precedes it",
         ),
@@ -418,11 +401,12 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         left: Vec<Left>,
         material: &HoistMaterial<'p>,
     ) -> Self {
-        let wanted = name_all(values, &choice);
+        let carried = || choice.carried.iter().map(|(id, _)| *id);
+        let wanted = outline::wanted(values, carried());
         let key = Site {
             role: Role::Main,
             entry_point: material.pass.fragment.clone().unwrap_or_default(),
-            slice: hash(values, &choice),
+            slice: outline::hash(values, carried()),
         };
         let left = left
             .into_iter()
@@ -586,100 +570,6 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         let of = self.choice.carried.iter().map(|(id, _)| *id);
         below::below(self.values, of).0.ceil() as u32 + self.choice.rounded_anew.len() as u32
     }
-}
-
-fn span(values: &Values<'_, '_>, id: ValueId) -> Option<naga::Span> {
-    let (context, e, _) = values.expression(id)?;
-    Some(values.function(context).function.expressions.get_span(e))
-}
-
-/// The author's name for a value, or for the call that returns it.
-fn name(values: &Values<'_, '_>, id: ValueId) -> Option<String> {
-    let (context, e, _) = values.expression(id)?;
-    let f = values.function(context).function;
-    if let Some(name) = f.named_expressions.get(&e) {
-        return Some(name.clone());
-    }
-    match f.expressions[e] {
-        naga::Expression::AccessIndex { base, index } => {
-            let vector = values.named(context, base)?;
-            let letter = ["x", "y", "z", "w"].get(index as usize)?;
-            Some(format!("{}_{letter}", own_name(values, vector)?))
-        }
-        naga::Expression::Swizzle {
-            size,
-            vector,
-            pattern,
-        } => {
-            let vector = values.named(context, vector)?;
-            let letters = pattern.iter().take(size as usize);
-            let letters: String = letters
-                .filter_map(|c| ["x", "y", "z", "w"].get(*c as usize).copied())
-                .collect();
-            Some(format!("{}_{letters}", own_name(values, vector)?))
-        }
-        naga::Expression::CallResult(callee) => {
-            values.graph.module().functions[callee].name.clone()
-        }
-        naga::Expression::Load { pointer } => match f.expressions[pointer] {
-            naga::Expression::LocalVariable(v) => f.local_variables[v].name.clone(),
-            _ => None,
-        },
-        _ => None,
-    }
-}
-
-/// The author's name for an input, or for a value.
-fn own_name(values: &Values<'_, '_>, id: ValueId) -> Option<String> {
-    match values.values[id].node {
-        Node::Input(i) => values.inputs.get(i)?.name.clone(),
-        _ => name(values, id),
-    }
-}
-
-/// The hoisted values with distinct names.
-fn name_all(values: &Values<'_, '_>, choice: &Choice) -> Vec<Wanted> {
-    let mut taken: BTreeSet<String> = BTreeSet::new();
-    choice
-        .carried
-        .iter()
-        .filter_map(|(id, _)| {
-            let (context, expression, _) = values.expression(*id)?;
-            let base = name(values, *id).unwrap_or_else(|| "carried".to_owned());
-            let mut name = base.clone();
-            // The first value with a name keeps it.
-            for i in 1.. {
-                if taken.insert(name.clone()) {
-                    break;
-                }
-                name = format!("{base}_{}", pack::letters(i));
-            }
-            let f = values.function(context);
-            let inner = f.ty(values.graph.module(), expression).clone();
-            Some(Wanted {
-                context,
-                expression,
-                inner,
-                name,
-            })
-        })
-        .collect()
-}
-
-/// Hash of the slice that computes the hoisted values.
-fn hash(values: &Values<'_, '_>, choice: &Choice) -> String {
-    let criteria: Vec<Criterion> = choice
-        .carried
-        .iter()
-        .filter_map(|(id, _)| {
-            let (context, expression, _) = values.expression(*id)?;
-            Some(Criterion::Value {
-                function: values.contexts[context].function,
-                expression,
-            })
-        })
-        .collect();
-    slice::backward(values.graph, values.entry, &criteria).hash(values.graph)
 }
 
 /// Most missed values to report.

@@ -5,6 +5,7 @@ pub mod early_alpha;
 pub mod early_discard;
 pub mod hoist;
 pub mod outputs;
+pub mod preamble;
 pub mod shadow;
 pub mod skip_taps;
 pub mod specialize;
@@ -25,6 +26,7 @@ pub const PASSES: &[&dyn AnyPass] = &[
     &Erased::<shadow::Shadow>::NEW,
     &Erased::<outputs::Outputs>::NEW,
     &Erased::<hoist::Hoist>::NEW,
+    &Erased::<preamble::Preamble>::NEW,
     &Erased::<tessellate::Tessellate>::NEW,
     &Erased::<skip_taps::SkipTaps>::NEW,
     &Erased::<trim_loop::TrimLoop>::NEW,

@@ -119,16 +119,7 @@ struct Slots {
 impl Slots {
     /// Slots after all bindings of the last used group.
     fn free(module: &Module) -> Self {
-        let bindings = || {
-            let globals = module.global_variables.iter();
-            globals.filter_map(|(_, g)| g.binding)
-        };
-        let group = bindings().map(|b| b.group).max().unwrap_or(0);
-        let first = bindings()
-            .filter(|b| b.group == group)
-            .map(|b| b.binding + 1)
-            .max()
-            .unwrap_or(0);
+        let (group, first) = reflect::free_binding(module);
         Self { group, first }
     }
 

@@ -15,6 +15,9 @@
 //! visibility buffer: its resolve is the original's function with other roundings (`resolve`).
 //! Values are within the plan's guard.
 //!
+//! Values that a compute pass makes once a draw are computed by the stages that read them
+//! (`of_draw`).
+//!
 //! The passes of a visibility buffer read the draw's buffers. We make up a draw (`drawn`), run the
 //! passes on it one after the other (`split`), and run the original as a rasteriser would (`quad`).
 //!
@@ -27,7 +30,7 @@ use std::collections::BTreeMap;
 use naga::{Expression, Literal, Span};
 
 use crate::core::guard::{Guard, Place as Assumed};
-use crate::core::plan::{Plan, Role};
+use crate::core::plan::{ComputePass, Plan, Role};
 use crate::core::program::Program;
 
 pub mod agree;
@@ -40,6 +43,7 @@ pub mod elsewhere;
 pub mod inputs;
 pub mod levels;
 mod numbers;
+mod of_draw;
 mod promise;
 mod proof;
 mod quad;
@@ -143,7 +147,8 @@ pub fn validate_by(original: &Plan, variant: &Plan, by: By<'_>) -> Vec<Check> {
         not(Role::Main, "anything", why);
         return checks;
     }
-    for pass in variant.compute.iter().filter(|p| !split::runs(variant, p)) {
+    let is_run = |p: &&ComputePass| split::runs(variant, p) || of_draw::runs(p);
+    for pass in variant.compute.iter().filter(|p| !is_run(p)) {
         let why = "a compute pass is not run by the interpreter; `verify` draws what it makes";
         not(
             Role::Main,
@@ -159,6 +164,15 @@ pub fn validate_by(original: &Plan, variant: &Plan, by: By<'_>) -> Vec<Check> {
     for pass in variant.passes.iter().filter(|p| p.role == Role::Outputs) {
         if let Some(program) = programs.get_mut(&pass.program) {
             *program = at_rest::at_rest(program, pass);
+        }
+    }
+    for pass in &variant.passes {
+        match of_draw::computed(variant, &programs, pass) {
+            Ok(Some(program)) => {
+                programs.insert(pass.program.clone(), program);
+            }
+            Ok(None) => {}
+            Err(why) => not(pass.role, "values of the draw", why),
         }
     }
     let mut found = Vec::new();

@@ -19,7 +19,9 @@ use crate::core::contract::Contract;
 use crate::core::geometry::Geometry;
 use crate::core::guard::{Guard, Place as Assumed};
 use crate::core::pass::Expected;
-use crate::core::plan::{BindingSource, ClearValue, GpuPass, Plan, Role, Step};
+use crate::core::plan::{
+    BindingSource, BindingUse, ClearValue, GeometryPart, GpuPass, Plan, Role, Step,
+};
 use crate::core::program::Program;
 use crate::core::state::{CompareFunction, CullMode, DepthDirection};
 use crate::pass_named;
@@ -80,6 +82,15 @@ pub(super) fn stages<'a>(pass: &GpuPass, program: &'a Program) -> Result<PassSta
     Ok(PassStages { vertex, fragment })
 }
 
+/// Whether a program has a variable of that binding.
+fn declares(program: &Program, binding: &BindingUse) -> bool {
+    let mut all = program.module().global_variables.iter();
+    all.any(|(_, g)| {
+        g.binding
+            .is_some_and(|b| (b.group, b.binding) == (binding.group, binding.binding))
+    })
+}
+
 /// Why a pass that reads the draw is not tried on an adapter.
 pub(super) const NOT_DRAWN: &str =
     "an adapter is not given the buffers of a draw; the interpreter is";
@@ -122,6 +133,10 @@ impl<'a> Pair<'a> {
                 // [`super::at_rest`].
                 BindingSource::Previous { .. } | BindingSource::Host { .. }
                     if pass.role == Role::Outputs => {}
+                // [`super::of_draw`].
+                BindingSource::Geometry {
+                    part: GeometryPart::Values { .. },
+                } if !declares(other, binding) => {}
                 BindingSource::Geometry { .. } if pass.role == Role::Ids => reads_draw = true,
                 BindingSource::Attachment { name } => {
                     let clear = variant.attachment(name).map(|a| a.clear);

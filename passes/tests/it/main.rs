@@ -26,6 +26,7 @@ mod outputs;
 mod outputs_drop;
 mod outputs_light;
 mod outputs_params;
+mod preamble;
 mod skip_taps;
 mod slices;
 mod specialize;

@@ -516,6 +516,7 @@ impl PassShape {
             let invocations = match (&self.geometry, mesh) {
                 (Geometry::Instances, _) => drawn.instances,
                 (Geometry::Vertices, _) => drawn.vertices,
+                (Geometry::Draw, _) => draws,
                 (_, Some(subdivision)) => {
                     drawn.triangles * subdivision.indices.len() as f64 / 6.0 + drawn.vertices
                 }

@@ -2,8 +2,8 @@
 
 use super::choose::{self, Terms};
 use super::movable::{self, Assumed, Class, Judged, Jumps, Precision};
-use super::refusals;
 use super::{Hoist, HoistMaterial, Params};
+use crate::analysis::refusals as shared;
 use crate::analysis::values::Values;
 use crate::core::pass::{Facts, Pass, Refusal};
 
@@ -105,7 +105,7 @@ impl Advice {
         };
         Refusal::new(
             Hoist::INFO.name,
-            &refusals::NOTHING_PAYS,
+            &shared::NOTHING_PAYS,
             "no value that may be hoisted saves a fragment more than interpolating it costs",
             remedy,
         )

@@ -4,8 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::movable::{self, Assumed, Class, Judged, Missed, Precision, Verdict};
 use super::single::{Candidates, HoistStages};
-use super::{HoistMaterial, Params, name, span};
-use super::{below, choose};
+use super::{HoistMaterial, Params, choose};
+use crate::analysis::below;
+use crate::analysis::named::{name, span};
 use crate::analysis::values::{ValueId, Values};
 use crate::core::pass::{Facts, Frequency, Refusal};
 use crate::core::plan::Plan;

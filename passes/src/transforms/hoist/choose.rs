@@ -5,11 +5,11 @@ use std::borrow::Cow;
 
 use naga::{Binding, BuiltIn, TypeInner};
 
-use super::below::below;
-use super::cut::{self, Cut, Item};
 use super::movable::{Carriage, Class, Judged, Verdict};
 use super::pack::{self, Load, VaryingSlot};
+use crate::analysis::below::below;
 use crate::analysis::contraction::Pruned;
+use crate::analysis::cut::{self, Cut, Item};
 use crate::analysis::reach::with_operands;
 use crate::analysis::values::{Node, Value, ValueId, Values};
 use crate::graph::rate::Interpolated;
@@ -77,7 +77,7 @@ pub fn choose(
     let verdicts = &judged.verdicts;
     let before = {
         let items = items(values, verdicts, |_| false);
-        total(&items, &cut::minimum(&items, &values.roots)?)
+        cut::minimum(&items, &values.roots)?.total(&items)
     };
     let items = items(values, verdicts, |c| c.class <= terms.weakest);
     let mut cuts = cut::sweep(&items, &values.roots, &SWEEP)?;
@@ -120,7 +120,7 @@ pub fn choose(
 /// Moves one value whether or not it pays; `None` if it does not fit.
 pub fn one(values: &Values<'_, '_>, verdicts: &[Verdict], id: ValueId) -> Option<Choice> {
     let mut items = items(values, verdicts, |_| false);
-    let before = total(&items, &cut::minimum(&items, &values.roots)?);
+    let before = cut::minimum(&items, &values.roots)?.total(&items);
     // As with an incoming varying, the fragment stage cannot compute it.
     items[id] = Item {
         cost: None,
@@ -174,7 +174,7 @@ fn cut_at(
     let slots = pack::pack(&loads, kept.len(), limit)?;
     let (vertex, read) = below(values, carried.iter().map(|(id, _)| *id));
     Some(Choice {
-        after: total(items, cut),
+        after: cut.total(items),
         carried,
         slots,
         kept,
@@ -183,13 +183,6 @@ fn cut_at(
         vertex,
         rounded_anew: Vec::new(),
     })
-}
-
-/// The cost per fragment of a cut: transport plus remaining computation.
-fn total(items: &[Item<'_>], cut: &Cut) -> f64 {
-    let transport: f64 = cut.carried.iter().filter_map(|id| items[*id].price).sum();
-    let computed = (0..items.len()).filter(|i| cut.computed[*i]);
-    transport + computed.filter_map(|i| items[i].cost).sum::<f64>()
 }
 
 /// The values as items of the cut problem.

@@ -1,27 +1,27 @@
 //! Decides which values may move to the vertex stage and how, and why the others must not.
 
-use std::collections::{HashMap, VecDeque};
+use std::collections::VecDeque;
 use std::sync::Arc;
 
-use naga::{ScalarKind, Statement, TypeInner};
+use naga::{ScalarKind, TypeInner};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::choose;
 use super::form::{Form, forms};
-use super::iteration::iterated;
+use crate::analysis::below;
 use crate::analysis::contraction;
 use crate::analysis::discontinuity;
 use crate::analysis::hazard;
+use crate::analysis::loops::{endless, iterated};
 use crate::analysis::operations;
 use crate::analysis::range::AllRanges;
-use crate::analysis::reach::{with_operands, with_users};
+use crate::analysis::reach::with_operands;
 use crate::analysis::rounding::Roundings;
 use crate::analysis::values::{Node, ValueId, Values};
 use crate::core::pass::SourceRange;
-use crate::graph::memory::Origin;
 use crate::graph::rate::{At, Interpolated, Rate};
-use crate::graph::{FunctionId, StmtId, cost, counted, effect};
+use crate::graph::effect;
 
 /// How a value may move, from the strongest contract to the weakest.
 #[derive(
@@ -367,37 +367,13 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
 }
 
 /// Whether a constant of the draw costs a fragment no more to compute once than to read from a flat
-/// varying. In a loop the cost model counts it in each iteration, but a compiler computes it ahead
-/// of the loop. To carry it, the vertex stage would run the loop (`i < arrayLength(&lights)`).
+/// varying.
 fn is_cheap(values: &Values<'_, '_>, id: ValueId) -> bool {
-    let module = values.graph.module();
-    let Some((_, width)) = choose::shape(values, id) else {
-        return false;
-    };
-    let mut left = choose::FLAT_PRICE * f64::from(width);
-    let (mut seen, mut work) = (Vec::new(), vec![id]);
-    while let Some(id) = work.pop() {
-        if seen.contains(&id) {
-            continue;
-        }
-        seen.push(id);
-        match values.values[id].node {
-            Node::Control(..) => continue,
-            Node::Expression(context, e, _) => {
-                left -= cost::of_expression(module, values.function(context), e);
-            }
-            Node::Input(_) | Node::Version(..) => {}
-        }
-        if left < 0.0 || seen.len() > MOST_CHEAP {
-            return false;
-        }
-        work.extend(&values.values[id].operands);
-    }
-    true
+    let shape = choose::shape(values, id);
+    shape.is_some_and(|(_, width)| {
+        below::is_cheap(values, id, choose::FLAT_PRICE * f64::from(width))
+    })
 }
-
-/// Most values that a cheap one is computed from, copies included.
-const MOST_CHEAP: usize = 32;
 
 /// Scalar type of a value that a varying can hold: 32-bit scalars and vectors.
 fn carried_scalar(values: &Values<'_, '_>, id: ValueId) -> Result<ScalarKind, Missed> {
@@ -478,34 +454,6 @@ fn what_pins(values: &Values<'_, '_>, pin: Option<ValueId>) -> String {
         }
         _ => "it depends on memory that shader invocations write".to_owned(),
     }
-}
-
-/// Values that depend on a loop without a known bound.
-fn endless(values: &Values<'_, '_>) -> Vec<bool> {
-    let module = values.graph.module();
-    let mut seen: HashMap<(FunctionId, StmtId), bool> = HashMap::new();
-    let mut ends_unseen = |id: ValueId| {
-        let (context, at) = match values.values[id].node {
-            Node::Version(context, v) => match values.function(context).memory.origin(v) {
-                Origin::Phi { at: Some(at), .. } => (context, *at),
-                _ => return false,
-            },
-            Node::Control(context, at) => (context, at),
-            _ => return false,
-        };
-        let f = values.function(context);
-        std::iter::once(at)
-            .chain(f.statements.ancestors(at))
-            .any(|s| {
-                matches!(f.statements.get(s).statement, Statement::Loop { .. })
-                    && *seen
-                        .entry((f.id, s))
-                        .or_insert_with(|| counted::trips(module, f, s).is_none())
-            })
-    };
-    let all = 0..values.values.len();
-    let loops: Vec<ValueId> = all.filter(|id| ends_unseen(*id)).collect();
-    with_users(values, loops)
 }
 
 /// For each value, an operation in its computation whose result may be NaN or infinite.

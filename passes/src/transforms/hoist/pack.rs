@@ -85,16 +85,6 @@ pub fn free_locations(slots: &[VaryingSlot], taken: &BTreeSet<u32>) -> Vec<u32> 
         .collect()
 }
 
-/// A suffix of letters: `a` to `z`, `aa` and so on. naga's writers append their own number to a
-/// name that ends in a digit.
-pub fn letters(index: usize) -> String {
-    let last = char::from(b'a' + (index % 26) as u8);
-    match index / 26 {
-        0 => last.to_string(),
-        rest => format!("{}{last}", letters(rest - 1)),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
@@ -112,14 +102,6 @@ mod tests {
                 at: At::Center,
             },
         }
-    }
-
-    #[test]
-    fn letters_differ() {
-        let few = [0, 1, 25, 26, 51, 52, 701, 702].map(letters);
-        assert_eq!(few, ["a", "b", "z", "aa", "az", "ba", "zz", "aaa"]);
-        let all: BTreeSet<String> = (0..1000).map(letters).collect();
-        assert_eq!(all.len(), 1000);
     }
 
     #[test]

@@ -3,9 +3,6 @@
 use crate::core::refusals::refusals;
 
 refusals! {
-    FRAGMENT_STORES = "fragment-stores":
-        "The fragment stage writes memory, and `hoist` does not follow what it writes.",
-        "Move the writes to a pass of their own.";
     INTERFACE = "interface":
         "`hoist` cannot lay out the varyings anew.",
         "Let the vertex stage write every input of the fragment stage.";
@@ -13,14 +10,6 @@ refusals! {
         "`hoist:carry=` names a value that the shader does not have, or for which the varyings \
          have no room.",
         "Use one that `preshade explain --scene` lists.";
-    NOT_SEPARABLE = "not-separable":
-        "The values that `hoist` would move cannot be separated from the rest of the stage.",
-        "Compute them ahead of the branch or return that encloses them.";
-    NOTHING_PAYS = "nothing-pays":
-        "No value that `hoist` may move saves a fragment more than interpolating it costs.",
-        "The message names the one thing that would help: a budget, a measurement, \
-         `finite=assumed`, `jumps=carried` or a larger error. `preshade explain` lists the values \
-         that were not moved, and why.";
     OVER_BUDGET = "over-budget":
         "No choice of values keeps the budget in this recipe: another step changes the picture, or \
          no value could be measured.",

@@ -9,15 +9,14 @@ use naga::{
 };
 
 use super::pack::{self, VaryingSlot};
-use crate::analysis::values::{ContextId, Values};
+use crate::analysis::named;
+use crate::analysis::values::Values;
 use crate::core::program::Program;
 use crate::core::reflect;
 use crate::graph::rate::{At, Interpolated};
-use crate::graph::{FunctionId, Graph};
-use crate::rebuild::isolate::{self, isolate};
 use crate::rebuild::outline::{Failed, Wanted};
-use crate::rebuild::place::{self, CodeBuilder, PositionInvariance, Replacement, Rewrite};
-use crate::slice::{self, Criterion, OutputFilter, Termination};
+use crate::rebuild::place::CodeBuilder;
+use crate::rebuild::remainder;
 
 /// The remaining fragment stage in its module.
 #[derive(Clone, Debug)]
@@ -43,57 +42,11 @@ pub fn rebuild(
     slots: &[VaryingSlot],
 ) -> Result<Remainder, Failed> {
     let entry = values.entry;
-    let contexts: Vec<ContextId> = wanted.iter().map(|w| w.context).collect();
-    let (mut module, copies) = isolate(module, entry, values, &contexts.iter().copied().collect());
-    // The values of each context: its own, and those of the contexts it calls.
-    let below = isolate::below(values, &copies, &contexts);
-    for (context, id) in &copies {
-        let children = isolate::callees(values, &copies, &below, *context);
-        module = place::rewritten(&module, *id, |build| {
-            let carried = match id {
-                FunctionId::EntryPoint(_) => from_varyings(build, wanted, slots),
-                FunctionId::Function(_) => below[context]
-                    .iter()
-                    .map(|i| {
-                        let ty = build.ty(wanted[*i].inner.clone());
-                        (*i, build.argument(&wanted[*i].name, ty, None))
-                    })
-                    .collect(),
-            };
-            let here = |i: &usize| wanted[*i].context == *context;
-            Rewrite {
-                replacements: carried
-                    .iter()
-                    .filter(|(i, _)| here(i))
-                    .map(|(i, value)| (wanted[*i].expression, Replacement::Value(*value)))
-                    .collect(),
-                arguments: children
-                    .iter()
-                    .map(|(callee, through)| {
-                        let passed = through.iter().filter_map(|i| carried.get(i).copied());
-                        (*callee, passed.collect())
-                    })
-                    .collect(),
-            }
-        });
-    }
-    let built = program.with_module(module)?;
-    let graph = Graph::build(&built);
-    let observed = [Criterion::Output(OutputFilter::All), Criterion::Discard];
-    let slice = slice::backward_with(&graph, entry, &observed, Termination::Preserved);
-    let name = built.module().entry_points[entry].name.clone();
-    let mut module = place::entry_point(
-        &graph,
-        &slice,
-        built.module(),
-        "preshade_remainder",
-        "left",
-        PositionInvariance::AsWritten,
-    );
-    let Some(mut placed) = module.entry_points.pop() else {
-        return Err(Failed::Built("nothing was placed".to_owned()));
-    };
-    let kept: BTreeSet<u32> = reflect::inputs(&module, &placed.function)
+    let mut module = remainder::rebuild(program, module, values, wanted, &mut |build| {
+        from_varyings(build, wanted, slots)
+    })?;
+    let placed = &module.entry_points[entry].function;
+    let kept: BTreeSet<u32> = reflect::inputs(&module, placed)
         .iter()
         .filter_map(|io| match io.binding {
             Some(Binding::Location { location, .. }) if location < ASIDE => Some(location),
@@ -101,16 +54,13 @@ pub fn rebuild(
         })
         .collect();
     let locations = pack::free_locations(slots, &kept);
-    for argument in &mut placed.function.arguments {
+    for argument in &mut module.entry_points[entry].function.arguments {
         if let Some(Binding::Location { location, .. }) = &mut argument.binding
             && *location >= ASIDE
         {
             *location = locations[(*location - ASIDE) as usize];
         }
     }
-    placed.name.clone_from(&name);
-    placed.function.name = Some(name);
-    module.entry_points[entry] = placed;
     Ok(Remainder {
         module,
         kept,
@@ -198,7 +148,7 @@ pub fn slot_type(slot: &VaryingSlot) -> TypeInner {
 pub fn slot_name(index: usize, slot: &VaryingSlot, wanted: &[Wanted]) -> String {
     match slot.parts[..] {
         [(one, _)] => wanted[one].name.clone(),
-        _ => format!("packed_{}", pack::letters(index)),
+        _ => format!("packed_{}", named::letters(index)),
     }
 }
 

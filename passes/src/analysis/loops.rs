@@ -1,12 +1,14 @@
-//! Finds values that change between iterations of an enclosing loop.
+//! Finds values that change between iterations of an enclosing loop, and those that depend on a loop
+//! that may not end.
 
 use std::collections::HashMap;
 
 use naga::Statement;
 
+use crate::analysis::reach::with_users;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
-use crate::graph::StmtId;
 use crate::graph::memory::Origin;
+use crate::graph::{FunctionId, StmtId, counted};
 
 /// For each value, whether it may differ between iterations of an enclosing loop, including loops
 /// around the calls that lead to it.
@@ -56,6 +58,34 @@ pub fn iterated(values: &Values<'_, '_>) -> Vec<bool> {
         }
     }
     iterated
+}
+
+/// Values that depend on a loop without a known bound.
+pub fn endless(values: &Values<'_, '_>) -> Vec<bool> {
+    let module = values.graph.module();
+    let mut seen: HashMap<(FunctionId, StmtId), bool> = HashMap::new();
+    let mut ends_unseen = |id: ValueId| {
+        let (context, at) = match values.values[id].node {
+            Node::Version(context, v) => match values.function(context).memory.origin(v) {
+                Origin::Phi { at: Some(at), .. } => (context, *at),
+                _ => return false,
+            },
+            Node::Control(context, at) => (context, at),
+            _ => return false,
+        };
+        let f = values.function(context);
+        std::iter::once(at)
+            .chain(f.statements.ancestors(at))
+            .any(|s| {
+                matches!(f.statements.get(s).statement, Statement::Loop { .. })
+                    && *seen
+                        .entry((f.id, s))
+                        .or_insert_with(|| counted::trips(module, f, s).is_none())
+            })
+    };
+    let all = 0..values.values.len();
+    let loops: Vec<ValueId> = all.filter(|id| ends_unseen(*id)).collect();
+    with_users(values, loops)
 }
 
 type LoopId = usize;

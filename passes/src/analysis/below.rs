@@ -5,10 +5,11 @@
 
 use std::collections::BTreeMap;
 
-use super::cut;
+use crate::analysis::cut;
 use crate::analysis::reach::with_operands;
 use crate::analysis::users::Users;
 use crate::analysis::values::{Node, ValueId, Values};
+use crate::graph::cost;
 
 /// The cost of values and all their dependences, each counted once, and the inputs among the
 /// dependences.
@@ -24,6 +25,38 @@ pub fn below(values: &Values<'_, '_>, of: impl Iterator<Item = ValueId>) -> (f64
     inputs.sort_unstable();
     (cost, inputs)
 }
+
+/// Whether a value costs no more than `price` to compute once, with all its dependences.
+///
+/// In a loop the cost model counts it in each iteration, but a compiler computes a constant of the
+/// draw ahead of the loop. To provide it from elsewhere, the loop would run there too
+/// (`i < arrayLength(&lights)`).
+pub(crate) fn is_cheap(values: &Values<'_, '_>, id: ValueId, price: f64) -> bool {
+    let module = values.graph.module();
+    let mut left = price;
+    let (mut seen, mut work) = (Vec::new(), vec![id]);
+    while let Some(id) = work.pop() {
+        if seen.contains(&id) {
+            continue;
+        }
+        seen.push(id);
+        match values.values[id].node {
+            Node::Control(..) => continue,
+            Node::Expression(context, e, _) => {
+                left -= cost::of_expression(module, values.function(context), e);
+            }
+            Node::Input(_) | Node::Version(..) => {}
+        }
+        if left < 0.0 || seen.len() > MOST_CHEAP {
+            return false;
+        }
+        work.extend(&values.values[id].operands);
+    }
+    true
+}
+
+/// Most values that a cheap one is computed from, copies included.
+const MOST_CHEAP: usize = 32;
 
 /// The most expensive values and the cost of each ([`below`]), in no order. The result contains all
 /// of the `most` most expensive ones that cost more than `least`, and perhaps others.

@@ -1,17 +1,18 @@
-//! Decides which values to interpolate and which to compute: a minimum cut.
+//! Decides which values a stage is given and which it computes: a minimum cut.
 //!
-//! Each value `v` has two nodes: `N(v)`, needed in the fragment stage, and `F(v)`, computed there.
+//! `hoist` gives a fragment stage values in varyings, `preamble` in a buffer of the draw. Each value
+//! `v` has two nodes: `N(v)`, needed in the fragment stage, and `F(v)`, computed there.
 //!
 //! ```text
 //! source ──∞──▶ N(root)          the observed values are needed
-//! N(v) ──price──▶ F(v)           cut: v comes in a varying            (∞ if it must not move)
+//! N(v) ──price──▶ F(v)           cut: v is given                      (∞ if it must not move)
 //! F(v) ──cost──▶ sink            cut: v is computed in each fragment  (∞ if no fragment can compute it)
 //! F(v) ──∞──▶ N(operand)         computing v needs its operands
 //! ```
 //!
 //! A finite cut is a choice of transports and computations that provides every root, and the
 //! minimum cut is the cheapest one. A value with several users pays once. It may be cheaper to
-//! compute a value again beside an interpolated one, and the cut finds that too. Mesa's
+//! compute a value again beside a given one, and the cut finds that too. Mesa's
 //! `nir_opt_varyings` allows one post-dominator per input; here, two needed sums of three inputs
 //! become two varyings.
 //!
@@ -26,8 +27,11 @@ use std::borrow::Cow;
 
 use rustc_hash::FxHashSet;
 
-use super::flow::{Arc, Network};
 use crate::analysis::users::Users;
+
+mod flow;
+
+use flow::{Arc, Network};
 
 /// A value in the cut problem.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -43,12 +47,21 @@ pub struct Item<'a> {
 /// The cheapest choice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cut {
-    /// Items in varyings, in ascending order.
+    /// Items that are given, in ascending order.
     pub carried: Vec<usize>,
     /// Whether the fragment stage computes each item.
     pub computed: Vec<bool>,
     /// Total cost in the units of the items.
     pub cost: f64,
+}
+
+impl Cut {
+    /// Prices of what is given plus costs of what is computed, without rounding and multiples.
+    pub fn total(&self, items: &[Item<'_>]) -> f64 {
+        let given: f64 = self.carried.iter().filter_map(|id| items[*id].price).sum();
+        let computed = (0..items.len()).filter(|i| self.computed[*i]);
+        given + computed.filter_map(|i| items[i].cost).sum::<f64>()
+    }
 }
 
 /// Capacities are integers, so that the flow is exact. Costs are rounded to this fraction of a

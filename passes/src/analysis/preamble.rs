@@ -1,0 +1,326 @@
+//! Which values of a stage only the draw decides, and which of them to compute once a draw.
+//!
+//! A driver's compiler does this after linking (Mesa's `nir_opt_preamble`, Arm's pilot shaders). A
+//! minimum cut ([`crate::analysis::cut`]) weighs what a value saves each invocation against reading
+//! it back, and a value below another that moves costs nothing more. If the values don't fit into the
+//! room, we raise the price of reading until they do.
+
+use std::borrow::Cow;
+
+use naga::{AddressSpace, Expression, ScalarKind, TypeInner};
+
+use crate::analysis::below::{below, is_cheap};
+use crate::analysis::contraction::{self, Pruned};
+use crate::analysis::cut::{self, Cut, Item};
+use crate::analysis::loops::{endless, iterated};
+use crate::analysis::reach::{with_operands, with_users};
+use crate::analysis::rounding::Roundings;
+use crate::analysis::values::{Node, Value, ValueId, Values};
+use crate::core::pass::SourceRange;
+use crate::graph::rate::Rate;
+
+/// Cost of reading a stored scalar, in the units of [`crate::graph::cost`]: that of a uniform.
+const READ: f64 = 1.0;
+
+/// Multiples of the price of reading to try. Higher prices move fewer values.
+const SWEEP: [f64; 12] = [
+    1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 16.0, 32.0, 64.0, 128.0, 256.0,
+];
+
+/// What moving a value may change.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Class {
+    /// Nothing: no compiler fuses it into what reads it.
+    Exact,
+    /// A compiler may fuse it into what reads it, so the bits may differ.
+    Rounded,
+}
+
+/// Why a value that only the draw decides stays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Stays {
+    /// It changes more often, or never.
+    NotOfDraw,
+    /// It is no whole 32-bit scalar or vector, or costs no more than reading it.
+    NotWorth,
+    /// It depends on an input of the stage.
+    Input,
+    /// It depends on a texture.
+    Texture,
+    /// It depends on immediate data.
+    Immediate,
+    /// It depends on an override.
+    Override,
+    /// It changes between iterations of a loop.
+    InLoop,
+    /// It depends on a loop that may not end.
+    MayNotEnd,
+    /// Not every invocation computes it.
+    Conditional,
+    /// It decides coverage or depth, and may round otherwise.
+    Coverage,
+    /// Its rounding may change an output too far.
+    RoundsFar,
+}
+
+impl std::fmt::Display for Stays {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(match self {
+            Self::NotOfDraw => "the draw alone does not decide it",
+            Self::NotWorth => "it costs no more than reading it back",
+            Self::Input => "it depends on an input that a compute stage does not have",
+            Self::Texture => {
+                "it depends on a texture, which an earlier pass of the frame may draw to"
+            }
+            Self::Immediate => "it depends on immediate data, which differ from pass to pass",
+            Self::Override => "it depends on an override, which the compiler knows",
+            Self::InLoop => "it changes with each iteration of a loop",
+            Self::MayNotEnd => "it depends on a loop that may not end",
+            Self::Conditional => "some fragments do not compute it",
+            Self::Coverage => {
+                "it decides a discard, a depth or the sample mask, and a compiler may fuse it \
+                 into what reads it"
+            }
+            Self::RoundsFar => {
+                "a compiler may fuse it into what reads it, and its rounding may change an output \
+                 visibly"
+            }
+        })
+    }
+}
+
+/// The verdicts on a stage's values.
+#[derive(Clone, Debug)]
+pub struct Judged {
+    /// By value.
+    pub verdicts: Vec<Result<Class, Stays>>,
+    roundings: Roundings,
+    most: f64,
+}
+
+/// Judges the values of a stage. `known` are ranges of its sources, `most` the largest change of an
+/// output by rounding.
+pub fn judge(values: &Values<'_, '_>, known: &[SourceRange], most: f64) -> Judged {
+    let unsteady = contraction::unsteady(values);
+    let is_of_draw = |id: ValueId| values.values[id].fact.rate == Rate::Draw;
+    let may = |id: ValueId| is_of_draw(id) && unsteady[id];
+    let roundings = Roundings::new(values, known, &unsteady, may);
+    let coverage = with_operands(values, values.coverage.clone());
+    let (endless, iterated) = (endless(values), iterated(values));
+    let foreign = foreign(values);
+    let verdicts = (0..values.values.len())
+        .map(|id| {
+            if !is_of_draw(id) {
+                return Err(Stays::NotOfDraw);
+            }
+            let width = shape(values, id).ok_or(Stays::NotWorth)?;
+            let (context, _, at) = values.expression(id).ok_or(Stays::NotWorth)?;
+            if is_cheap(values, id, READ * f64::from(width)) {
+                return Err(Stays::NotWorth);
+            }
+            match foreign[id] {
+                Some(stays) => Err(stays),
+                None if endless[id] => Err(Stays::MayNotEnd),
+                None if iterated[id] => Err(Stays::InLoop),
+                None if values.control_rate(context, at) > Rate::Draw => Err(Stays::Conditional),
+                None if !unsteady[id] => Ok(Class::Exact),
+                None if coverage[id] => Err(Stays::Coverage),
+                None if roundings.of(id) <= most => Ok(Class::Rounded),
+                None => Err(Stays::RoundsFar),
+            }
+        })
+        .collect();
+    Judged {
+        verdicts,
+        roundings,
+        most,
+    }
+}
+
+/// For each value, what it depends on that a compute stage lacks or might see too early.
+fn foreign(values: &Values<'_, '_>) -> Vec<Option<Stays>> {
+    let module = values.graph.module();
+    let own = |id: ValueId| match values.values[id].node {
+        Node::Input(_) => Some(Stays::Input),
+        Node::Expression(context, e, _) => {
+            let f = values.function(context);
+            match &f.function.expressions[e] {
+                Expression::ImageSample { .. }
+                | Expression::ImageLoad { .. }
+                | Expression::ImageQuery { .. } => Some(Stays::Texture),
+                Expression::Override(_) => Some(Stays::Override),
+                Expression::Load { pointer } => match f.ty(module, *pointer).pointer_space() {
+                    Some(AddressSpace::Immediate) => Some(Stays::Immediate),
+                    _ => None,
+                },
+                _ => None,
+            }
+        }
+        Node::Version(..) | Node::Control(..) => None,
+    };
+    let mut found = vec![None; values.values.len()];
+    for stays in [
+        Stays::Input,
+        Stays::Texture,
+        Stays::Immediate,
+        Stays::Override,
+    ] {
+        let all = 0..values.values.len();
+        let from = all.filter(|id| own(*id) == Some(stays)).collect();
+        for (known, reached) in found.iter_mut().zip(with_users(values, from)) {
+            *known = known.or(reached.then_some(stays));
+        }
+    }
+    found
+}
+
+/// Number of components of a 32-bit scalar or vector of numbers.
+fn shape(values: &Values<'_, '_>, id: ValueId) -> Option<u8> {
+    let (context, e, _) = values.expression(id)?;
+    let f = values.function(context);
+    let (scalar, width) = match f.ty(values.graph.module(), e) {
+        TypeInner::Scalar(scalar) => (scalar, 1),
+        TypeInner::Vector { size, scalar } => (scalar, *size as u8),
+        _ => return None,
+    };
+    (scalar.width == 4 && scalar.kind != ScalarKind::Bool).then_some(width)
+}
+
+/// The restrictions of a choice.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Terms {
+    /// The weakest class that may move.
+    pub weakest: Class,
+    /// Most vectors of four scalars to store.
+    pub limit: u32,
+    /// Least static cost that each invocation must save.
+    pub least: f64,
+}
+
+/// The values to compute once a draw.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Choice {
+    /// The values, in the order in which they are stored.
+    pub moved: Vec<ValueId>,
+    /// What moving them may change.
+    pub class: Class,
+    /// Number of operations that may round otherwise.
+    pub roundings: u32,
+    /// Static cost of an invocation before.
+    pub before: f64,
+    /// The same after, with reading.
+    pub after: f64,
+    /// Static cost of the draw's own work.
+    pub once: f64,
+}
+
+/// The choice that saves an invocation most; `None` if none saves enough.
+pub fn choose(values: &Values<'_, '_>, judged: &Judged, terms: &Terms) -> Option<Choice> {
+    let before = {
+        let items = items(values, judged, None);
+        cut::minimum(&items, &values.roots)?.total(&items)
+    };
+    let items = items(values, judged, Some(terms.weakest));
+    let pruned = Pruned::new(values);
+    let decides = with_operands(values, values.coverage.clone());
+    let mut best: Option<Choice> = None;
+    for cut in cut::sweep(&items, &values.roots, &SWEEP)? {
+        let anew = pruned.rounded_anew(|id| cut.computed[id], |_| true);
+        if anew.iter().any(|id| decides[*id]) {
+            continue;
+        }
+        let after = cut.total(&items);
+        if before - after < terms.least || best.as_ref().is_some_and(|b| b.after <= after) {
+            continue;
+        }
+        let choice = choice(values, judged, &cut, &anew, [before, after]);
+        best = choice
+            .filter(|c| c.class <= terms.weakest && rows(values, &c.moved) <= terms.limit)
+            .or(best);
+    }
+    best
+}
+
+/// The values of a cut; `None` if there is none, or if they round too far.
+fn choice(
+    values: &Values<'_, '_>,
+    judged: &Judged,
+    cut: &Cut,
+    anew: &[ValueId],
+    [before, after]: [f64; 2],
+) -> Option<Choice> {
+    let class_of = |id: &ValueId| judged.verdicts[*id].as_ref().ok();
+    let mut moved = cut.carried.clone();
+    moved.retain(|id| class_of(id).is_some());
+    let rounded = moved.iter().copied();
+    let rounded: Vec<ValueId> = rounded
+        .filter(|id| class_of(id) == Some(&Class::Rounded))
+        .collect();
+    let is_exact = rounded.is_empty() && anew.is_empty();
+    if moved.is_empty() || (!is_exact && judged.roundings.together(&rounded, anew) > judged.most) {
+        return None;
+    }
+    let roundings = below(values, rounded.iter().copied()).0.ceil() as u32 + anew.len() as u32;
+    Some(Choice {
+        moved: stored(values, moved.clone()),
+        class: match is_exact {
+            true => Class::Exact,
+            false => Class::Rounded,
+        },
+        roundings,
+        before,
+        after,
+        once: below(values, moved.into_iter()).0,
+    })
+}
+
+/// Values in the order that leaves few gaps: a vector of three is followed by a scalar.
+fn stored(values: &Values<'_, '_>, moved: Vec<ValueId>) -> Vec<ValueId> {
+    let of = |width: u8| {
+        let all = moved.iter().copied();
+        all.filter(move |id| shape(values, *id) == Some(width))
+    };
+    let mut scalars = of(1);
+    let mut order: Vec<ValueId> = of(4).collect();
+    for three in of(3) {
+        order.push(three);
+        order.extend(scalars.next());
+    }
+    order.extend(of(2));
+    order.extend(scalars);
+    order
+}
+
+/// Vectors of four scalars that values take in this order.
+fn rows(values: &Values<'_, '_>, stored: &[ValueId]) -> u32 {
+    let widths = stored.iter().filter_map(|id| shape(values, *id));
+    let end = widths.map(u32::from).fold(0_u32, |end, width| {
+        let align = width.next_power_of_two();
+        end.next_multiple_of(align) + width
+    });
+    end.div_ceil(4)
+}
+
+/// The values as items of the cut problem. `weakest`: the class of the values that may move.
+fn items<'v>(
+    values: &'v Values<'_, '_>,
+    judged: &Judged,
+    weakest: Option<Class>,
+) -> Vec<Item<'v>> {
+    let item = |(id, value): (ValueId, &'v Value)| {
+        let verdict = judged.verdicts[id].as_ref().ok();
+        let is_allowed = verdict.is_some_and(|class| Some(*class) <= weakest);
+        let width = shape(values, id).filter(|_| is_allowed);
+        let depth = values
+            .expression(id)
+            .map(|(c, ..)| values.contexts[c].depth);
+        // Of two names for one value prefer the outermost function's: it needs no copy of the callee.
+        let depth = 1.0 + 0.002 * f64::from(depth.unwrap_or_default());
+        Item {
+            cost: Some(value.cost),
+            price: width.map(|width| READ * f64::from(width) * depth),
+            operands: Cow::Borrowed(&value.operands),
+        }
+    };
+    values.values.iter().enumerate().map(item).collect()
+}

@@ -1,0 +1,315 @@
+//! What is computed once a draw, what stays and why, and that both together are the author's stage.
+
+use preshade_passes::contract::Contract;
+use preshade_passes::geometry::Geometry;
+use preshade_passes::pass::{Facts, Pass, Refused};
+use preshade_passes::plan::{BindingKind, BindingSource, GeometryPart, Plan};
+use preshade_passes::preamble::{Allow, Params, Preamble};
+use preshade_passes::state::MaterialState;
+use preshade_passes::validate::{Effort, validate};
+
+use crate::common;
+
+const HEAD: &str = "
+const MOST: u32 = 4u;
+struct Settings { a: f32, b: f32, count: u32, c: vec3<f32>, d: vec4<f32>, list: array<vec4<f32>, MOST> }
+@group(0) @binding(0) var<uniform> u: Settings;
+@group(0) @binding(1) var map: texture_2d<f32>;
+@group(0) @binding(2) var s: sampler;
+struct V { @builtin(position) p: vec4<f32>, @location(0) uv: vec2<f32>, @location(1) n: vec3<f32> }
+@vertex fn vs(@location(0) p: vec3<f32>) -> V { return V(vec4(p, 1.0), p.xy, p); }
+";
+
+fn original(body: &str) -> Plan {
+    let text = format!("{HEAD}@fragment fn fs(v: V) -> @location(0) vec4<f32> {{\n{body}\n}}");
+    planned(&text)
+}
+
+fn planned(text: &str) -> Plan {
+    let program = common::program(text);
+    Plan::original("test", program, "vs", Some("fs"), &MaterialState::default())
+}
+
+const EXACT: Params = Params {
+    allow: Allow::Exact,
+    limit: 16,
+    least: 4.0,
+};
+const ROUNDING: Params = Params {
+    allow: Allow::Rounding,
+    ..EXACT
+};
+
+/// The variant, whose promises must hold in the interpreter.
+fn applied(plan: &Plan, params: &Params) -> Plan {
+    let done = Preamble::run(plan, &Facts::default(), params).unwrap();
+    let effort = Effort {
+        inputs: 24,
+        ..Effort::default()
+    };
+    let checks = validate(plan, &done.plan, &effort);
+    assert!(!checks.is_empty());
+    for check in checks {
+        assert!(check.verdict.holds(), "{}: {}", check.promise, check.verdict);
+    }
+    done.plan
+}
+
+fn refused(plan: &Plan, params: &Params) -> Refused {
+    let outcome = Preamble::run(plan, &Facts::default(), params);
+    outcome.map(|done| done.change.what).unwrap_err()
+}
+
+/// The refusal's code, and why the value of that name stays.
+fn stays(body: &str, name: &str, params: &Params) -> (String, String) {
+    let refused = refused(&original(body), params);
+    let left = refused.left.iter().find(|l| l.name == name);
+    let reason = left.map(|l| l.reason.clone());
+    (refused.refusals[0].code.clone(), reason.unwrap_or_default())
+}
+
+fn main_text(plan: &Plan) -> String {
+    common::wgsl(plan.program(plan.main().unwrap()).unwrap())
+}
+
+fn once_text(plan: &Plan) -> String {
+    common::wgsl(&plan.programs[&plan.compute[0].program])
+}
+
+fn is_exact(plan: &Plan) -> bool {
+    matches!(plan.contract, Contract::Exact { .. })
+}
+
+#[test]
+fn an_exponential_of_uniforms_is_computed_once_a_draw() {
+    let plan = original(
+        "let gain = exp2(u.a + u.b); return vec4(v.uv * gain, gain, 1.0);",
+    );
+    let next = applied(&plan, &EXACT);
+    assert!(is_exact(&next));
+    assert_eq!(main_text(&next).matches("exp2").count(), 0);
+    assert_eq!(once_text(&next).matches("exp2").count(), 1);
+    let [compute] = &next.compute[..] else {
+        panic!("{:?}", next.compute)
+    };
+    assert_eq!((compute.workgroup, &compute.geometry), (1, &Geometry::Draw));
+    let main = next.main().unwrap();
+    let values = |bindings: &[preshade_passes::plan::BindingUse]| {
+        let mut found = bindings.iter().filter(|b| {
+            b.source
+                == BindingSource::Geometry {
+                    part: GeometryPart::Values {
+                        buffer: next.draw_buffers[0].name.clone(),
+                    },
+                }
+        });
+        let found = (found.next().unwrap().clone(), found.next());
+        assert_eq!(found.1, None);
+        found.0
+    };
+    let (read, written) = (values(&main.bindings), values(&compute.bindings));
+    assert_eq!((read.group, read.binding), (written.group, written.binding));
+    assert_eq!(read.kind, BindingKind::Uniform);
+    assert_eq!(written.kind, BindingKind::StorageReadWrite);
+    assert!(read.visibility.fragment && written.visibility.compute);
+    // The author's buffer keeps its source in both.
+    assert_eq!(compute.bindings[0].source, BindingSource::Author);
+    // The main pass no longer reads it.
+    assert!(main.bindings.iter().all(|b| b.binding == read.binding));
+}
+
+#[test]
+fn values_are_stored_without_gaps() {
+    let plan = original(
+        "let a = exp2(u.a); let c = exp2(u.c); let d = exp2(u.d); let b = exp2(u.b);
+        return vec4(c * v.uv.x, a) + d * v.uv.y + b * v.uv.xyxy;",
+    );
+    let next = applied(&plan, &EXACT);
+    assert_eq!(next.draw_buffers[0].size, 48);
+    let text = main_text(&next);
+    let place = |name: &str| text.find(&format!("{name}: ")).unwrap();
+    assert!(place("d") < place("c") && place("c") < place("a"), "{text}");
+}
+
+/// A compiler fuses `a * b` into the sum that reads it, if it sees both.
+#[test]
+fn a_product_stays_with_the_sum_that_reads_it_unless_rounding_is_allowed() {
+    let body = "let k = sin(u.a) * cos(u.b); return vec4(v.uv.x + k, v.uv, 1.0);";
+    let next = applied(&original(body), &EXACT);
+    assert!(is_exact(&next));
+    // The factors move, and the product stays.
+    assert_eq!(main_text(&next).matches("sin").count(), 0);
+    assert_eq!(main_text(&next).matches(" * ").count(), 1);
+    let next = applied(&original(body), &ROUNDING);
+    assert!(!is_exact(&next), "{:?}", next.contract);
+    assert_eq!(main_text(&next).matches(" * ").count(), 0);
+}
+
+#[test]
+fn what_a_loop_computes_in_all_moves_and_what_it_computes_each_time_stays() {
+    let total = "var sum = 1.0;
+        for (var i = 0u; i < MOST; i++) { if i < u.count { sum += dot(u.list[i], u.list[i]); } }
+        let white = inverseSqrt(sum);";
+    let plan = original(&format!("{total} return vec4(v.uv * white, 0.0, 1.0);"));
+    let next = applied(&plan, &EXACT);
+    assert!(is_exact(&next));
+    assert!(!main_text(&next).contains("loop"));
+    let each = "var sum = 0.0;
+        for (var i = 0u; i < MOST; i++) {
+            let power = exp2(u.list[i].x);
+            sum = max(sum, power * v.uv.x);
+        }
+        return vec4(sum);";
+    let (code, why) = stays(each, "power", &EXACT);
+    assert_eq!(code, "nothing-pays");
+    assert!(why.contains("each iteration of a loop"), "{why}");
+}
+
+#[test]
+fn a_loop_that_may_not_end_stays() {
+    let body = "var sum = 1.0;
+        while sum < u.a { sum = sum * u.b; }
+        let end = exp2(sum);
+        return vec4(v.uv * end, 0.0, 1.0);";
+    let (_, why) = stays(body, "end", &EXACT);
+    assert!(why.contains("may not end"), "{why}");
+}
+
+#[test]
+fn values_behind_branches_move_if_the_draw_decides_the_branch() {
+    let body = |condition: &str| {
+        format!(
+            "var shine = v.uv.x;
+            if {condition} {{ let power = exp2(u.a) ; shine = pow(v.uv.y, power); }}
+            return vec4(shine);"
+        )
+    };
+    let params = Params {
+        least: 2.0,
+        ..EXACT
+    };
+    let next = applied(&original(&body("u.b > 0.5")), &params);
+    assert!(!main_text(&next).contains("exp2"));
+    let (_, why) = stays(&body("v.n.x > 0.5"), "power", &params);
+    assert!(why.contains("some fragments do not compute it"), "{why}");
+}
+
+#[test]
+fn values_behind_a_discard_move() {
+    let plan = original(
+        "if textureSample(map, s, v.uv).a < 0.5 { discard; }
+        let gain = exp2(u.a + u.b);
+        return vec4(v.uv * gain, gain, 1.0);",
+    );
+    let next = applied(&plan, &EXACT);
+    assert!(is_exact(&next));
+    assert!(!once_text(&next).contains("discard"));
+    assert!(main_text(&next).contains("discard"));
+}
+
+#[test]
+fn textures_stay() {
+    let body = "let texel = textureLoad(map, vec2(0, 0), 0); let gain = exp2(texel);
+        return gain * v.uv.xyxy;";
+    let (_, why) = stays(body, "gain", &EXACT);
+    assert!(why.contains("an earlier pass of the frame may draw to"), "{why}");
+}
+
+#[test]
+fn immediate_data_and_overrides_stay() {
+    let text = |declared: &str, read: &str| {
+        planned(&format!(
+            "{HEAD}{declared}
+            @fragment fn fs(v: V) -> @location(0) vec4<f32> {{
+                let gain = exp2({read});
+                return vec4(v.uv * gain, gain, 1.0);
+            }}"
+        ))
+    };
+    for (declared, read, says) in [
+        ("var<immediate> now: vec4<f32>;", "now.x", "immediate data"),
+        ("override scale: f32 = 2.0;", "scale * u.a", "an override"),
+    ] {
+        let refused = refused(&text(declared, read), &EXACT);
+        let left = refused.left.iter().find(|l| l.name == "gain").unwrap();
+        assert!(left.reason.contains(says), "{}", left.reason);
+    }
+}
+
+#[test]
+fn a_number_that_decides_a_discard_keeps_its_bits() {
+    let body = "let edge = sin(u.a) * u.b; if v.uv.x - edge < 0.25 { discard; }
+        return vec4(v.uv, 0.0, 1.0);";
+    let params = Params {
+        least: 0.0,
+        ..ROUNDING
+    };
+    let next = applied(&original(body), &params);
+    assert!(is_exact(&next), "{:?}", next.contract);
+    let text = main_text(&next);
+    assert_eq!((text.matches("sin").count(), text.matches(" * ").count()), (0, 1));
+}
+
+#[test]
+fn no_more_is_stored_than_the_limit() {
+    let plan = original(
+        "let a = exp2(u.d); let b = exp2(u.d.wzyx); let c = exp2(sin(u.d));
+        return (a * v.uv.x + b * v.uv.y) * c + v.uv.xyxy * c;",
+    );
+    let size = |limit| {
+        let params = Params { limit, ..EXACT };
+        let outcome = Preamble::run(&plan, &Facts::default(), &params).unwrap();
+        outcome.plan.draw_buffers[0].size
+    };
+    assert_eq!(size(16), 48);
+    assert!(size(2) <= 32);
+    // The dearest.
+    let one = Params { limit: 1, ..EXACT };
+    let next = applied(&plan, &one);
+    assert_eq!(next.draw_buffers[0].size, 16);
+    assert!(once_text(&next).contains("sin"));
+}
+
+#[test]
+fn nothing_pays_where_uniforms_decide_little() {
+    let plain = "return vec4(v.uv * (u.a + u.b), u.c.x, 1.0);";
+    let refused_ = refused(&original(plain), &EXACT);
+    assert_eq!(refused_.refusals[0].code, "nothing-pays");
+    assert_eq!(refused_.refusals[0].remedy, "leave it as it is");
+    let fused = "let k = normalize(u.c); return vec4(dot(k, v.n) + k.x);";
+    let refusal = refused(&original(fused), &EXACT).first();
+    assert!(refusal.remedy.contains("allow=rounding"), "{}", refusal.remedy);
+}
+
+#[test]
+fn a_preamble_is_made_once() {
+    let plan = original("let gain = exp2(u.a + u.b); return vec4(v.uv * gain, gain, 1.0);");
+    let next = applied(&plan, &EXACT);
+    let again = refused(&next, &EXACT).first();
+    assert_eq!(again.code, "not-first");
+}
+
+#[test]
+fn a_stage_that_writes_memory_is_refused() {
+    let plan = planned(&format!(
+        "{HEAD}@group(0) @binding(3) var<storage, read_write> out: array<f32>;
+        @fragment fn fs(v: V) -> @location(0) vec4<f32> {{
+            let gain = exp2(u.a + u.b); out[0] = gain; return vec4(gain * v.uv, gain, 1.0);
+        }}"
+    ));
+    assert_eq!(refused(&plan, &EXACT).first().code, "fragment-stores");
+}
+
+/// One use of a function is the draw's, another is not.
+#[test]
+fn each_call_is_judged_by_itself() {
+    let plan = planned(&format!(
+        "{HEAD}fn curve(x: f32) -> f32 {{ return exp2(exp2(x)); }}
+        @fragment fn fs(v: V) -> @location(0) vec4<f32> {{
+            return vec4(curve(u.a), curve(v.uv.x), v.uv);
+        }}"
+    ));
+    let next = applied(&plan, &EXACT);
+    assert_eq!(main_text(&next).matches("curve(").count(), 2);
+    assert_eq!(once_text(&next).matches("exp2").count(), 2);
+}
