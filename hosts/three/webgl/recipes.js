@@ -55,7 +55,8 @@ function unknown(plan) {
     if (plan.contract?.given?.includes('no-depth-ties'))
         return 'two surfaces at one depth would be drawn the other way';
     if (plan.guard) return 'the plan has a guard: it counts for some values of uniforms only';
-    if (plan.vertex_buffers?.length || plan.frame_buffers?.length) return 'the plan has buffers of its own';
+    if (plan.vertex_buffers?.length || plan.draw_buffers?.length || plan.frame_buffers?.length)
+        return 'the plan has buffers of its own';
     for (const { format, samples } of all) {
         if (!(format in DEPTH_TYPE)) return `the plan has an attachment of the format ${format}`;
         if (samples > 1) return 'the plan has attachments with several samples';

@@ -230,7 +230,8 @@ pub fn choose(values: &Values<'_, '_>, judged: &Judged, terms: &Terms) -> Option
             continue;
         }
         let after = cut.total(&items);
-        if before - after < terms.least || best.as_ref().is_some_and(|b| b.after <= after) {
+        let saved = before - after;
+        if saved <= 0.0 || saved < terms.least || best.as_ref().is_some_and(|b| b.after <= after) {
             continue;
         }
         let choice = choice(values, judged, &cut, &anew, [before, after]);

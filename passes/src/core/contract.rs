@@ -36,8 +36,8 @@ pub enum Assumption {
     SameViewport,
     /// Opaque draws come in the same order in every pass where order matters.
     SameDrawOrder,
-    /// The vertex and the fragment stage compute the same bits from the same inputs: the compiler
-    /// fuses the same multiply-adds in both.
+    /// Two stages (vertex, fragment or compute) compute the same bits from the same inputs: the
+    /// compiler fuses the same multiply-adds in both.
     StagesAgree,
     /// An interpolated number is within 2^-18 of the largest value at the corners of its triangle.
     /// No language guarantees this. Slivers thinner than a rasteriser's grid, or many times as long as

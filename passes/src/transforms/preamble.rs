@@ -529,14 +529,14 @@ fn nothing(values: &Values<'_, '_>, judged: &Judged, params: &Params) -> Box<Ref
         ..params.clone()
     };
     let all = Params {
-        least: 0.0,
+        least: 1.0,
         ..rounding.clone()
     };
     let remedy = match () {
         () if pays(&rounding) => {
             "give `allow=rounding`: values would move that a compiler may fuse into what reads them"
         }
-        () if pays(&all) => "give `least=0`, and `allow=rounding` if that alone does not help",
+        () if pays(&all) => "give `least=1`, and `allow=rounding` if that alone does not help",
         () => "leave it as it is",
     };
     refuse(

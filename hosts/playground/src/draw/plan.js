@@ -21,6 +21,7 @@ export function drawing(plan, files, language) {
     const text = (name) => files.find((file) => file.name === name)?.text;
     if (plan.compute?.length) why.add('it dispatches compute work, which this page does not.');
     if (plan.vertex_buffers?.length) why.add('it needs buffers of computed vertices, which this page does not make.');
+    if (plan.draw_buffers?.length) why.add('it needs buffers of computed values, which this page does not make.');
     if (plan.frame_buffers?.length) why.add('it needs buffers shared by the frame, which this page does not make.');
     const passes = [];
     for (const [i, pass] of plan.passes.entries()) {
