@@ -295,10 +295,7 @@ fn computed(
 }
 
 /// The buffers of values that `plans` make for each draw.
-fn values(
-    inputs: &SceneInputs<'_>,
-    plans: &[Plan],
-) -> BTreeMap<(usize, String), wgpu::Buffer> {
+fn values(inputs: &SceneInputs<'_>, plans: &[Plan]) -> BTreeMap<(usize, String), wgpu::Buffer> {
     let (gpu, scene) = (inputs.gpu(), inputs.scene());
     let mut buffers = BTreeMap::new();
     for (index, draw) in scene.draws.iter().enumerate() {

@@ -350,7 +350,9 @@ impl Subdivided {
             },
             GeometryPart::Attribute(a) => &attribute(draw, a.location)?.0.buffer,
             GeometryPart::Values { .. } => {
-                return Err("a pass that subdivides its geometry has no values of the draw".to_owned());
+                return Err(
+                    "a pass that subdivides its geometry has no values of the draw".to_owned(),
+                );
             }
             GeometryPart::Draw { .. } | GeometryPart::DrawTable | GeometryPart::Frame { .. } => {
                 return Err("a pass that subdivides its geometry has no draw table".to_owned());

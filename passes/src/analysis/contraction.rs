@@ -38,6 +38,8 @@ use crate::graph::rate::Rate;
 use crate::graph::{FunctionGraph, FunctionId, Graph, operands};
 use crate::slice::{Need, Slice};
 
+mod rewritten;
+
 /// Depth to which we compare an operation's computation. Compilers do not see differences further
 /// down.
 const DEPTH: usize = 16;
@@ -428,8 +430,8 @@ pub(crate) fn twins(values: &Values<'_, '_>) -> Vec<bool> {
 /// Which values of a stage may have other bits, or give their readers other bits, if another stage
 /// computes them.
 ///
-/// A compiler may fuse an operation into a reader, as it fuses a product into a sum, if it sees
-/// both. It no longer sees the readers of a value that moves; inside of the stage that computes it,
+/// A compiler may fuse an operation into a reader, as it fuses a product into a sum, or rewrite both
+/// ([`rewritten`]), if it sees both. It no longer sees the readers of a value that moves; inside of the stage that computes it,
 /// it sees less readers of what the value is computed from; and it may see how an input was
 /// computed.
 pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
@@ -450,7 +452,12 @@ pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
             Node::Input(_) => true,
             _ => may_fuse[*source] && is_shared(*source),
         };
-        if read.any(rounds_anew) {
+        if read.any(rounds_anew)
+            || operations
+                .rewritten_with(id)
+                .into_iter()
+                .any(&mut is_shared)
+        {
             work.push(id);
         }
     }
@@ -458,6 +465,7 @@ pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
     for id in all {
         let may = sources[id].iter().any(|source| may_fuse[*source]);
         found[id] = found[id]
+            || operations.is_rewritten(id)
             || may && operations.any_reader(id, |r, _| r != OUTPUT && operations.is_arithmetic(r));
     }
     found
@@ -466,13 +474,17 @@ pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
 /// The operations of a stage that may round otherwise where some of the stage's values are computed
 /// no longer.
 ///
-/// A compiler may fuse a product into a sum, or regroup two sums, if nothing else reads the first
-/// (Mesa's `is_used_once`, for one), or if all its readers are sums. So a sum is listed if a product
-/// or sum that it reads loses another reader, and only sums read it then. Values of the same structure count as one, because a compiler computes them once.
+/// A compiler may fuse a product into a sum, regroup two sums, or write two powers as one
+/// ([`rewritten`]), if nothing else reads the first (Mesa's `is_used_once`, for one), or if all its
+/// readers are such. So an operation is listed if what it may take in loses another reader, and only
+/// such operations read it then. Values of the same structure count as one, because a compiler
+/// computes them once.
 pub(crate) struct Pruned<'v, 'g, 'p> {
     operations: Operations<'v, 'g, 'p>,
     /// What each operation reads that may be fused into it.
     fused: Vec<(ValueId, Vec<ValueId>)>,
+    /// The operations that may be rewritten with a source, each with the source's hash.
+    rewritten: BTreeSet<(ValueId, u64)>,
     /// All values of the same structure as one that may be fused.
     twins: BTreeMap<u64, Vec<ValueId>>,
     hashes: Vec<u64>,
@@ -488,12 +500,21 @@ impl<'v, 'g, 'p> Pruned<'v, 'g, 'p> {
         let is_open =
             |id: &ValueId| operations.may_fuse(*id) && values.values[*id].fact.rate != Rate::Const;
         let readers = all.clone().filter(|id| operations.begins_with_sum(*id));
-        let fused: Vec<(ValueId, Vec<ValueId>)> = readers
+        let sums = readers.map(|id| {
+            let operands = values.values[id].operands.iter();
+            let sources = operands.flat_map(|o| operations.sources(*o));
+            (id, sources.filter(is_open).collect::<Vec<_>>())
+        });
+        let changes = |id: &ValueId| values.values[*id].fact.rate != Rate::Const;
+        let rewritten: Vec<(ValueId, Vec<ValueId>)> = all
+            .clone()
             .map(|id| {
-                let operands = values.values[id].operands.iter();
-                let sources = operands.flat_map(|o| operations.sources(*o));
-                (id, sources.filter(is_open).collect::<Vec<_>>())
+                let sources = operations.rewritten_with(id).into_iter();
+                (id, sources.filter(changes).collect::<Vec<_>>())
             })
+            .collect();
+        let fused: Vec<(ValueId, Vec<ValueId>)> = sums
+            .chain(rewritten.iter().cloned())
             .filter(|(_, sources)| !sources.is_empty())
             .collect();
         let hashes = match fused.is_empty() {
@@ -501,12 +522,20 @@ impl<'v, 'g, 'p> Pruned<'v, 'g, 'p> {
             false => operations.hashed(),
         };
         let mut twins: BTreeMap<u64, Vec<ValueId>> = BTreeMap::new();
-        for id in all.filter(|_| !fused.is_empty()).filter(is_open) {
+        let sources: BTreeSet<ValueId> = fused.iter().flat_map(|(_, s)| s).copied().collect();
+        let known: BTreeSet<u64> = sources.iter().map(|id| hashes[*id]).collect();
+        for id in all.filter(|id| !fused.is_empty() && known.contains(&hashes[*id])) {
             twins.entry(hashes[id]).or_default().push(id);
         }
+        let pairs = rewritten.iter().flat_map(|(id, sources)| {
+            let sources = sources.iter();
+            sources.map(|source| (*id, hashes[*source]))
+        });
+        let rewritten = pairs.collect();
         Self {
             operations,
             fused,
+            rewritten,
             twins,
             hashes,
         }
@@ -534,8 +563,9 @@ impl<'v, 'g, 'p> Pruned<'v, 'g, 'p> {
                     match is_lost(reader, copy) {
                         true => loses = true,
                         false => {
-                            keeps_another |=
-                                reader == OUTPUT || !self.operations.begins_with_sum(reader);
+                            let joins = self.rewritten.contains(&(reader, hash))
+                                || (reader != OUTPUT && self.operations.begins_with_sum(reader));
+                            keeps_another |= !joins;
                         }
                     }
                     false

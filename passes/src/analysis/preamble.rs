@@ -19,8 +19,9 @@ use crate::analysis::values::{Node, Value, ValueId, Values};
 use crate::core::pass::SourceRange;
 use crate::graph::rate::Rate;
 
-/// Cost of reading a stored scalar, in the units of [`crate::graph::cost`]: that of a uniform.
-const READ: f64 = 1.0;
+/// Cost of reading a stored scalar, in the units of [`crate::graph::cost`]: a load, and a register that
+/// it takes.
+const READ: f64 = 2.0;
 
 /// Multiples of the price of reading to try. Higher prices move fewer values.
 const SWEEP: [f64; 12] = [
@@ -303,11 +304,7 @@ fn rows(values: &Values<'_, '_>, stored: &[ValueId]) -> u32 {
 }
 
 /// The values as items of the cut problem. `weakest`: the class of the values that may move.
-fn items<'v>(
-    values: &'v Values<'_, '_>,
-    judged: &Judged,
-    weakest: Option<Class>,
-) -> Vec<Item<'v>> {
+fn items<'v>(values: &'v Values<'_, '_>, judged: &Judged, weakest: Option<Class>) -> Vec<Item<'v>> {
     let item = |(id, value): (ValueId, &'v Value)| {
         let verdict = judged.verdicts[id].as_ref().ok();
         let is_allowed = verdict.is_some_and(|class| Some(*class) <= weakest);

@@ -37,8 +37,8 @@ use std::collections::BTreeMap;
 use naga::ShaderStage;
 
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
-use crate::analysis::refusals as shared;
 use crate::analysis::named::{name, span};
+use crate::analysis::refusals as shared;
 use crate::analysis::{below, rounding, values};
 use crate::core::budget::Budget;
 use crate::core::contract::{Assumption, Contract};

@@ -53,8 +53,8 @@ use crate::core::plan::{
 use crate::core::program::Program;
 use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
-use crate::graph::effect::Effect;
 use crate::graph::FunctionId;
+use crate::graph::effect::Effect;
 use crate::rebuild::outline::{self, Extracted, Failed, Names, Wanted};
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::remainder::{self, Given};
@@ -92,7 +92,7 @@ impl Default for Params {
         Self {
             allow: Allow::Exact,
             limit: 16,
-            least: 4.0,
+            least: 8.0,
         }
     }
 }

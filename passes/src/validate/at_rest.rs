@@ -57,7 +57,11 @@ pub(super) fn at_rest(program: &Program, pass: &GpuPass) -> Program {
 }
 
 /// Reads one variable in place of another.
-pub(super) fn replace(module: &mut Module, from: Handle<GlobalVariable>, to: Handle<GlobalVariable>) {
+pub(super) fn replace(
+    module: &mut Module,
+    from: Handle<GlobalVariable>,
+    to: Handle<GlobalVariable>,
+) {
     let change = |function: &mut Function| {
         for (_, expression) in function.expressions.iter_mut() {
             if let Expression::GlobalVariable(variable) = expression

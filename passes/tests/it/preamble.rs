@@ -50,7 +50,12 @@ fn applied(plan: &Plan, params: &Params) -> Plan {
     let checks = validate(plan, &done.plan, &effort);
     assert!(!checks.is_empty());
     for check in checks {
-        assert!(check.verdict.holds(), "{}: {}", check.promise, check.verdict);
+        assert!(
+            check.verdict.holds(),
+            "{}: {}",
+            check.promise,
+            check.verdict
+        );
     }
     done.plan
 }
@@ -82,9 +87,7 @@ fn is_exact(plan: &Plan) -> bool {
 
 #[test]
 fn an_exponential_of_uniforms_is_computed_once_a_draw() {
-    let plan = original(
-        "let gain = exp2(u.a + u.b); return vec4(v.uv * gain, gain, 1.0);",
-    );
+    let plan = original("let gain = exp2(u.a + u.b); return vec4(v.uv * gain, gain, 1.0);");
     let next = applied(&plan, &EXACT);
     assert!(is_exact(&next));
     assert_eq!(main_text(&next).matches("exp2").count(), 0);
@@ -143,6 +146,42 @@ fn a_product_stays_with_the_sum_that_reads_it_unless_rounding_is_allowed() {
     let next = applied(&original(body), &ROUNDING);
     assert!(!is_exact(&next), "{:?}", next.contract);
     assert_eq!(main_text(&next).matches(" * ").count(), 0);
+}
+
+/// A compiler multiplies powers by adding their exponents, if it sees both.
+#[test]
+fn a_power_stays_with_what_it_is_rewritten_with() {
+    let least = Params {
+        least: 1.0,
+        ..EXACT
+    };
+    let read = |how: &str| {
+        let body = format!("let gain = exp2(sin(u.a)); let k = {how}; return vec4(k, v.uv, 1.0);");
+        main_text(&applied(&original(&body), &least))
+            .matches("let gain = exp2")
+            .count()
+    };
+    for apart in [
+        "gain * exp2(v.uv.x)",
+        "gain * gain * v.uv.x",
+        "v.uv.x / gain",
+        "gain * pow(v.uv.x, v.uv.y)",
+        "v.uv.x * log2(gain)",
+        "pow(gain, v.uv.x)",
+        "max(gain, 0.5) * sqrt(v.uv.x)",
+        "gain * (1.0 / exp2(v.uv.x))",
+    ] {
+        assert_eq!(read(apart), 1, "{apart}");
+    }
+    for moved in [
+        "gain * v.uv.x",
+        "gain + exp2(v.uv.x)",
+        "gain / v.uv.x",
+        "pow(v.uv.x, gain)",
+        "v.uv.x * max(gain, v.uv.y)",
+    ] {
+        assert_eq!(read(moved), 0, "{moved}");
+    }
 }
 
 #[test]
@@ -212,7 +251,10 @@ fn textures_stay() {
     let body = "let texel = textureLoad(map, vec2(0, 0), 0); let gain = exp2(texel);
         return gain * v.uv.xyxy;";
     let (_, why) = stays(body, "gain", &EXACT);
-    assert!(why.contains("an earlier pass of the frame may draw to"), "{why}");
+    assert!(
+        why.contains("an earlier pass of the frame may draw to"),
+        "{why}"
+    );
 }
 
 #[test]
@@ -247,7 +289,10 @@ fn a_number_that_decides_a_discard_keeps_its_bits() {
     let next = applied(&original(body), &params);
     assert!(is_exact(&next), "{:?}", next.contract);
     let text = main_text(&next);
-    assert_eq!((text.matches("sin").count(), text.matches(" * ").count()), (0, 1));
+    assert_eq!(
+        (text.matches("sin").count(), text.matches(" * ").count()),
+        (0, 1)
+    );
 }
 
 #[test]
@@ -278,7 +323,11 @@ fn nothing_pays_where_uniforms_decide_little() {
     assert_eq!(refused_.refusals[0].remedy, "leave it as it is");
     let fused = "let k = normalize(u.c); return vec4(dot(k, v.n) + k.x);";
     let refusal = refused(&original(fused), &EXACT).first();
-    assert!(refusal.remedy.contains("allow=rounding"), "{}", refusal.remedy);
+    assert!(
+        refusal.remedy.contains("allow=rounding"),
+        "{}",
+        refusal.remedy
+    );
 }
 
 #[test]

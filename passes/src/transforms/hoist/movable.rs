@@ -20,8 +20,8 @@ use crate::analysis::reach::with_operands;
 use crate::analysis::rounding::Roundings;
 use crate::analysis::values::{Node, ValueId, Values};
 use crate::core::pass::SourceRange;
-use crate::graph::rate::{At, Interpolated, Rate};
 use crate::graph::effect;
+use crate::graph::rate::{At, Interpolated, Rate};
 
 /// How a value may move, from the strongest contract to the weakest.
 #[derive(
