@@ -91,6 +91,9 @@ impl<'a> Made<'a> {
                 None => drawn.filler(),
             },
             GeometryPart::Attribute(a) => &attribute(draw, a.location)?.0.buffer,
+            GeometryPart::Values { buffer } => {
+                return Err(format!("the plan has no buffer `{buffer}`"));
+            }
             _ => return Err("the pass does not say how its geometry is subdivided".to_owned()),
         };
         let read_only = b.kind == BindingKind::StorageRead;

@@ -51,6 +51,8 @@ enum Case {
     Adaptive,
     /// Subdivided triangles, whose vertices a compute pass computes.
     Shared,
+    /// With values that a compute pass makes once a draw.
+    Once,
     /// Shaded from ids, in two draws told apart by a depth test.
     Ids,
     /// The same with ids of unindexed vertices.
@@ -280,7 +282,7 @@ const INFORMATIVE: &[(&str, &str)] = &[
 /// what must come of it.
 #[rustfmt::skip] // One row a field.
 fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
-    use Case::{Adaptive, Alone, Binned, Computed, Glass, Ids, Lit, Mask, Packed, Pulled, Read, Sampled, Shared, Tiled, Unindexed};
+    use Case::{Adaptive, Alone, Binned, Computed, Glass, Ids, Lit, Mask, Once, Packed, Pulled, Read, Sampled, Shared, Tiled, Unindexed};
     vec![
         (Lit, "/schema", json!("preshade.plan.v0"), Refused("its schema is `preshade.plan.v0`")),
         (Lit, "/material", json!("someone else's"), Redrawn),
@@ -394,6 +396,9 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Shared, "/compute_files/0/wgsl/file", json!("elsewhere.wgsl"), Refused("there is no file \
             `elsewhere.wgsl`")),
         (Shared, "/compute_files/0/wgsl/entry_point", json!("elsewhere"), Refused("other entry points")),
+        (Once, "/draw_buffers/0/name", json!("elsewhere"), Refused("has no buffer `preamble`")),
+        (Once, "/draw_buffers/0/size", json!(4), Refused("bytes in the plan")),
+        (Once, "/passes/0/bindings/2/source/part/values/buffer", json!("elsewhere"), Refused("has no buffer `elsewhere`")),
         (Ids, "/passes/0/phase", json!("opaque"), Redrawn),
         (Ids, "/passes/1/bindings/1/source/part", json!("indices"), Redrawn),
         (Ids, "/passes/2/depth/compare", json!("always"), Redrawn),
@@ -457,6 +462,23 @@ struct Out { @builtin(position) at: vec4<f32>, @location(0) world: vec3<f32> }
     let waves = sin(in.world.x * 5.0) * cos(in.world.y * 4.0) * sin(exp(in.world.z)) * \
         exp(sin(in.world.x));
     return vec4(object.tint.rgb * (0.5 + 0.4 * waves), 1.0);
+}
+";
+
+/// A colour of exponentials, to be computed once a draw.
+const GLOW: &str = "
+struct Camera { view_proj: mat4x4<f32> }
+struct Object { model: mat4x4<f32>, tint: vec4<f32> }
+@group(0) @binding(0) var<uniform> camera: Camera;
+@group(1) @binding(0) var<uniform> object: Object;
+struct Out { @builtin(position) at: vec4<f32>, @location(0) world: vec3<f32> }
+@vertex fn vs(@location(0) position: vec3<f32>) -> Out {
+    let world = object.model * vec4(position, 1.0);
+    return Out(camera.view_proj * world, world.xyz);
+}
+@fragment fn fs(in: Out) -> @location(0) vec4<f32> {
+    let glow = exp2(sin(object.tint.rgb) - 1.0);
+    return vec4(glow * abs(in.world), 1.0);
 }
 ";
 
@@ -602,6 +624,11 @@ fn scene_of(case: Case) -> Scene {
             scene.materials = vec![material("lit", WAVES)];
             scene
         }
+        Case::Once => {
+            let mut scene = lit();
+            scene.materials = vec![material("lit", GLOW)];
+            scene
+        }
     }
 }
 
@@ -617,6 +644,7 @@ fn files_of(case: Case, scene: &Scene) -> (Vec<Vec<File>>, usize) {
         Case::Shared => {
             Some("hoist:budget=1,finite=assumed,jumps=carried,tessellate:level=8,form=shared")
         }
+        Case::Once => Some("preamble"),
         Case::Ids => Some("visibility-buffer:budget=1"),
         Case::Unindexed => Some("visibility-buffer:ids=unindexed,select=id,budget=1"),
         Case::Computed => Some("visibility-buffer:form=compute,budget=1"),

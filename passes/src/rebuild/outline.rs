@@ -37,13 +37,17 @@ pub struct Wanted {
     pub name: String,
 }
 
-/// The values to return, with distinct names.
-pub fn wanted(values: &Values<'_, '_>, ids: impl IntoIterator<Item = ValueId>) -> Vec<Wanted> {
+/// The values to return, with distinct names; `unnamed` is the name of those that have none.
+pub fn wanted(
+    values: &Values<'_, '_>,
+    ids: impl IntoIterator<Item = ValueId>,
+    unnamed: &str,
+) -> Vec<Wanted> {
     let mut taken: BTreeSet<String> = BTreeSet::new();
     ids.into_iter()
         .filter_map(|id| {
             let (context, expression, _) = values.expression(id)?;
-            let base = named::name(values, id).unwrap_or_else(|| "carried".to_owned());
+            let base = named::name(values, id).unwrap_or_else(|| unnamed.to_owned());
             let mut name = base.clone();
             // The first value with a name keeps it.
             for i in 1.. {

@@ -402,7 +402,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         material: &HoistMaterial<'p>,
     ) -> Self {
         let carried = || choice.carried.iter().map(|(id, _)| *id);
-        let wanted = outline::wanted(values, carried());
+        let wanted = outline::wanted(values, carried(), "carried");
         let key = Site {
             role: Role::Main,
             entry_point: material.pass.fragment.clone().unwrap_or_default(),

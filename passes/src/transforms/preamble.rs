@@ -239,7 +239,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         let Some(choice) = preamble::choose(values, &judged, &params.terms()) else {
             return Err((nothing(values, &judged, params), left));
         };
-        let wanted = outline::wanted(values, choice.moved.iter().copied());
+        let wanted = outline::wanted(values, choice.moved.iter().copied(), "constant");
         let is_moved = |l: &Left| wanted.iter().any(|w| w.name == l.name);
         Ok(Self {
             stage,
