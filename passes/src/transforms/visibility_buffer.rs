@@ -253,6 +253,13 @@ impl<'a> SplitMaterial<'a> {
     fn examine(plan: &'a Plan, params: &Params) -> Result<Self, Vec<Refusal>> {
         let opaque = Opaque::examine(plan, VisibilityBuffer::INFO.name)?;
         let mut refusals = Vec::new();
+        if !plan.compute.is_empty() {
+            refusals.push(refuse(
+                &shared::NOT_FIRST,
+                "an earlier step already computes what the stages read",
+                "take `visibility-buffer` without it",
+            ));
+        }
         refusals.extend(legal::state(plan, opaque.pass));
         refusals.extend(legal::vertex(&opaque));
         let Some(fragment) = opaque.fragment else {

@@ -338,6 +338,38 @@ fn a_preamble_is_made_once() {
     assert_eq!(again.code, "not-first");
 }
 
+/// Passes that draw another view, or that replace the stages, refuse a plan with a preamble; those that
+/// draw the camera's view again keep it.
+#[test]
+fn later_passes_keep_the_preamble_or_refuse_it() {
+    let plan = original(
+        "let gain = exp2(u.a + u.b); if v.uv.x * gain > 3.0 { discard; }
+        return vec4(v.uv * gain, gain, 1.0);",
+    );
+    let next = applied(&plan, &EXACT);
+    let run = |name: &str| {
+        let pass = preshade_passes::pass_named(name).unwrap();
+        pass.run(&next, &Facts::without_ties(), &serde_json::json!({}))
+    };
+    for name in ["shadow", "visibility-buffer", "specialize", "early-alpha"] {
+        let refused = run(name).map(|done| done.change.what).unwrap_err();
+        let codes: Vec<String> = refused.refusals.into_iter().map(|r| r.code).collect();
+        assert!(codes.contains(&"not-first".to_owned()), "{name}: {codes:?}");
+    }
+    let done = run("depth-prepass").unwrap().plan;
+    assert_eq!((done.compute.len(), done.draw_buffers.len()), (1, 1));
+    let reads = |b: &preshade_passes::plan::BindingUse| {
+        matches!(
+            b.source,
+            BindingSource::Geometry {
+                part: GeometryPart::Values { .. }
+            }
+        )
+    };
+    assert_eq!(done.passes.len(), 2);
+    assert!(done.passes.iter().all(|p| p.bindings.iter().any(reads)));
+}
+
 #[test]
 fn a_stage_that_writes_memory_is_refused() {
     let plan = planned(&format!(
