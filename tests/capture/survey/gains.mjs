@@ -19,7 +19,8 @@ for (const { id, half } of list.frames ?? list) {
     if (!existsSync(file('txt'))) continue;
     const said = await readFile(file('txt'), 'utf8');
     const read = async (end) => (existsSync(file(end)) ? JSON.parse(await readFile(file(end), 'utf8')) : undefined);
-    rows.push(row(id, half, said, await read('profile.json'), await read('plan.json')));
+    const [profile, plan, within] = [await read('profile.json'), await read('plan.json'), await read('within.json')];
+    rows.push({ ...row(id, half, said, profile, plan), within: within && chosen(within) });
 }
 await mkdir(RESULTS, { recursive: true });
 await writeFile(join(RESULTS, `${name}.json`), rows.map((row) => `${JSON.stringify(row)}\n`).join(''));
@@ -41,21 +42,22 @@ function row(frame, half, said, profile, plan) {
             found.profile.materials.push({ material, ...Object.fromEntries(each) });
         }
     }
-    if (plan) {
-        const { plan: chosen, sorted } = plan.views[0];
-        const { name, by_view, verdict, error } = plan.plans[chosen];
-        const before = plan.plans[0].by_view[0].predicted_ms;
-        found.plan = name;
-        found.speedup = by_view[0].speedup;
-        found.predicted = before / by_view[0].predicted_ms;
-        found.verdict = verdict;
-        found.changed_pixels = chosen ? error?.changed_pixels : 0;
-        if (sorted) {
-            const { moved, draws, speedup, changed_pixels } = sorted;
-            found.sorted = { moved: moved.length, draws: draws.length, speedup, changed_pixels };
-        }
+    if (plan) Object.assign(found, chosen(plan));
+    const sorted = plan?.views[0].sorted;
+    if (sorted) {
+        const { moved, draws, speedup, changed_pixels } = sorted;
+        found.sorted = { moved: moved.length, draws: draws.length, speedup, changed_pixels };
     }
     return found;
+}
+
+/** The plan that is chosen for the first view. */
+function chosen({ plans, views: [{ plan }] }) {
+    const { name, by_view, verdict, error } = plans[plan];
+    const { predicted_ms, speedup } = by_view[0];
+    const predicted = plans[0].by_view[0].predicted_ms / predicted_ms;
+    const { changed_pixels = 0, flip_mean = 0 } = (plan > 0 && error) || {};
+    return { plan: name, speedup, predicted, verdict, changed_pixels, flip_mean };
 }
 
 function median(part) {
@@ -64,16 +66,20 @@ function median(part) {
 
 function table(rows) {
     const lines = rows.map((row) => {
-        const { frame, half, part, ms, profile, plan, speedup, predicted, sorted, error } = row;
-        if (error) return `| \`${frame}\` | ${half} | | | | ${error.replaceAll('|', '\\|').slice(0, 120)} | | | |\n`;
+        const { frame, half, part, ms, profile, plan, speedup, predicted, sorted, within, error } = row;
+        if (error) return `| \`${frame}\` | ${half} | | | | ${error.replaceAll('|', '\\|').slice(0, 120)} | | | | |\n`;
         const gain = plan === 'original' ? '1' : ratio(speedup);
         const sort = sorted ? `${ratio(sorted.speedup)}, ${sorted.moved} of ${sorted.draws}, ${sorted.changed_pixels} px` : '';
-        const cells = [`\`${frame}\``, half, percent(part), ms?.toFixed(3), bound(profile), plan, gain, predicted?.toFixed(2), sort];
+        const isOther = within && within.plan !== 'original' && within.plan !== plan;
+        const inside = isOther
+            ? `${within.plan}: ${ratio(within.speedup)}, ${within.changed_pixels} px, ${within.flip_mean.toPrecision(1)}`
+            : '';
+        const cells = [`\`${frame}\``, half, percent(part), ms?.toFixed(3), bound(profile), plan, gain, predicted?.toFixed(2), sort, inside];
         return `| ${cells.join(' | ')} |\n`;
     });
     return `
-| frame | half | pass / frame | ms of the pass | largest part | plan | measured | predicted | sorted alone: draws that move, pixels that change |
-|---|---|--:|--:|---|---|--:|--:|---|
+| frame | half | pass / frame | ms of the pass | largest part | plan | measured | predicted | sorted alone: draws that move, pixels that change | within FLIP 0.01, if another plan: pixels that change, mean FLIP |
+|---|---|--:|--:|---|---|--:|--:|---|---|
 ${lines.join('')}
 `;
 }
