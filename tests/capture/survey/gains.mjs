@@ -84,8 +84,13 @@ ${lines.join('')}
 `;
 }
 
-const percent = (part) => (part === undefined ? '' : `${Math.round(part * 100)} %`);
-const ratio = ({ median, low, high }) => `${median.toFixed(3)} [${low.toFixed(3)}, ${high.toFixed(3)}]`;
+function percent(part) {
+    return part === undefined ? '' : `${Math.round(part * 100)} %`;
+}
+
+function ratio({ median, low, high }) {
+    return `${median.toFixed(3)} [${low.toFixed(3)}, ${high.toFixed(3)}]`;
+}
 
 function bound(profile) {
     if (!profile) return '';
