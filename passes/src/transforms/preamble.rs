@@ -125,7 +125,6 @@ impl Pass for Preamble {
                 Use::Fuzz,
                 Use::Plan,
                 Use::ExactWhereApplied,
-                Use::Ahead(1),
                 Use::Page("shaders/studio"),
                 Use::Picture {
                     scene: "fixtures/scenes/studio.toml --size 256x144 --frames 1",
