@@ -13,8 +13,9 @@ use crate::analysis::below::{below, is_cheap};
 use crate::analysis::contraction::{self, Pruned};
 use crate::analysis::cut::{self, Cut, Item};
 use crate::analysis::loops::{endless, iterated};
+use crate::analysis::range::AllRanges;
 use crate::analysis::reach::{with_operands, with_users};
-use crate::analysis::rounding::Roundings;
+use crate::analysis::rounding::{ORDINARY, Roundings};
 use crate::analysis::values::{Node, Value, ValueId, Values};
 use crate::core::pass::SourceRange;
 use crate::graph::rate::Rate;
@@ -58,6 +59,8 @@ pub enum Stays {
     MayNotEnd,
     /// Not every invocation computes it.
     Conditional,
+    /// It depends on a number that is known to be subnormal.
+    Subnormal,
     /// It decides coverage or depth, and may round otherwise.
     Coverage,
     /// Its rounding may change an output too far.
@@ -78,6 +81,9 @@ impl std::fmt::Display for Stays {
             Self::InLoop => "it changes with each iteration of a loop",
             Self::MayNotEnd => "it depends on a loop that may not end",
             Self::Conditional => "some fragments do not compute it",
+            Self::Subnormal => {
+                "it depends on a subnormal number, which some stages of a driver take for 0"
+            }
             Self::Coverage => {
                 "it decides a discard, a depth or the sample mask, and a compiler may fuse it \
                  into what reads it"
@@ -109,6 +115,7 @@ pub fn judge(values: &Values<'_, '_>, known: &[SourceRange], most: f64) -> Judge
     let coverage = with_operands(values, values.coverage.clone());
     let (endless, iterated) = (endless(values), iterated(values));
     let foreign = foreign(values);
+    let subnormal = subnormal(values, known);
     let verdicts = (0..values.values.len())
         .map(|id| {
             if !is_of_draw(id) {
@@ -121,6 +128,7 @@ pub fn judge(values: &Values<'_, '_>, known: &[SourceRange], most: f64) -> Judge
             }
             match foreign[id] {
                 Some(stays) => Err(stays),
+                None if subnormal[id] => Err(Stays::Subnormal),
                 None if endless[id] => Err(Stays::MayNotEnd),
                 None if iterated[id] => Err(Stays::InLoop),
                 None if values.control_rate(context, at) > Rate::Draw => Err(Stays::Conditional),
@@ -136,6 +144,18 @@ pub fn judge(values: &Values<'_, '_>, known: &[SourceRange], most: f64) -> Judge
         roundings,
         most,
     }
+}
+
+/// Values that depend on one that is subnormal whatever the sources are within their ranges. On
+/// llvmpipe the fragment stage takes it for 0, and the compute stage does not.
+fn subnormal(values: &Values<'_, '_>, known: &[SourceRange]) -> Vec<bool> {
+    let ranges = AllRanges::new(values, values.cycles(), known, f64::from(ORDINARY));
+    let is_small = |id: &ValueId| {
+        let magnitude = ranges.of(*id).magnitude();
+        magnitude > 0.0 && magnitude < f64::from(f32::MIN_POSITIVE)
+    };
+    let all = 0..values.values.len();
+    with_users(values, all.filter(is_small).collect())
 }
 
 /// For each value, what it depends on that a compute stage lacks or might see too early.

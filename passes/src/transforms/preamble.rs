@@ -34,6 +34,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::below::dearest;
+use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::named::{name, span};
 use crate::analysis::preamble::{self, Choice, Class, Judged, Stays, Terms};
 use crate::analysis::refusals as shared;
@@ -124,7 +125,6 @@ impl Pass for Preamble {
                 Use::Fuzz,
                 Use::Plan,
                 Use::ExactWhereApplied,
-                Use::Ahead(1),
                 Use::Page("shaders/studio"),
                 Use::Picture {
                     scene: "fixtures/scenes/studio.toml --size 256x144 --frames 1",
@@ -135,7 +135,7 @@ impl Pass for Preamble {
         },
         Example {
             recipe: "preamble:allow=rounding",
-            uses: &[Use::Snapshot, Use::Pictures(1), Use::Truth],
+            uses: &[Use::Snapshot],
         },
         Example {
             recipe: "preamble:allow=rounding,limit=1,least=0",
@@ -164,10 +164,13 @@ impl Pass for Preamble {
         let values = Values::new(&stage.graph, stage.entry)
             .map_err(|e| refuse(&shared::TOO_LARGE, e.to_string(), "split the shader"))?;
         let found = Found::new(plan, &stage, &values, facts, params)?;
-        match found.rebuild() {
-            Ok(built) => Ok(found.outcome(plan, built, params)),
-            Err(why) => Err((Box::new(failed(why)), found.left).into()),
-        }
+        let built = match found.rebuild() {
+            Ok(built) => built,
+            Err(why) => return Err((Box::new(failed(why)), found.left).into()),
+        };
+        let inputs = ImplicitInputs::new(plan, stage.pass, &stage.graph).replaced_by(&built.main);
+        inputs.examine(Self::INFO.name, &[PassEffect::RemovesInputs])?;
+        Ok(found.outcome(plan, built, params))
     }
 }
 

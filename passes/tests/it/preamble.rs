@@ -2,7 +2,7 @@
 
 use preshade_passes::contract::Contract;
 use preshade_passes::geometry::Geometry;
-use preshade_passes::pass::{Facts, Pass, Refused};
+use preshade_passes::pass::{Facts, Pass, Refused, Source, SourceRange};
 use preshade_passes::plan::{BindingKind, BindingSource, GeometryPart, Plan};
 use preshade_passes::preamble::{Allow, Params, Preamble};
 use preshade_passes::state::MaterialState;
@@ -276,6 +276,32 @@ fn immediate_data_and_overrides_stay() {
         let left = refused.left.iter().find(|l| l.name == "gain").unwrap();
         assert!(left.reason.contains(says), "{}", left.reason);
     }
+}
+
+#[test]
+fn what_is_known_to_be_subnormal_stays() {
+    let plan = original("let gain = exp2(u.a * u.d.x); return vec4(v.uv * gain, gain, 1.0);");
+    let facts = |at: f32| Facts {
+        ranges: vec![SourceRange {
+            material: "test".to_owned(),
+            source: Source::Buffer {
+                group: 0,
+                binding: 0,
+                member: Some("a".to_owned()),
+            },
+            low: at,
+            high: at,
+        }],
+        ..Facts::default()
+    };
+    let least = Params {
+        least: 1.0,
+        ..EXACT
+    };
+    assert!(Preamble::run(&plan, &facts(0.5), &least).is_ok());
+    let refused = Preamble::run(&plan, &facts(2e-39), &least).unwrap_err();
+    let left = refused.left.iter().find(|l| l.name == "gain").unwrap();
+    assert!(left.reason.contains("subnormal"), "{}", left.reason);
 }
 
 #[test]
