@@ -51,6 +51,11 @@ function row(frame, half, said, profile, plan) {
     return found;
 }
 
+/** A plan without the keys of what it hoists. */
+function short(plan) {
+    return plan.replaceAll(/,(carry|vertices-per-fragment)=[^,:;) ]*/g, '');
+}
+
 /** The plan that is chosen for the first view. */
 function chosen({ plans, views: [{ plan }] }) {
     const { name, by_view, verdict, error } = plans[plan];
@@ -72,7 +77,7 @@ function table(rows) {
         const sort = sorted ? `${ratio(sorted.speedup)}, ${sorted.moved} of ${sorted.draws}, ${sorted.changed_pixels} px` : '';
         const isOther = within && within.plan !== 'original' && within.plan !== plan;
         const inside = isOther
-            ? `${within.plan}: ${ratio(within.speedup)}, ${within.changed_pixels} px, ${within.flip_mean.toPrecision(1)}`
+            ? `${short(within.plan)}: ${ratio(within.speedup)}, ${within.changed_pixels} px, ${within.flip_mean.toPrecision(1)}`
             : '';
         const cells = [`\`${frame}\``, half, percent(part), ms?.toFixed(3), bound(profile), plan, gain, predicted?.toFixed(2), sort, inside];
         return `| ${cells.join(' | ')} |\n`;
