@@ -7,9 +7,9 @@
 use std::sync::Arc;
 
 use preshade_passes::count;
-use preshade_passes::plan::Plan;
+use preshade_passes::plan::{BindingKind, BindingUse, GpuPass, Plan};
 use preshade_passes::reflect;
-use preshade_passes::state::CompareFunction;
+use preshade_passes::state::{CompareFunction, StencilOperation};
 use serde::Serialize;
 
 use super::{Clock, Error, Estimate, Session, Timing, TimingSettings, View, time};
@@ -63,9 +63,11 @@ pub struct MaterialProfile {
     pub material: String,
     /// Its draws.
     pub draws: usize,
-    /// The part of its fragments: what it writes depth for, but no colour.
+    /// The part of its fragments: what it writes depth for, but no colour. A driver that compiles both stages together
+    /// also leaves out what the vertex stage computes for them.
     pub fragments: Estimate,
-    /// The part of its textures' texels: what they take beyond one texel each.
+    /// The part of its textures' texels: what they take beyond one texel each. `None`: they decide coverage, or
+    /// the vertex stage reads them.
     pub textures: Option<Estimate>,
     /// The part of the rest of its fragment stage, but for what decides a discard. `None`: not told apart.
     pub arithmetic: Option<Estimate>,
@@ -204,6 +206,17 @@ fn told_apart(
     (view, frame): (&View, &Frame),
     timing: &TimingSettings,
 ) -> Result<[Option<Estimate>; 2], Error> {
+    let is_texel =
+        |b: &BindingUse| matches!(b.kind, BindingKind::Texture | BindingKind::DepthTexture);
+    let decides = |pass: &GpuPass| {
+        let plan = &session.originals()[material];
+        let in_vertex = pass
+            .bindings
+            .iter()
+            .any(|b| is_texel(b) && b.visibility.vertex);
+        in_vertex || plan.program(pass).is_some_and(|p| count::decides(p, pass))
+    };
+    let decides = session.originals()[material].passes.iter().any(decides);
     let scene = small_textures(session.scene(), material);
     let small = Session::new(session.gpu(), &scene, session.form())?;
     small.inputs().set_frame(frame)?;
@@ -213,7 +226,7 @@ fn told_apart(
     frames.add(Some(originals.to_vec()))?;
     frames.add(with(originals, material, flat))?;
     let mut still = Frames::new(&small, frame, view);
-    still.add(Some(small.originals().to_vec()))?;
+    still.add(Some(small.originals().to_vec()).filter(|_| !decides))?;
     frames.prepared.extend(still.prepared);
     let (_, times) = frames.time(timing)?;
     let part_of = |i: usize| times.get(i)?.as_ref().map(part);
@@ -307,10 +320,25 @@ fn with(plans: &[Plan], material: usize, change: fn(&Plan) -> Option<Plan>) -> O
     Some(plans)
 }
 
-/// Plans none of whose fragments passes the depth test. `None`: a pass does not test depth.
+/// Plans none of whose fragments passes the depth test, or is shaded. `None`: a pass does not test depth, or
+/// tests it after shading.
 fn untested(plans: &[Plan]) -> Option<Vec<Plan>> {
     let mut plans = plans.to_vec();
+    if plans.iter().any(|plan| flat(plan).is_none()) {
+        return None;
+    }
     for pass in plans.iter_mut().flat_map(|p| &mut p.passes) {
+        let stores = |b: &BindingUse| {
+            matches!(
+                b.kind,
+                BindingKind::StorageReadWrite | BindingKind::StorageTexture
+            )
+        };
+        let faces = pass.stencil.iter().flat_map(|s| [&s.front, &s.back]);
+        let mut fails = faces.map(|face| face.depth_fail);
+        if pass.bindings.iter().any(stores) || fails.any(|f| f != StencilOperation::Keep) {
+            return None;
+        }
         let depth = pass.depth.as_mut()?;
         depth.compare = CompareFunction::Never;
         depth.write = false;

@@ -75,6 +75,8 @@ pub struct Prepared<'a> {
     resolved_samples: wgpu::StoreOp,
     /// Indices or vertices to draw of each draw, at most.
     most_corners: u32,
+    /// Instances to draw of each draw, at most.
+    most_instances: u32,
     creation: Duration,
     pipelines: usize,
 }
@@ -201,6 +203,7 @@ impl<'a> Prepared<'a> {
             // A host discards the samples after resolving, so we do too.
             resolved_samples: wgpu::StoreOp::Discard,
             most_corners: u32::MAX,
+            most_instances: u32::MAX,
             creation: start.elapsed(),
         };
         if let Some(frame) = scene.cameras.first().and_then(|c| c.frames.first()) {
@@ -345,7 +348,7 @@ impl<'a> Prepared<'a> {
     ///
     /// # Errors
     /// As [`Prepared::draw`].
-    pub(super) fn draw_occluded(&self) -> Result<Vec<u64>, Error> {
+    pub(crate) fn draw_occluded(&self) -> Result<Vec<u64>, Error> {
         self.draw_queried(wgpu::QueryType::Occlusion, 1)
     }
 
@@ -452,10 +455,11 @@ impl<'a> Prepared<'a> {
             .transpose()
     }
 
-    /// Draws only the first triangle of each draw.
+    /// Draws only the first triangle of the first instance of each draw.
     pub(crate) fn one_triangle_a_draw(self) -> Self {
         Self {
             most_corners: 3,
+            most_instances: 1,
             ..self
         }
     }
@@ -631,7 +635,8 @@ impl<'a> Prepared<'a> {
                 first_instance,
             } = draw.call;
             let corners = first..first + count.min(self.most_corners);
-            let instances = first_instance..first_instance + draw.instances;
+            let instances = draw.instances.min(self.most_instances);
+            let instances = first_instance..first_instance + instances;
             match &item.call {
                 Call::AsGiven => {}
                 Call::Subdivided(subdivided) => {

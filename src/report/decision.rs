@@ -2,7 +2,6 @@
 
 use preshade_passes::contract::Verdict;
 
-use crate::measure::error::counted;
 use crate::render::order;
 use crate::search::plan::decision::{
     Decision, MaterialDecision, PlanReport, SwitchCost, ViewReport,
@@ -126,12 +125,8 @@ pub(crate) fn policy(decision: &Decision) -> Vec<String> {
 /// What another order of the draws gains in a view, if it pays.
 fn sorted(view: &ViewReport) -> Option<String> {
     let sorted = view.sorted.as_ref().filter(|s| s.pays())?;
-    let changed = match sorted.changed_pixels {
-        0 => "no pixel changes".to_owned(),
-        n => counted(n, "changed pixel"),
-    };
     Some(format!(
-        "{}: sort {} of {} draws front to back: {} as written, without a new pass; {changed}",
+        "{}: sort {} of {} draws front to back: {} as written, without a new pass; no pixel changes",
         view.view,
         sorted.moved.len(),
         sorted.draws.len(),

@@ -13,7 +13,12 @@ pub fn holds_and_pays(row: &BTreeMap<&str, Said<'_>>) -> String {
         let standings = row.values().map(|s| s.standing().0);
         standings.filter(|s| ![Standing::NoPicture, Standing::DoesNotApply].contains(s))
     };
-    let timed = || row.values().filter(|s| !s.times.is_empty());
+    let timed = || {
+        let applies = row
+            .values()
+            .filter(|s| s.standing().0 != Standing::DoesNotApply);
+        applies.filter(|s| !s.times.is_empty())
+    };
     let mut told = Vec::new();
     if drawn().count() > 0 {
         let holds = drawn().filter(|s| *s == Standing::Holds).count();

@@ -25,7 +25,8 @@ use std::collections::{BTreeMap, BTreeSet, HashSet};
 use std::hash::{Hash, Hasher};
 
 use naga::{
-    Binding, BuiltIn, Expression, Handle, Literal, ScalarKind, ShaderStage, Span, Statement,
+    Binding, BuiltIn, Expression, Handle, Literal, MathFunction, ScalarKind, ShaderStage, Span,
+    Statement,
 };
 
 use crate::analysis::operations::discontinuity;
@@ -192,6 +193,15 @@ impl<'g, 'p> Operations<'_, 'g, 'p> {
                     )
             }
             Expression::Unary { expr, .. } => is_float(*expr),
+            // These end in a product with a constant.
+            Expression::Math {
+                fun:
+                    MathFunction::Unpack4x8unorm
+                    | MathFunction::Unpack4x8snorm
+                    | MathFunction::Unpack2x16unorm
+                    | MathFunction::Unpack2x16snorm,
+                ..
+            } => true,
             Expression::Math { arg, .. } => is_float(*arg),
             _ => false,
         }

@@ -60,6 +60,24 @@ pub fn iterated(values: &Values<'_, '_>) -> Vec<bool> {
     iterated
 }
 
+/// Whether a statement runs in a loop without a known bound, or is called from one.
+pub fn is_in_endless(values: &Values<'_, '_>, context: ContextId, at: StmtId) -> bool {
+    let module = values.graph.module();
+    let mut place = Some((context, at));
+    while let Some((context, at)) = place {
+        let f = values.function(context);
+        let is_endless = |s: StmtId| {
+            matches!(f.statements.get(s).statement, Statement::Loop { .. })
+                && counted::trips(module, f, s).is_none()
+        };
+        if f.statements.ancestors(at).any(is_endless) {
+            return true;
+        }
+        place = values.contexts[context].call;
+    }
+    false
+}
+
 /// Values that depend on a loop without a known bound.
 pub fn endless(values: &Values<'_, '_>) -> Vec<bool> {
     let module = values.graph.module();

@@ -12,7 +12,7 @@ use naga::{AddressSpace, Expression, ScalarKind, TypeInner};
 use crate::analysis::below::{below, is_cheap};
 use crate::analysis::contraction::{self, Pruned};
 use crate::analysis::cut::{self, Cut, Item};
-use crate::analysis::loops::{endless, iterated};
+use crate::analysis::loops::{endless, is_in_endless, iterated};
 use crate::analysis::range::AllRanges;
 use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::rounding::{ORDINARY, Roundings};
@@ -49,6 +49,8 @@ pub enum Stays {
     Input,
     /// It depends on a texture.
     Texture,
+    /// It depends on a storage buffer.
+    Buffer,
     /// It depends on immediate data.
     Immediate,
     /// It depends on an override.
@@ -75,6 +77,9 @@ impl std::fmt::Display for Stays {
             Self::Input => "it depends on an input that a compute stage does not have",
             Self::Texture => {
                 "it depends on a texture, which an earlier pass of the frame may draw to"
+            }
+            Self::Buffer => {
+                "it depends on a storage buffer, which an earlier pass of the frame may write"
             }
             Self::Immediate => "it depends on immediate data, which differ from pass to pass",
             Self::Override => "it depends on an override, which the compiler knows",
@@ -132,6 +137,8 @@ pub fn judge(values: &Values<'_, '_>, known: &[SourceRange], most: f64) -> Judge
                 None if endless[id] => Err(Stays::MayNotEnd),
                 None if iterated[id] => Err(Stays::InLoop),
                 None if values.control_rate(context, at) > Rate::Draw => Err(Stays::Conditional),
+                // The compute pass runs for draws that cover nothing, too.
+                None if is_in_endless(values, context, at) => Err(Stays::MayNotEnd),
                 None if !unsteady[id] => Ok(Class::Exact),
                 None if coverage[id] => Err(Stays::Coverage),
                 None if roundings.of(id) <= most => Ok(Class::Rounded),
@@ -172,6 +179,7 @@ fn foreign(values: &Values<'_, '_>) -> Vec<Option<Stays>> {
                 Expression::Override(_) => Some(Stays::Override),
                 Expression::Load { pointer } => match f.ty(module, *pointer).pointer_space() {
                     Some(AddressSpace::Immediate) => Some(Stays::Immediate),
+                    Some(AddressSpace::Storage { .. }) => Some(Stays::Buffer),
                     _ => None,
                 },
                 _ => None,
@@ -183,6 +191,7 @@ fn foreign(values: &Values<'_, '_>) -> Vec<Option<Stays>> {
     for stays in [
         Stays::Input,
         Stays::Texture,
+        Stays::Buffer,
         Stays::Immediate,
         Stays::Override,
     ] {

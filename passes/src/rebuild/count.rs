@@ -70,7 +70,7 @@ pub fn program(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
 /// colours are 0. If something decides coverage, only location 0 is written, as by [`program`].
 ///
 /// # Errors
-/// As [`program`]. The material writes depth, or has no fragment stage.
+/// As [`program`]. The material writes depth or the sample mask, or has no fragment stage.
 pub fn blank(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
     let refused = |message: &str| {
         Box::new(Invalid {
@@ -82,13 +82,12 @@ pub fn blank(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
     let authored =
         authored.and_then(|(p, name)| Some((p, p.entry_point(ShaderStage::Fragment, name)?.1)));
     let (author, entry) = authored.ok_or_else(|| refused("the plan has no fragment stage"))?;
-    let depth = Some(Binding::BuiltIn(BuiltIn::FragDepth));
+    let coverage = [BuiltIn::FragDepth, BuiltIn::SampleMask].map(|b| Some(Binding::BuiltIn(b)));
     let outputs = reflect::outputs(author.module(), &entry.function);
-    if outputs.iter().any(|o| o.binding == depth) {
-        return Err(refused("the material writes depth"));
+    if outputs.iter().any(|o| coverage.contains(&o.binding)) {
+        return Err(refused("the material writes depth or the sample mask"));
     }
-    let graph = Graph::build(author);
-    if coverage::of_pass(&graph, author, pass).is_some_and(|(_, d)| d.anything()) {
+    if decides(author, pass) {
         return program(plan, pass);
     }
     let mut module = author.module().clone();
@@ -107,6 +106,12 @@ pub fn blank(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
         (ShaderStage::Fragment, ENTRY),
     ];
     author.with_module(place::retain(&module, &kept))
+}
+
+/// Whether a discard, a depth or an alpha decides the coverage of a pass.
+pub fn decides(program: &Program, pass: &GpuPass) -> bool {
+    let graph = Graph::build(program);
+    coverage::of_pass(&graph, program, pass).is_some_and(|(_, d)| d.anything())
 }
 
 /// The position of a coverage decision in the result.

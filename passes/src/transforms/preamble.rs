@@ -23,8 +23,8 @@
 //! Many drivers do this themselves: Mesa's for Adreno and Apple, Arm's and Imagination's.
 //! There, a dispatch is added and nothing is saved.
 //!
-//! Textures stay, because an earlier pass of the frame may draw to them after the compute pass.
-//! Buffers must be written before it.
+//! Textures and storage buffers stay, because an earlier pass of the frame may write them after the compute
+//! pass. Uniforms must be written before it.
 
 use naga::{
     AddressSpace, Expression, Function, GlobalVariable, Handle, Module, ResourceBinding,

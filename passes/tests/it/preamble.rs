@@ -420,3 +420,48 @@ fn each_call_is_judged_by_itself() {
     assert_eq!(main_text(&next).matches("curve(").count(), 2);
     assert_eq!(once_text(&next).matches("exp2").count(), 2);
 }
+
+/// A compute pass also runs for a draw that covers nothing, so a loop that may not end must not get there.
+#[test]
+fn a_value_in_a_loop_that_may_not_end_stays() {
+    let body = "var s = 1.0; var acc = 0.0;
+        while s < u.a { s *= u.b; let gain = exp2(exp2(u.d.x)); acc = max(acc, gain * v.uv.x); }
+        return vec4(acc);";
+    let (code, reason) = stays(body, "gain", &EXACT);
+    assert_eq!(code, "nothing-pays");
+    assert_eq!(reason, "it depends on a loop that may not end");
+}
+
+#[test]
+fn a_value_of_a_storage_buffer_stays() {
+    let plan = planned(&format!(
+        "{HEAD}@group(0) @binding(3) var<storage, read> lights: array<vec4<f32>>;
+        @fragment fn fs(v: V) -> @location(0) vec4<f32> {{
+            let gain = exp2(exp2(lights[0].x)); return vec4(v.uv * gain, gain, 1.0);
+        }}"
+    ));
+    let refused = refused(&plan, &EXACT);
+    let left = refused.left.iter().find(|l| l.name == "gain").unwrap();
+    assert!(left.reason.contains("storage buffer"), "{}", left.reason);
+}
+
+/// They end in a product with a constant, which a sum takes in.
+#[test]
+fn unpacked_numbers_may_be_fused() {
+    for unpack in [
+        "unpack4x8unorm",
+        "unpack4x8snorm",
+        "unpack2x16unorm",
+        "unpack2x16snorm",
+    ] {
+        let body = format!(
+            "let t = {unpack}(u.count * u.count * u.count + 7u).x; return vec4(v.uv.y + t, v.uv, 1.0);"
+        );
+        let params = Params {
+            least: 1.0,
+            ..EXACT
+        };
+        let reason = stays(&body, "t", &params).1;
+        assert!(reason.contains("fuse"), "{unpack}: {reason}");
+    }
+}

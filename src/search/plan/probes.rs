@@ -242,14 +242,18 @@ fn observe(
     let mut prepared = session.prepare(&assignment.plans(&choices))?;
     prepared.aim(frame, probe.order);
     drop(compiling);
-    let _alone = drawing.write().unwrap_or_else(PoisonError::into_inner);
+    let alone = drawing.write().unwrap_or_else(PoisonError::into_inner);
     let timing = TimingSettings {
         budget: Duration::ZERO,
         min_samples: 6,
         submission: Duration::from_millis(8),
         ..TimingSettings::default()
     };
-    let (_, times) = measure::time(gpu, &[&prepared], &timing, |_| {})?;
+    let times = measure::time(gpu, &[&prepared], &timing, |_| {});
+    // Its resources go before the next one is timed.
+    drop(prepared);
+    drop(alone);
+    let (_, times) = times?;
     Ok(times.first().map(|t| Observation {
         work,
         ms: t.time.estimate.median,

@@ -6,7 +6,7 @@
 //! the stencil, stay where they are, and no draw moves past them. Draws that tie in depth keep their order.
 
 use preshade_passes::plan::{BindingKind, Phase, Plan};
-use preshade_passes::state::DepthDirection;
+use preshade_passes::state::{ColorTarget, CompareFunction, DepthDirection};
 use serde::Serialize;
 
 use super::PlanError;
@@ -14,7 +14,7 @@ use super::choose::WORTHWHILE;
 use super::work::Counting;
 use crate::measure::{self, Estimate, Session, TimingSettings, compare};
 use crate::render::Prepared;
-use crate::scene::{DrawOrder, Frame};
+use crate::scene::{DrawOrder, Frame, Scene};
 
 /// Another order of the draws, measured beside the scene's own.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -30,9 +30,9 @@ pub struct Sorting {
 }
 
 impl Sorting {
-    /// Whether it is faster beyond noise, by as much as a plan has to be.
+    /// Whether it draws the same picture, and is faster beyond noise by as much as a plan has to be.
     pub fn pays(&self) -> bool {
-        self.speedup.low > WORTHWHILE
+        self.speedup.low > WORTHWHILE && self.changed_pixels == 0
     }
 }
 
@@ -75,7 +75,7 @@ fn sorted(
     prepared: &mut Prepared<'_>,
     frame: &Frame,
 ) -> Result<Option<Vec<usize>>, PlanError> {
-    let runs = runs(session);
+    let runs = runs(session, frame)?;
     if runs.is_empty() {
         return Ok(None);
     }
@@ -107,12 +107,34 @@ fn sorted(
 }
 
 /// Runs of draws that may change places, each with at least two.
-fn runs(session: &Session<'_>) -> Vec<Vec<usize>> {
-    let movable: Vec<bool> = session.originals().iter().map(is_movable).collect();
-    let draws = session.scene().draws.iter().enumerate();
+fn runs(session: &Session<'_>, frame: &Frame) -> Result<Vec<Vec<usize>>, PlanError> {
+    let (scene, originals) = (session.scene(), session.originals());
+    let movable: Vec<bool> = originals
+        .iter()
+        .map(|plan| is_movable(plan, scene))
+        .collect();
+    // A draw at the depth of the cleared buffer leaves no trace there.
+    let mut equal = originals.to_vec();
+    for depth in equal
+        .iter_mut()
+        .flat_map(|p| &mut p.passes)
+        .filter_map(|p| p.depth.as_mut())
+    {
+        depth.compare = CompareFunction::Equal;
+        depth.write = false;
+    }
+    let mut at_clear = session.prepare(&equal)?;
     let mut runs: Vec<Vec<usize>> = vec![Vec::new()];
-    for (i, draw) in draws {
-        match (movable[draw.material], runs.last_mut()) {
+    for (i, draw) in scene.draws.iter().enumerate() {
+        let mut is_movable = movable[draw.material];
+        if is_movable {
+            at_clear.arrange(frame, &[i]);
+            is_movable = at_clear
+                .draw_occluded()?
+                .iter()
+                .all(|samples| *samples == 0);
+        }
+        match (is_movable, runs.last_mut()) {
             (true, Some(run)) => run.push(i),
             _ => runs.push(Vec::new()),
         }
@@ -123,19 +145,27 @@ fn runs(session: &Session<'_>) -> Vec<Vec<usize>> {
         left -= run.len();
     }
     runs.retain(|run| run.len() > 1);
-    runs
+    Ok(runs)
 }
 
+/// A mask of all channels.
+const ALL: u8 = 0xf;
+
 /// Whether the picture does not depend on the place of a material's draws, unless depths tie.
-fn is_movable(plan: &Plan) -> bool {
+fn is_movable(plan: &Plan, scene: &Scene) -> bool {
     let Some(main) = plan.main() else {
         return false;
     };
     let is_tested = main
         .depth
         .as_ref()
-        .is_some_and(|d| d.write && d.compare.direction().is_some());
-    let blends = main.targets.iter().flatten().any(|t| t.blend.is_some());
+        .is_some_and(|d| d.write && d.compare.direction() == Some(scene.depth_direction));
+    // What a mask leaves of a hidden draw would show.
+    let replaces = |t: &Option<ColorTarget>| {
+        let target = t.as_ref();
+        target.is_some_and(|t| t.blend.is_none() && t.write_mask == ALL)
+    };
+    let replaces = main.fragment.is_some() && main.targets.iter().all(replaces);
     let stencil = main.stencil.as_ref().is_some_and(|s| s.writes());
     let stores = |kind| {
         matches!(
@@ -144,7 +174,7 @@ fn is_movable(plan: &Plan) -> bool {
         )
     };
     let stores = main.bindings.iter().any(|b| stores(b.kind));
-    is_tested && !blends && !stencil && !stores && main.phase == Phase::Opaque
+    is_tested && replaces && !stencil && !stores && main.phase == Phase::Opaque
 }
 
 /// The samples and depths of a draw alone.
