@@ -281,7 +281,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
                 init: None,
                 memory_decorations: Default::default(),
             },
-            is_struct: self.wanted.len() > 1,
+            members: self.wanted.len() as u32,
         };
         let entry = format!("{fragment}_preamble");
         let compute = stored.computed(module.clone(), function, &entry);
@@ -452,8 +452,8 @@ struct Stored {
     /// As the main pass declares it.
     variable: GlobalVariable,
     size: u32,
-    /// Whether it holds several values.
-    is_struct: bool,
+    /// Number of values. Several are members of a struct.
+    members: u32,
 }
 
 impl Stored {
@@ -482,7 +482,17 @@ impl Stored {
         let entry = FunctionId::EntryPoint(module.entry_points.len() - 1);
         place::rewritten(&module, entry, |build| {
             let pointer = build.expression(Expression::GlobalVariable(variable));
-            if let Some(value) = build.call(function, Vec::new()) {
+            let Some(value) = build.call(function, Vec::new()) else {
+                return Rewrite::default();
+            };
+            if self.members == 1 {
+                build.statement(Statement::Store { pointer, value });
+                return Rewrite::default();
+            }
+            // GLSL's block is no struct that takes a whole one.
+            for index in 0..self.members {
+                let of = |base| Expression::AccessIndex { base, index };
+                let (pointer, value) = (build.expression(of(pointer)), build.expression(of(value)));
                 build.statement(Statement::Store { pointer, value });
             }
             Rewrite::default()
@@ -499,7 +509,7 @@ impl Stored {
         let base = build.expression(Expression::GlobalVariable(variable));
         let mut given = Given::new();
         for (i, value) in wanted.iter().enumerate() {
-            let pointer = match self.is_struct {
+            let pointer = match self.members > 1 {
                 true => build.expression(Expression::AccessIndex {
                     base,
                     index: i as u32,

@@ -300,7 +300,7 @@ mod tests {
     #[test]
     fn those_that_predictions_cannot_tell_from_the_best() {
         let predicted: [&[f64]; 5] = [&[9.0], &[1.0], &[1.1], &[1.2], &[1.9]];
-        assert_eq!(finalists(&predicted, 1, 0.05), [0, 1]);
+        assert_eq!(finalists(&predicted, 1, 0.04), [0, 1]);
         assert_eq!(finalists(&predicted, 1, 0.06), [0, 1, 2]);
         assert_eq!(
             finalists(&predicted, 1, 0.5),

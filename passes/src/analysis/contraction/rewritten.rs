@@ -173,8 +173,21 @@ impl Operations<'_, '_, '_> {
             _ => !matches!(self.whole(*id), Some((_, Expression::GlobalVariable(_)))),
         };
         let arguments = sources(id);
-        let mut beside = sources(reader).into_iter().filter(is_value);
-        beside.any(|source| arguments.contains(&source))
+        // Behind a modifier is its own argument, which is not beside it.
+        let plain = Self {
+            sees_modifiers: false,
+            ..*self
+        };
+        let beside = value[reader].operands.iter().flat_map(|operand| {
+            let mut found = plain.sources(*operand);
+            if !found.contains(&id) {
+                found.extend(self.sources(*operand));
+            }
+            found
+        });
+        beside
+            .filter(is_value)
+            .any(|source| arguments.contains(&source))
     }
 
     fn operand(&self, context: ContextId, e: Handle<Expression>) -> Option<ValueId> {
