@@ -8,7 +8,7 @@ use serde::Serialize;
 use super::{Answer, EVERY, Kind, Measured, Merged, Reason, Results};
 use crate::measure::Estimate;
 use crate::measure::record::VariantReport;
-use crate::measure::variant::{DOES_NOT_APPLY, EVERY_REFUSES};
+use crate::measure::variant::{EVERY_REFUSES, without_remedy};
 use crate::render::AdapterReport;
 use crate::search::plan::choose::WORTHWHILE;
 
@@ -83,15 +83,6 @@ fn is_broken(variant: &VariantReport) -> bool {
     matches!(variant.verdict, Verdict::Broken { .. })
 }
 
-/// The first refusal, as `pass[code]: reason`.
-fn refusal(variant: &VariantReport) -> Option<&str> {
-    let why = &variant.kept.first()?.why;
-    why.split("; to make it legal")
-        .next()?
-        .split(DOES_NOT_APPLY)
-        .next()
-}
-
 impl<'a> Said<'a> {
     /// What it drew, or why it drew nothing. A contract that any job breaks is broken.
     fn drawn(&self) -> Option<Drawn<'a>> {
@@ -118,7 +109,9 @@ impl<'a> Said<'a> {
                 Verdict::Holds => (Standing::Holds, ""),
                 Verdict::Broken { r#where } => (Standing::Broken, r#where),
                 Verdict::NotMeasured { why } if why == EVERY_REFUSES => {
-                    (Standing::DoesNotApply, refusal(variant).unwrap_or(why))
+                    let first = variant.kept.first();
+                    let refusal = first.map_or(why.as_str(), |kept| without_remedy(&kept.why));
+                    (Standing::DoesNotApply, refusal)
                 }
                 Verdict::NotMeasured { why } => (Standing::NotMeasured, why),
             },

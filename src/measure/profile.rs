@@ -140,8 +140,9 @@ fn profiled(
     aimed(session)?;
     let mut frames = Frames::new(session, frame, &view);
     frames.add(Some(originals.to_vec()))?;
-    frames.add(untested(originals))?;
-    frames.add_with(untested(originals), Prepared::one_triangle_a_draw)?;
+    let untested = untested(originals);
+    frames.add(untested.clone())?;
+    frames.add_with(untested, Prepared::one_triangle_a_draw)?;
     let scene = session.scene();
     let draws = |material: usize| {
         scene
@@ -217,17 +218,21 @@ fn told_apart(
         in_vertex || plan.program(pass).is_some_and(|p| count::decides(p, pass))
     };
     let decides = session.originals()[material].passes.iter().any(decides);
-    let scene = small_textures(session.scene(), material);
-    let small = Session::new(session.gpu(), &scene, session.form())?;
-    small.inputs().set_frame(frame)?;
+    let scene = (!decides).then(|| small_textures(session.scene(), material));
+    let small = scene.as_ref();
+    let small = small.map(|scene| Session::new(session.gpu(), scene, session.form()));
+    let small = small.transpose()?;
     session.inputs().set_frame(frame)?;
     let originals = session.originals();
     let mut frames = Frames::new(session, frame, view);
     frames.add(Some(originals.to_vec()))?;
     frames.add(with(originals, material, flat))?;
-    let mut still = Frames::new(&small, frame, view);
-    still.add(Some(small.originals().to_vec()).filter(|_| !decides))?;
-    frames.prepared.extend(still.prepared);
+    if let Some(small) = &small {
+        small.inputs().set_frame(frame)?;
+        let mut still = Frames::new(small, frame, view);
+        still.add(Some(small.originals().to_vec()))?;
+        frames.prepared.extend(still.prepared);
+    }
     let (_, times) = frames.time(timing)?;
     let part_of = |i: usize| times.get(i)?.as_ref().map(part);
     Ok([part_of(1), part_of(2)])
@@ -328,15 +333,10 @@ fn untested(plans: &[Plan]) -> Option<Vec<Plan>> {
         return None;
     }
     for pass in plans.iter_mut().flat_map(|p| &mut p.passes) {
-        let stores = |b: &BindingUse| {
-            matches!(
-                b.kind,
-                BindingKind::StorageReadWrite | BindingKind::StorageTexture
-            )
-        };
+        let stores = pass.bindings.iter().any(|b| b.kind.is_writable());
         let faces = pass.stencil.iter().flat_map(|s| [&s.front, &s.back]);
         let mut fails = faces.map(|face| face.depth_fail);
-        if pass.bindings.iter().any(stores) || fails.any(|f| f != StencilOperation::Keep) {
+        if stores || fails.any(|f| f != StencilOperation::Keep) {
             return None;
         }
         let depth = pass.depth.as_mut()?;

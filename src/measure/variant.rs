@@ -75,7 +75,13 @@ pub fn refused(originals: &[Plan], recipe: &Recipe, refusal: &Refusal) -> Varian
 pub(crate) const EVERY_REFUSES: &str = "every material refuses it";
 
 /// The end of a refusal that has no remedy.
-pub(crate) const DOES_NOT_APPLY: &str = "; does not apply";
+const DOES_NOT_APPLY: &str = "; does not apply";
+
+/// A refusal without its remedy: `pass[code]: reason`.
+pub(crate) fn without_remedy(why: &str) -> &str {
+    let reason = why.split("; to make it legal").next().unwrap_or(why);
+    reason.split(DOES_NOT_APPLY).next().unwrap_or(reason)
+}
 
 fn why(refusal: &Refusal) -> String {
     match remedy(refusal) {

@@ -6,7 +6,7 @@ use preshade_passes::contract::{Contract, Verdict};
 
 use crate::measure::Estimate;
 use crate::measure::record::{ORIGINAL, Report, VariantReport, ViewReport};
-use crate::measure::variant::DOES_NOT_APPLY;
+use crate::measure::variant::without_remedy;
 use crate::render::order;
 use crate::scene::DrawOrder;
 
@@ -196,9 +196,8 @@ fn shared_reason(report: &Report) -> String {
     let kept = report.variants.iter().flat_map(|v| &v.kept);
     let reasons: BTreeSet<&str> = kept
         .filter_map(|k| {
-            let (_, reason) = k.why.split_once("]: ")?;
-            let reason = reason.split("; to make it legal").next()?;
-            reason.split(DOES_NOT_APPLY).next()
+            let (_, reason) = without_remedy(&k.why).split_once("]: ")?;
+            Some(reason)
         })
         .collect();
     match reasons.into_iter().collect::<Vec<_>>()[..] {

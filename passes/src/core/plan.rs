@@ -300,6 +300,13 @@ pub enum BindingKind {
     AccelerationStructure,
 }
 
+impl BindingKind {
+    /// Whether a shader may write what is bound.
+    pub fn is_writable(self) -> bool {
+        matches!(self, Self::StorageReadWrite | Self::StorageTexture)
+    }
+}
+
 /// Stages a binding must be visible to (`GPUShaderStage`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[allow(missing_docs)]

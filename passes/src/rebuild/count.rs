@@ -28,12 +28,7 @@ pub const ENTRY: &str = "preshade_count";
 /// # Errors
 /// The slice does not validate: a bug.
 pub fn program(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
-    let missing = |what: &str| {
-        Box::new(Invalid {
-            message: format!("the plan has no {what}"),
-            labels: Vec::new(),
-        })
-    };
+    let missing = |what: &str| invalid(format!("the plan has no {what}"));
     let program = plan
         .program(pass)
         .ok_or_else(|| missing("program of that name"))?;
@@ -72,20 +67,16 @@ pub fn program(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
 /// # Errors
 /// As [`program`]. The material writes depth or the sample mask, or has no fragment stage.
 pub fn blank(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
-    let refused = |message: &str| {
-        Box::new(Invalid {
-            message: message.to_owned(),
-            labels: Vec::new(),
-        })
-    };
     let authored = plan.program(pass).zip(pass.fragment.as_deref());
     let authored =
         authored.and_then(|(p, name)| Some((p, p.entry_point(ShaderStage::Fragment, name)?.1)));
-    let (author, entry) = authored.ok_or_else(|| refused("the plan has no fragment stage"))?;
+    let (author, entry) =
+        authored.ok_or_else(|| invalid("the plan has no fragment stage".to_owned()))?;
     let coverage = [BuiltIn::FragDepth, BuiltIn::SampleMask].map(|b| Some(Binding::BuiltIn(b)));
     let outputs = reflect::outputs(author.module(), &entry.function);
     if outputs.iter().any(|o| coverage.contains(&o.binding)) {
-        return Err(refused("the material writes depth or the sample mask"));
+        let why = "the material writes depth or the sample mask";
+        return Err(invalid(why.to_owned()));
     }
     if decides(author, pass) {
         return program(plan, pass);
@@ -106,6 +97,13 @@ pub fn blank(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
         (ShaderStage::Fragment, ENTRY),
     ];
     author.with_module(place::retain(&module, &kept))
+}
+
+fn invalid(message: String) -> Box<Invalid> {
+    Box::new(Invalid {
+        message,
+        labels: Vec::new(),
+    })
 }
 
 /// Whether a discard, a depth or an alpha decides the coverage of a pass.

@@ -5,7 +5,7 @@
 //! their fragment stages. Blended draws and those that depend on their place, by the depth test or
 //! the stencil, stay where they are, and no draw moves past them. Draws that tie in depth keep their order.
 
-use preshade_passes::plan::{BindingKind, Phase, Plan};
+use preshade_passes::plan::{Phase, Plan};
 use preshade_passes::state::{ColorTarget, CompareFunction, DepthDirection};
 use serde::Serialize;
 
@@ -113,6 +113,9 @@ fn runs(session: &Session<'_>, frame: &Frame) -> Result<Vec<Vec<usize>>, PlanErr
         .iter()
         .map(|plan| is_movable(plan, scene))
         .collect();
+    if !movable.contains(&true) {
+        return Ok(Vec::new());
+    }
     // A draw at the depth of the cleared buffer leaves no trace there.
     let mut equal = originals.to_vec();
     for depth in equal
@@ -125,8 +128,9 @@ fn runs(session: &Session<'_>, frame: &Frame) -> Result<Vec<Vec<usize>>, PlanErr
     }
     let mut at_clear = session.prepare(&equal)?;
     let mut runs: Vec<Vec<usize>> = vec![Vec::new()];
+    let mut left = MOST;
     for (i, draw) in scene.draws.iter().enumerate() {
-        let mut is_movable = movable[draw.material];
+        let mut is_movable = movable[draw.material] && left > 0;
         if is_movable {
             at_clear.arrange(frame, &[i]);
             is_movable = at_clear
@@ -135,14 +139,12 @@ fn runs(session: &Session<'_>, frame: &Frame) -> Result<Vec<Vec<usize>>, PlanErr
                 .all(|samples| *samples == 0);
         }
         match (is_movable, runs.last_mut()) {
-            (true, Some(run)) => run.push(i),
+            (true, Some(run)) => {
+                run.push(i);
+                left -= 1;
+            }
             _ => runs.push(Vec::new()),
         }
-    }
-    let mut left = MOST;
-    for run in &mut runs {
-        run.truncate(left);
-        left -= run.len();
     }
     runs.retain(|run| run.len() > 1);
     Ok(runs)
@@ -167,13 +169,7 @@ fn is_movable(plan: &Plan, scene: &Scene) -> bool {
     };
     let replaces = main.fragment.is_some() && main.targets.iter().all(replaces);
     let stencil = main.stencil.as_ref().is_some_and(|s| s.writes());
-    let stores = |kind| {
-        matches!(
-            kind,
-            BindingKind::StorageReadWrite | BindingKind::StorageTexture
-        )
-    };
-    let stores = main.bindings.iter().any(|b| stores(b.kind));
+    let stores = main.bindings.iter().any(|b| b.kind.is_writable());
     is_tested && replaces && !stencil && !stores && main.phase == Phase::Opaque
 }
 
