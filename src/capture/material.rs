@@ -153,6 +153,9 @@ pub(super) fn read(
         program = program.with_declared(declared);
     }
     if is_sized {
+        if reader == Reader::Scene {
+            program = points::with_flat_varyings(&program).map_err(Left::Out)?;
+        }
         state.primitive.topology = preshade_passes::state::Topology::TriangleList;
         state.primitive.cull = preshade_passes::state::CullMode::None;
     }

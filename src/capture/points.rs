@@ -1,5 +1,8 @@
 //! WebGL's points as squares of two triangles: WebGPU's points are one pixel large and have no coordinate.
 
+use naga::{Binding, Interpolation, ShaderStage, TypeInner};
+use preshade_passes::program::Program;
+
 use super::material::Reader;
 use super::webgl::CORNER;
 use crate::scene::bind::{Data, VertexAttribute, VertexBuffer};
@@ -71,6 +74,50 @@ pub(super) fn fragment(text: &str, reader: Reader) -> String {
         }
     };
     declare(&text.replace("gl_PointCoord", coordinate), &declared)
+}
+
+/// The program with flat varyings: a point has one vertex, so all its fragments have the same values (OpenGL ES 3.0.6,
+/// section 3.4), but interpolation between the equal corners of our square rounds. Where a fragment is in its point
+/// still varies.
+pub(super) fn with_flat_varyings(program: &Program) -> Result<Program, String> {
+    let mut module = program.module().clone();
+    for entry in &mut module.entry_points {
+        match entry.stage {
+            ShaderStage::Vertex => {
+                let Some(result) = &entry.function.result else {
+                    continue;
+                };
+                let mut ty = module.types[result.ty].clone();
+                let TypeInner::Struct { members, .. } = &mut ty.inner else {
+                    continue;
+                };
+                for member in members {
+                    flatten(member.name.as_deref(), &mut member.binding);
+                }
+                if module.types.get(&ty).is_none() {
+                    module.types.replace(result.ty, ty);
+                }
+            }
+            _ => {
+                for argument in &mut entry.function.arguments {
+                    flatten(argument.name.as_deref(), &mut argument.binding);
+                }
+            }
+        }
+    }
+    program.with_module(module).map_err(|e| e.to_string())
+}
+
+fn flatten(name: Option<&str>, binding: &mut Option<Binding>) {
+    if let Some(Binding::Location {
+        interpolation,
+        sampling,
+        ..
+    }) = binding
+        && name != Some(AT)
+    {
+        (*interpolation, *sampling) = (Some(Interpolation::Flat), None);
+    }
 }
 
 /// The whole point has one value. WebGL 1 has no word for it, and interpolates equal ones.

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 
+use preshade_passes::contract::Contract;
 use preshade_passes::frame::FramePlan;
 use preshade_passes::neighbours;
 use preshade_passes::plan::Plan;
@@ -141,6 +142,25 @@ pub struct FramePredictor<'a> {
     pub counted: &'a [Counted],
     /// The cost model.
     pub model: &'a Model,
+    /// Which candidates make frames.
+    pub taken: Taken,
+}
+
+/// Which candidates make frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Taken {
+    /// Those that keep the picture but for rounding.
+    Keeping,
+    /// Also those that change it within a budget.
+    #[default]
+    All,
+}
+
+impl Taken {
+    /// Whether a candidate may be in a frame.
+    pub fn has(self, candidate: &Candidate) -> bool {
+        self == Self::All || !matches!(candidate.plan.contract, Contract::Approximate { .. })
+    }
 }
 
 impl FramePredictor<'_> {
@@ -175,7 +195,8 @@ impl FramePredictor<'_> {
     pub fn frames(&self) -> Vec<Considered> {
         let mut wanted = vec![Assignment::original(self.choices)];
         let mut recipes: Vec<String> = Vec::new();
-        for candidate in self.choices.iter().flat_map(|c| &c.candidates).skip(1) {
+        let candidates = self.choices.iter().flat_map(|c| &c.candidates);
+        for candidate in candidates.filter(|c| self.taken.has(c)) {
             let recipe = candidate.recipe.to_string();
             if !candidate.recipe.steps.is_empty() && !recipes.contains(&recipe) {
                 recipes.push(recipe);
@@ -211,12 +232,19 @@ impl FramePredictor<'_> {
                 let work = alone.work(self.choices, self.drawn, counted);
                 work.map_or(f64::INFINITY, |w| self.model.predict(&w))
             };
-            let picks = 0..choices.candidates.len();
-            let times: Vec<f64> = picks.clone().map(|p| time(&p)).collect();
-            let best = picks.min_by(|a, b| times[*a].total_cmp(&times[*b]));
-            mix.0[material] = best.unwrap_or(0);
+            let picks = self.picks(choices).map(|pick| (pick, time(&pick)));
+            let best = picks.min_by(|a, b| a.1.total_cmp(&b.1));
+            mix.0[material] = best.map_or(0, |(pick, _)| pick);
         }
         mix
+    }
+
+    fn picks<'c>(&self, choices: &'c Choices) -> impl Iterator<Item = usize> + use<'c> {
+        let taken = self.taken;
+        let candidates = choices.candidates.iter().enumerate();
+        candidates
+            .filter(move |(_, c)| taken.has(c))
+            .map(|(pick, _)| pick)
     }
 
     /// Frames that differ from one in a single material, the most promising first.
@@ -224,7 +252,7 @@ impl FramePredictor<'_> {
     pub fn neighbours(&self, from: &Assignment) -> Vec<Considered> {
         let mut all = Vec::new();
         for (material, choices) in self.choices.iter().enumerate() {
-            for pick in 0..choices.candidates.len() {
+            for pick in self.picks(choices) {
                 if from.0.get(material) == Some(&pick) {
                     continue;
                 }

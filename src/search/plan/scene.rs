@@ -6,7 +6,7 @@ use preshade_passes::contract::{Assumption, Contract, Verdict};
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::Plan;
 
-use super::assign::{Assignment, Considered, FramePredictor, finalists};
+use super::assign::{Assignment, Considered, FramePredictor, Taken, finalists};
 use super::choices::{Choices, choices};
 use super::choose::Table;
 use super::count::FragmentCounter;
@@ -108,6 +108,7 @@ impl Scouted {
             drawn: &self.drawn,
             counted: &self.counted,
             model,
+            taken: Taken::All,
         }
     }
 }
@@ -138,15 +139,7 @@ pub fn decide(
     progress(PlanProgress::at(0.0, "counting fragments"));
     let scouted = scout(session, recipes, facts, settings.frames_per_camera)?;
     let seen = scouted.seen(settings.model);
-    let all = seen.frames();
-    let finalists = match settings.timed {
-        Timed::No => (0..all.len()).collect(),
-        Timed::Yes => {
-            let predicted: Vec<&[f64]> = all.iter().map(|f| f.predicted.as_slice()).collect();
-            finalists(&predicted, settings.runners, settings.model.error())
-        }
-    };
-    let mut frames: Vec<Considered> = finalists.into_iter().map(|i| all[i].clone()).collect();
+    let mut frames = Vec::new();
     let mut subjects = Vec::new();
     let views = scouted.views.iter().map(|(view, _)| view.clone());
     let mut measured = Measured {
@@ -155,44 +148,51 @@ pub fn decide(
     };
     match settings.timed {
         Timed::No => {
-            let (original, each) = (&frames[0].predicted, frames.iter());
-            measured.table = Table::new(each.map(|f| predicted_row(original, f)).collect());
+            frames = seen.frames();
+            let original = frames.first().map_or(&[][..], |f| &f.predicted);
+            let rows = frames.iter().map(|f| predicted_row(original, f));
+            measured.table = Table::new(rows.collect());
             measured.table.needs_no_ties = needing_no_ties(&frames, &scouted.choices);
             measured.times = vec![vec![None; scouted.views.len()]; frames.len()];
         }
         Timed::Yes => {
-            for frame in &frames {
-                let name = frame.assignment.name(&scouted.choices);
-                progress(PlanProgress::at(0.1, format!("compiling {name}")));
-                subjects.push(Runner::new(session, &scouted.choices, frame)?);
+            // A budget adds candidates, and the model is too coarse to choose among so many. It must not cost what
+            // is measured without one, or a budget would make the decision worse.
+            let is_kept = |c: &Choices| c.candidates.iter().all(|c| Taken::Keeping.has(c));
+            let rounds: &[Taken] = match scouted.choices.iter().all(is_kept) {
+                true => &[Taken::All],
+                false => &[Taken::Keeping, Taken::All],
+            };
+            for (round, taken) in rounds.iter().enumerate() {
+                let seen = FramePredictor {
+                    taken: *taken,
+                    ..seen
+                };
+                let part = |done: f64| (round as f64 + done) / rounds.len() as f64;
+                let drawing = &mut (&mut frames, &mut subjects);
+                let mut told = |p: PlanProgress<'_>| {
+                    let done = 0.1 + 0.9 * part(p.done);
+                    progress(PlanProgress { done, ..p });
+                };
+                first(
+                    session,
+                    drawing,
+                    &scouted,
+                    &seen,
+                    settings,
+                    &mut measured,
+                    &mut told,
+                )?;
+                refine(
+                    session,
+                    drawing,
+                    &scouted,
+                    &seen,
+                    settings,
+                    &mut measured,
+                    &mut told,
+                )?;
             }
-            measure_all(
-                session,
-                &mut subjects,
-                &scouted,
-                settings,
-                &mut measured,
-                &mut |p| {
-                    progress(PlanProgress {
-                        done: 0.1 + 0.6 * p.done,
-                        ..p
-                    });
-                },
-            )?;
-            measured.table.needs_no_ties = needing_no_ties(&frames, &scouted.choices);
-            refine(
-                session,
-                &mut (&mut frames, &mut subjects),
-                &scouted,
-                settings,
-                &mut measured,
-                &mut |p| {
-                    progress(PlanProgress {
-                        done: 0.7 + 0.3 * p.done,
-                        ..p
-                    });
-                },
-            )?;
         }
     }
     let mut decision = report(session, &scouted, settings, &frames, &subjects, measured);
@@ -282,12 +282,45 @@ fn measure_all(
 /// Frames, and their runners side by side.
 type Drawing<'d, 'a> = (&'d mut Vec<Considered>, &'d mut Vec<Runner<'a>>);
 
+/// Measures the frames that are predicted to be the fastest.
+fn first<'a>(
+    session: &'a Session<'a>,
+    drawing: &mut Drawing<'_, 'a>,
+    scouted: &Scouted,
+    seen: &FramePredictor<'_>,
+    settings: &Settings<'_>,
+    measured: &mut Measured,
+    progress: &mut dyn FnMut(PlanProgress<'_>),
+) -> Result<(), PlanError> {
+    let all = seen.frames();
+    let predicted: Vec<&[f64]> = all.iter().map(|f| f.predicted.as_slice()).collect();
+    let finalists = finalists(&predicted, settings.runners, settings.model.error());
+    let is_new = |c: &&Considered| !drawing.0.iter().any(|f| f.assignment == c.assignment);
+    let new = finalists.into_iter().map(|i| &all[i]).filter(is_new);
+    let new: Vec<Considered> = new.cloned().collect();
+    measure_more(
+        session,
+        drawing,
+        new,
+        scouted,
+        settings,
+        measured,
+        &mut |p| {
+            progress(PlanProgress {
+                done: 0.65 * p.done,
+                ..p
+            });
+        },
+    )
+}
+
 /// Measures frames that differ from the best in one material, the fastest predicted first, as long
 /// as one is better.
 fn refine<'a>(
     session: &'a Session<'a>,
-    (frames, subjects): &mut Drawing<'_, 'a>,
+    drawing: &mut Drawing<'_, 'a>,
     scouted: &Scouted,
+    seen: &FramePredictor<'_>,
     settings: &Settings<'_>,
     measured: &mut Measured,
     progress: &mut dyn FnMut(PlanProgress<'_>),
@@ -295,10 +328,10 @@ fn refine<'a>(
     if scouted.choices.len() < 2 {
         return Ok(());
     }
-    let seen = scouted.seen(settings.model);
     let mut left = settings.refinements;
     loop {
         let best = measured.table.best();
+        let frames = &drawing.0;
         let is_new = |c: &Considered| !frames.iter().any(|f| f.assignment == c.assignment);
         let near: Vec<Considered> = seen
             .neighbours(&frames[best].assignment)
@@ -312,29 +345,63 @@ fn refine<'a>(
             return Ok(());
         }
         left -= near.len();
-        // The original again, so that ratios are of samples taken side by side.
-        let mut lot = Vec::new();
-        for frame in frames[..1].iter().chain(&near) {
-            lot.push(Runner::new(session, &scouted.choices, frame)?);
-        }
-        let mut more = Measured {
-            so_far: std::mem::take(&mut measured.so_far),
-            ..Measured::default()
-        };
-        measure_all(session, &mut lot, scouted, settings, &mut more, progress)?;
-        measured.so_far = more.so_far;
-        frames.extend(near);
-        subjects.extend(lot.into_iter().skip(1));
-        measured.times.extend(more.times.into_iter().skip(1));
-        measured
-            .table
-            .rows
-            .extend(more.table.rows.into_iter().skip(1));
-        measured.table.needs_no_ties = needing_no_ties(frames, &scouted.choices);
+        measure_more(
+            session,
+            drawing,
+            near,
+            scouted,
+            settings,
+            measured,
+            &mut |p| {
+                progress(PlanProgress {
+                    done: 0.65 + 0.35 * p.done,
+                    ..p
+                });
+            },
+        )?;
         if measured.table.best() == best {
             return Ok(());
         }
     }
+}
+
+/// Measures new frames. The first of all is the original.
+fn measure_more<'a>(
+    session: &'a Session<'a>,
+    (frames, subjects): &mut Drawing<'_, 'a>,
+    new: Vec<Considered>,
+    scouted: &Scouted,
+    settings: &Settings<'_>,
+    measured: &mut Measured,
+    progress: &mut dyn FnMut(PlanProgress<'_>),
+) -> Result<(), PlanError> {
+    if new.is_empty() {
+        return Ok(());
+    }
+    // The original again, so that ratios are of samples taken side by side.
+    let again = frames.len().min(1);
+    let mut lot = Vec::new();
+    for frame in frames[..again].iter().chain(&new) {
+        let name = frame.assignment.name(&scouted.choices);
+        progress(PlanProgress::at(0.0, format!("compiling {name}")));
+        lot.push(Runner::new(session, &scouted.choices, frame)?);
+    }
+    let mut more = Measured {
+        so_far: std::mem::take(&mut measured.so_far),
+        colours: std::mem::take(&mut measured.colours),
+        ..Measured::default()
+    };
+    measure_all(session, &mut lot, scouted, settings, &mut more, progress)?;
+    measured.so_far = more.so_far;
+    measured.colours = more.colours;
+    measured.clock = measured.clock.or(more.clock);
+    frames.extend(new);
+    subjects.extend(lot.into_iter().skip(again));
+    measured.times.extend(more.times.into_iter().skip(again));
+    let rows = more.table.rows.into_iter().skip(again);
+    measured.table.rows.extend(rows);
+    measured.table.needs_no_ties = needing_no_ties(frames, &scouted.choices);
+    Ok(())
 }
 
 /// Frames measured at a time while refining.

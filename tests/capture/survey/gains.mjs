@@ -4,97 +4,142 @@
 //     node gains.mjs FOLDER NAME      NAME of the adapter, for the file
 
 import { existsSync } from 'node:fs';
-import { mkdir, readFile, readdir, writeFile } from 'node:fs/promises';
+import { mkdir, readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { fileURLToPath } from 'node:url';
 import { placed } from './table.mjs';
 
 const RESULTS = fileURLToPath(new URL('../../../docs/results/workload', import.meta.url));
+const SAME = { median: 1, low: 1, high: 1 };
 const [folder, name] = process.argv.slice(2);
 const list = JSON.parse(await readFile(new URL('frames.json', import.meta.url), 'utf8'));
 
 const rows = [];
 for (const { id, half } of list.frames ?? list) {
-    const file = (end) => join(folder, `${id}.${end}`);
-    if (!existsSync(file('txt'))) continue;
-    const said = await readFile(file('txt'), 'utf8');
-    const read = async (end) => (existsSync(file(end)) ? JSON.parse(await readFile(file(end), 'utf8')) : undefined);
-    const [profile, plan, within] = [await read('profile.json'), await read('plan.json'), await read('within.json')];
-    rows.push({ ...row(id, half, said, profile, plan), within: within && chosen(within) });
+    if (existsSync(join(folder, `${id}.txt`))) rows.push(await row(id, half));
 }
 await mkdir(RESULTS, { recursive: true });
 await writeFile(join(RESULTS, `${name}.json`), rows.map((row) => `${JSON.stringify(row)}\n`).join(''));
 const report = `${RESULTS}.md`;
 await writeFile(report, placed(await readFile(report, 'utf8'), name, table(rows)));
 
-function row(frame, half, said, profile, plan) {
-    const error = /^error: .*/m.exec(said)?.[0];
-    const part = /(\d+) %, which this report is about/.exec(said)?.[1];
-    const found = { frame, half, part: part && Number(part) / 100, error: plan ? undefined : error };
+async function row(frame, half) {
+    const said = await readFile(join(folder, `${frame}.txt`), 'utf8');
+    const found = { frame, half, error: /^error: .*/m.exec(said)?.[0], passes: [] };
+    const profile = await read(`${frame}.profile.json`);
     const view = profile?.views[0];
     if (view) {
         found.adapter = `${profile.adapter.name} (${profile.adapter.driver})`;
-        found.ms = view.time_ms.median;
-        found.profile = { pass: median(view.draws), vertices: median(view.vertices), materials: [] };
+        found.profile = { ms: view.time_ms.median, pass: median(view.draws), vertices: median(view.vertices), materials: [] };
         for (const { material, fragments, arithmetic, textures, fill } of view.materials) {
             const parts = { fragments, arithmetic, textures, fill };
             const each = Object.entries(parts).map(([what, part]) => [what, median(part)]);
             found.profile.materials.push({ material, ...Object.fromEntries(each) });
         }
     }
-    if (plan) Object.assign(found, chosen(plan));
-    const sorted = plan?.views[0].sorted;
-    if (sorted) {
-        const { moved, draws, speedup, changed_pixels } = sorted;
-        found.sorted = { moved: moved.length, draws: draws.length, speedup, changed_pixels };
+    for (const share of shares(said)) {
+        const plan = await read(`${frame}.${share.pass}.plan.json`);
+        const text = join(folder, `${frame}.${share.pass}.txt`);
+        const error = !plan && existsSync(text) && /^error: .*/m.exec(await readFile(text, 'utf8'))?.[0];
+        found.passes.push({ ...share, ...(plan && planned(plan)), ...(error && { error }) });
     }
+    found.same = whole(found.passes, ({ same }) => same);
+    found.within = whole(found.passes, ({ within, same }) => within ?? same);
     return found;
+}
+
+async function read(file) {
+    return existsSync(join(folder, file)) ? JSON.parse(await readFile(join(folder, file), 'utf8')) : undefined;
+}
+
+/** The parts of a frame's time by render pass, and the pass that was profiled. */
+function shares(said) {
+    const line = /^note: the frame's time by render pass: (.*)/m.exec(said)?.[1] ?? '';
+    const each = line.split('; ').map((text) => /^(\d+), (.*) of (\d+) draws?, (\d+) %/.exec(text));
+    return each.filter(Boolean).map(([, pass, kind, draws, part]) => ({
+        pass: Number(pass),
+        kind,
+        draws: Number(draws),
+        part: part / 100,
+    }));
+}
+
+/**
+ * What a plan gains: the fastest that changes nothing, another order of the draws included, and the one that is chosen
+ * within the budget. A gain counts if its interval does.
+ */
+function planned({ plans, views: [{ plan, sorted }] }) {
+    const one = ({ name, by_view, error, verdict }) => ({
+        plan: short(name),
+        speedup: by_view[0].speedup,
+        predicted: rounded(plans[0].by_view[0].predicted_ms / by_view[0].predicted_ms),
+        pixels: error?.changed_pixels ?? 0,
+        depth: error?.changed_depth ?? 0,
+        flip: error?.flip_mean ?? 0,
+        holds: verdict.kind === 'holds',
+    });
+    const found = { ms: plans[0].by_view[0].time_ms?.median };
+    const all = plans.slice(1).map(one);
+    const gains = ({ speedup, holds }) => holds && speedup?.low > 1;
+    const isSame = ({ pixels }) => pixels === 0;
+    const kept = all.filter((p) => gains(p) && isSame(p));
+    if (sorted && sorted.changed_pixels === 0 && sorted.speedup.low > 1) {
+        const plan = `sorted: ${sorted.moved.length} of ${sorted.draws.length} draws move`;
+        kept.push({ plan, speedup: sorted.speedup, pixels: 0, flip: 0, holds: true });
+    }
+    found.same = kept.sort((a, b) => b.speedup.median - a.speedup.median)[0];
+    const chosen = plan > 0 && one(plans[plan]);
+    if (chosen && gains(chosen) && !(chosen.speedup.median <= (found.same?.speedup.median ?? 1))) found.within = chosen;
+    return found;
+}
+
+/** The gain of the whole frame: the rest of it takes the time that it took. */
+function whole(passes, of) {
+    const total = (end) =>
+        1 / (1 - passes.reduce((sum, pass) => sum + pass.part * (1 - 1 / (of(pass)?.speedup ?? SAME)[end]), 0));
+    return { median: rounded(total('median')), low: rounded(total('low')), high: rounded(total('high')) };
 }
 
 /** A plan without the keys of what it hoists. */
 function short(plan) {
-    return plan.replaceAll(/,(carry|vertices-per-fragment)=[^,:;) ]*/g, '');
+    return plan.replaceAll(/,(carry|vertices-per-fragment|metric)=[^,:;) ]*/g, '');
 }
 
-/** The plan that is chosen for the first view. */
-function chosen({ plans, views: [{ plan }] }) {
-    const { name, by_view, verdict, error } = plans[plan];
-    const { predicted_ms, speedup } = by_view[0];
-    const predicted = plans[0].by_view[0].predicted_ms / predicted_ms;
-    const { changed_pixels = 0, flip_mean = 0 } = (plan > 0 && error) || {};
-    return { plan: name, speedup, predicted, verdict, changed_pixels, flip_mean };
+function rounded(number) {
+    return Math.round(number * 1000) / 1000;
 }
 
 function median(part) {
-    return part ? Math.round(part.median * 1000) / 1000 : undefined;
+    return part ? rounded(part.median) : undefined;
 }
 
 function table(rows) {
     const lines = rows.map((row) => {
-        const { frame, half, part, ms, profile, plan, speedup, predicted, sorted, within, error } = row;
-        if (error) return `| \`${frame}\` | ${half} | | | | ${error.replaceAll('|', '\\|').slice(0, 120)} | | | | |\n`;
-        const gain = plan === 'original' ? '1' : ratio(speedup);
-        const sort = sorted ? `${ratio(sorted.speedup)}, ${sorted.moved} of ${sorted.draws}, ${sorted.changed_pixels} px` : '';
-        const isOther = within && within.plan !== 'original' && within.plan !== plan;
-        const inside = isOther
-            ? `${short(within.plan)}: ${ratio(within.speedup)}, ${within.changed_pixels} px, ${within.flip_mean.toPrecision(1)}`
-            : '';
-        const cells = [`\`${frame}\``, half, percent(part), ms?.toFixed(3), bound(profile), plan, gain, predicted?.toFixed(2), sort, inside];
-        return `| ${cells.join(' | ')} |\n`;
+        const { frame, half, profile, passes, same, within, error } = row;
+        if (!passes.length) return `| \`${frame}\` | ${half} | ${cell(error ?? '')} | | | | |\n`;
+        const plans = passes.filter((p) => p.same || p.within || p.ms !== undefined);
+        const told = (p, of) => (of ? `${p.pass}: ${cell(of.plan)} ${of.speedup.median.toFixed(2)}x` : '');
+        const kept = plans.map((p) => told(p, p.same)).filter(Boolean);
+        const changed = plans.map((p) => p.within && `${told(p, p.within)}, FLIP ${p.within.flip.toPrecision(1)}`).filter(Boolean);
+        const drawn = passes.filter((p) => p.ms !== undefined);
+        const timed = drawn.map((p) => `${p.pass}: ${Math.round(p.part * 100)} %, ${p.ms.toFixed(3)} ms`);
+        const cells = [`\`${frame}\``, half, timed.join('<br>'), bound(profile), ratio(same), kept.join('<br>')];
+        const isOther = within.median > same.median;
+        return `| ${[...cells, isOther ? ratio(within) : '', changed.join('<br>')].join(' | ')} |\n`;
     });
     return `
-| frame | half | pass / frame | ms of the pass | largest part | plan | measured | predicted | sorted alone: draws that move, pixels that change | within FLIP 0.01, if another plan: pixels that change, mean FLIP |
-|---|---|--:|--:|---|---|--:|--:|---|---|
+| frame | half | passes that were planned: part of the frame, time | largest part of the main pass | no pixel changes | by | within FLIP 0.01 | by |
+|---|---|---|---|--:|---|--:|---|
 ${lines.join('')}
 `;
 }
 
-function percent(part) {
-    return part === undefined ? '' : `${Math.round(part * 100)} %`;
+function cell(text) {
+    return text.replaceAll('|', '\\|').replaceAll('\n', ' ').slice(0, 200);
 }
 
 function ratio({ median, low, high }) {
-    return `${median.toFixed(3)} [${low.toFixed(3)}, ${high.toFixed(3)}]`;
+    return median === 1 ? '1' : `${median.toFixed(3)} [${low.toFixed(3)}, ${high.toFixed(3)}]`;
 }
 
 function bound(profile) {
@@ -104,5 +149,5 @@ function bound(profile) {
         for (const [what, part] of Object.entries({ arithmetic, textures, fill })) parts.push([`${what} of \`${material}\``, part]);
     }
     const [what, part] = parts.filter(([, part]) => part !== undefined).sort((a, b) => b[1] - a[1])[0];
-    return `${what}, ${percent(part)}`;
+    return `${what}, ${Math.round(part * 100)} %`;
 }
