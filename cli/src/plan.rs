@@ -64,6 +64,13 @@ pub struct PlanArgs {
     /// Set a variable of the scene; may be given several times.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
+    /// With a capture of several frames, the frame to take, from 0.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    frame: usize,
+    /// With a capture, the render pass of the frame to take, from 0; default: the one that draws most
+    /// vertices to a colour target.
+    #[arg(long, value_name = "N")]
+    render_pass: Option<usize>,
     #[command(flatten)]
     pub limits: LimitArgs,
     #[command(flatten)]
@@ -172,6 +179,8 @@ impl PlanArgs {
         many::drawn(ShaderArgs {
             files: self.scenes.clone(),
             set: self.set.clone(),
+            frame: self.frame,
+            render_pass: self.render_pass,
             limits: self.limits.clone(),
             replay_on: self.adapter.clone(),
             ..ShaderArgs::default()

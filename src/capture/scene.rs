@@ -144,7 +144,16 @@ fn told(shares: &[Share], own: usize) -> String {
         let part: f64 = small.iter().map(|s| s.part).sum();
         told.push(format!("{} others {:.0} %", small.len(), 100.0 * part));
     }
-    format!("the frame's time by render pass: {}", told.join("; "))
+    let drawn = |share: &Share| matches!(share.kind, Kind::Main | Kind::FullScreen);
+    let dearest = shares.iter().enumerate().filter(|(_, s)| drawn(s));
+    let dearest = dearest.max_by(|a, b| a.1.part.total_cmp(&b.1.part));
+    let other = match dearest {
+        Some((index, share)) if index != own && share.part > shares[own].part => {
+            format!(". `--render-pass {index}` is about the one that takes longest")
+        }
+        _ => String::new(),
+    };
+    format!("the frame's time by render pass: {}{other}", told.join("; "))
 }
 
 /// The parts of a frame's time that its materials take, the largest first.

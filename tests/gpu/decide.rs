@@ -10,7 +10,7 @@ use preshade::unstable::passes::state::{CompareFunction, DepthDirection, DepthFo
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::{SceneInputs, ShaderForm};
 use preshade::unstable::scene::{DrawOrder, Scene};
-use preshade::unstable::search::plan::assign::{Assignment, FramePredictor};
+use preshade::unstable::search::plan::assign::{Assignment, FramePredictor, Taken};
 use preshade::unstable::search::plan::choose::WORTHWHILE;
 use preshade::unstable::search::plan::count::FragmentCounter;
 use preshade::unstable::search::plan::model::Model;
@@ -155,6 +155,7 @@ fn neighbours_that_do_not_fit_stay_as_written() {
         drawn: &drawn(&scene),
         counted: &[counted(&[[5000.0, 5000.0, 0.0], [5000.0, 5000.0, 5000.0]])],
         model: &model,
+        taken: Taken::All,
     };
     let frames = seen.frames();
     assert!(frames[0].assignment.is_original());
@@ -268,6 +269,38 @@ fn nothing_is_chosen_but_what_was_measured_to_be_faster() {
     assert!(!decision.materials[0].reasons.is_empty());
     let json: serde_json::Value = serde_json::from_str(&decision.to_json().unwrap()).unwrap();
     assert_eq!(json["schema"], "preshade.decision.v2");
+}
+
+#[test]
+fn a_budget_takes_no_measurement_from_what_changes_nothing() {
+    let scene = planes([32, 32], 3);
+    // A model to which fragments cost nothing but their passes, so that it likes none of these.
+    let mut model = Model::nominal();
+    model.nanoseconds = [(Term::Passes, 1.0)].into();
+    let measured = |recipes: &[&str]| -> Vec<String> {
+        let list: Vec<Recipe> = recipes
+            .iter()
+            .map(|r| Recipe::parse_list(r).unwrap())
+            .collect();
+        let settings = Settings {
+            runners: 1,
+            ..settings(&model, Timed::Yes)
+        };
+        let decision = decide(
+            &Session::new(gpu(), &scene, ShaderForm::Text).unwrap(),
+            &list,
+            &Facts::without_ties(),
+            &settings,
+            &mut |_| {},
+        )
+        .unwrap();
+        let others = decision.plans.into_iter().skip(1);
+        others.map(|plan| plan.name).collect()
+    };
+    let [kept, within] = ["visibility-buffer", "hoist:budget=1,finite=assumed"];
+    assert_eq!(measured(&[kept]), [kept]);
+    // Alone, the model prefers the one with fewer passes.
+    assert_eq!(measured(&[kept, within]), [kept, within]);
 }
 
 #[test]

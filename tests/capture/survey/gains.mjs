@@ -7,6 +7,7 @@ import { existsSync } from 'node:fs';
 import { mkdir, readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { fileURLToPath } from 'node:url';
+import { planned, rounded } from './planned.mjs';
 import { placed } from './table.mjs';
 
 const RESULTS = fileURLToPath(new URL('../../../docs/results/workload', import.meta.url));
@@ -30,7 +31,12 @@ async function row(frame, half) {
     const view = profile?.views[0];
     if (view) {
         found.adapter = `${profile.adapter.name} (${profile.adapter.driver})`;
-        found.profile = { ms: view.time_ms.median, pass: median(view.draws), vertices: median(view.vertices), materials: [] };
+        found.profile = {
+            ms: view.time_ms.median,
+            pass: median(view.draws),
+            vertices: median(view.vertices),
+            materials: [],
+        };
         for (const { material, fragments, arithmetic, textures, fill } of view.materials) {
             const parts = { fragments, arithmetic, textures, fill };
             const each = Object.entries(parts).map(([what, part]) => [what, median(part)]);
@@ -64,49 +70,11 @@ function shares(said) {
     }));
 }
 
-/**
- * What a plan gains: the fastest that changes nothing, another order of the draws included, and the one that is chosen
- * within the budget. A gain counts if its interval does.
- */
-function planned({ plans, views: [{ plan, sorted }] }) {
-    const one = ({ name, by_view, error, verdict }) => ({
-        plan: short(name),
-        speedup: by_view[0].speedup,
-        predicted: rounded(plans[0].by_view[0].predicted_ms / by_view[0].predicted_ms),
-        pixels: error?.changed_pixels ?? 0,
-        depth: error?.changed_depth ?? 0,
-        flip: error?.flip_mean ?? 0,
-        holds: verdict.kind === 'holds',
-    });
-    const found = { ms: plans[0].by_view[0].time_ms?.median };
-    const all = plans.slice(1).map(one);
-    const gains = ({ speedup, holds }) => holds && speedup?.low > 1;
-    const isSame = ({ pixels }) => pixels === 0;
-    const kept = all.filter((p) => gains(p) && isSame(p));
-    if (sorted && sorted.changed_pixels === 0 && sorted.speedup.low > 1) {
-        const plan = `sorted: ${sorted.moved.length} of ${sorted.draws.length} draws move`;
-        kept.push({ plan, speedup: sorted.speedup, pixels: 0, flip: 0, holds: true });
-    }
-    found.same = kept.sort((a, b) => b.speedup.median - a.speedup.median)[0];
-    const chosen = plan > 0 && one(plans[plan]);
-    if (chosen && gains(chosen) && !(chosen.speedup.median <= (found.same?.speedup.median ?? 1))) found.within = chosen;
-    return found;
-}
-
 /** The gain of the whole frame: the rest of it takes the time that it took. */
 function whole(passes, of) {
     const total = (end) =>
         1 / (1 - passes.reduce((sum, pass) => sum + pass.part * (1 - 1 / (of(pass)?.speedup ?? SAME)[end]), 0));
     return { median: rounded(total('median')), low: rounded(total('low')), high: rounded(total('high')) };
-}
-
-/** A plan without the keys of what it hoists. */
-function short(plan) {
-    return plan.replaceAll(/,(carry|vertices-per-fragment|metric)=[^,:;) ]*/g, '');
-}
-
-function rounded(number) {
-    return Math.round(number * 1000) / 1000;
 }
 
 function median(part) {
@@ -120,7 +88,9 @@ function table(rows) {
         const plans = passes.filter((p) => p.same || p.within || p.ms !== undefined);
         const told = (p, of) => (of ? `${p.pass}: ${cell(of.plan)} ${of.speedup.median.toFixed(2)}x` : '');
         const kept = plans.map((p) => told(p, p.same)).filter(Boolean);
-        const changed = plans.map((p) => p.within && `${told(p, p.within)}, FLIP ${p.within.flip.toPrecision(1)}`).filter(Boolean);
+        const changed = plans
+            .map((p) => p.within && `${told(p, p.within)}, FLIP ${p.within.flip.toPrecision(1)}`)
+            .filter(Boolean);
         const drawn = passes.filter((p) => p.ms !== undefined);
         const timed = drawn.map((p) => `${p.pass}: ${Math.round(p.part * 100)} %, ${p.ms.toFixed(3)} ms`);
         const cells = [`\`${frame}\``, half, timed.join('<br>'), bound(profile), ratio(same), kept.join('<br>')];
@@ -144,9 +114,13 @@ function ratio({ median, low, high }) {
 
 function bound(profile) {
     if (!profile) return '';
-    const parts = [['the pass and its draw calls', profile.pass], ['vertices', profile.vertices]];
+    const parts = [
+        ['the pass and its draw calls', profile.pass],
+        ['vertices', profile.vertices],
+    ];
     for (const { material, arithmetic, textures, fill } of profile.materials) {
-        for (const [what, part] of Object.entries({ arithmetic, textures, fill })) parts.push([`${what} of \`${material}\``, part]);
+        for (const [what, part] of Object.entries({ arithmetic, textures, fill }))
+            parts.push([`${what} of \`${material}\``, part]);
     }
     const [what, part] = parts.filter(([, part]) => part !== undefined).sort((a, b) => b[1] - a[1])[0];
     return `${what}, ${Math.round(part * 100)} %`;

@@ -1,0 +1,49 @@
+// What the plans of a pass gain, from the decision that `plan --budget` prints.
+
+/**
+ * What a plan gains: the fastest that changes nothing, another order of the draws included, and the one that is chosen
+ * within the budget. A gain counts if its interval does.
+ */
+export function planned({ plans, views: [{ plan, sorted }] }) {
+    const one = ({ name, by_view, error, verdict, contract }, index) => ({
+        index,
+        contract: contract.kind,
+        plan: short(name),
+        speedup: by_view[0].speedup,
+        predicted: rounded(plans[0].by_view[0].predicted_ms / by_view[0].predicted_ms),
+        pixels: error?.changed_pixels ?? 0,
+        alpha: error?.changed_alpha ?? 0,
+        depth: error?.changed_depth ?? 0,
+        flip: error?.flip_mean ?? 0,
+        holds: verdict.kind === 'holds',
+    });
+    const found = { ms: plans[0].by_view[0].time_ms?.median };
+    const all = plans.map(one).slice(1);
+    const gains = ({ speedup, holds }) => holds && speedup?.low > 1;
+    const isSame = ({ pixels, alpha }) => pixels === 0 && alpha === 0;
+    const kept = all.filter((p) => gains(p) && isSame(p));
+    if (sorted && sorted.changed_pixels === 0 && sorted.speedup.low > 1) {
+        const plan = `sorted: ${sorted.moved.length} of ${sorted.draws.length} draws move`;
+        kept.push({ plan, speedup: sorted.speedup, pixels: 0, flip: 0, holds: true });
+    }
+    found.same = kept.sort((a, b) => b.speedup.median - a.speedup.median)[0];
+    const best = plan > 0 && one(plans[plan], plan);
+    if (best && gains(best) && !(best.speedup.median <= (found.same?.speedup.median ?? 1))) found.within = best;
+    return found;
+}
+
+/** The recipes of what {@link planned} finds, each once. */
+export function chosen(decision) {
+    const { same, within } = planned(decision);
+    const recipes = [same, within].flatMap((plan) => Object.values(decision.plans[plan?.index]?.recipes ?? {}));
+    return [...new Set(recipes)];
+}
+
+/** A plan without the keys of what it hoists. */
+export function short(plan) {
+    return plan.replaceAll(/,(carry|vertices-per-fragment|metric)=[^,:;) ]*/g, '');
+}
+
+export function rounded(number) {
+    return Math.round(number * 1000) / 1000;
+}
