@@ -14,7 +14,7 @@ for frame; do
         > "$out/$name.profile.json" 2> "$out/$name.txt" || rm "$out/$name.profile.json"
     # "note: the frame's time by render pass: 1, full screen of 1 draw, 80 %; 0, main of ..".
     sed -n "s/^note: the frame's time by render pass: //p" "$out/$name.txt" | tr ';' '\n' |
-        sed -n 's/^ *\([0-9]*\), \(main\|full screen\) of [^,]*, \([0-9]*\) %.*/\1 \3/p' |
+        sed -n 's/^ *\([0-9]*\), \(main\|full screen\|shadow map\) of [^,]*, \([0-9]*\) %.*/\1 \3/p' |
         while read -r pass part; do
             [ "$part" -ge "$least" ] || continue
             "$program" plan "$frame" --render-pass "$pass" --adapter "$adapter" --model "$out/model.json" \

@@ -211,3 +211,51 @@ pub(super) fn spread(
         data: Data::new(bytes),
     }
 }
+
+#[cfg(test)]
+mod tests {
+    #![allow(clippy::unwrap_used)]
+
+    use preshade_passes::reflect;
+
+    use super::*;
+    use crate::front::{self, Source};
+
+    #[test]
+    fn fragments_of_a_point_have_equal_varyings_but_where_they_are() {
+        let stages = [
+            (
+                "points.vert",
+                vertex(
+                    "#version 300 es\nin vec3 at; out vec3 shade; void main() { gl_PointSize = 3.0; \
+                     gl_Position = vec4(at, 1.0); shade = at; }",
+                    Reader::Scene,
+                ),
+            ),
+            (
+                "points.frag",
+                fragment(
+                    "#version 300 es\nprecision highp float; in vec3 shade; out vec4 color; \
+                     void main() { color = vec4(shade.xy, gl_PointCoord); }",
+                    Reader::Scene,
+                ),
+            ),
+        ];
+        let sources = stages.map(|(name, text)| Source::from_bytes(name, text.into()).unwrap());
+        let parsed = front::parse(&sources, &front::Options::default()).unwrap();
+        let flat = with_flat_varyings(&parsed.program).unwrap();
+        let module = flat.module();
+        for entry in &module.entry_points {
+            let varyings = match entry.stage {
+                ShaderStage::Vertex => reflect::outputs(module, &entry.function),
+                _ => reflect::inputs(module, &entry.function),
+            };
+            for varying in varyings {
+                if let Some(Binding::Location { interpolation, .. }) = varying.binding {
+                    let is_flat = interpolation == Some(Interpolation::Flat);
+                    assert_eq!(is_flat, varying.name.as_deref() != Some(AT), "{varying:?}");
+                }
+            }
+        }
+    }
+}

@@ -153,7 +153,10 @@ fn told(shares: &[Share], own: usize) -> String {
         }
         _ => String::new(),
     };
-    format!("the frame's time by render pass: {}{other}", told.join("; "))
+    format!(
+        "the frame's time by render pass: {}{other}",
+        told.join("; ")
+    )
 }
 
 /// The parts of a frame's time that its materials take, the largest first.

@@ -6,7 +6,9 @@ use preshade::unstable::measure::Session;
 use preshade::unstable::measure::TimingSettings;
 use preshade::unstable::passes::contract::Verdict;
 use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::state::{CompareFunction, DepthDirection, DepthFormat};
+use preshade::unstable::passes::state::{
+    ColorTarget, CompareFunction, DepthDirection, DepthFormat,
+};
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::{SceneInputs, ShaderForm};
 use preshade::unstable::scene::{DrawOrder, Scene};
@@ -378,5 +380,25 @@ fn draws_are_sorted_by_what_they_hide() {
             (found.draws, found.changed_pixels),
             (vec![1, 0, 2, 4, 3], 0)
         );
+        // Masked channels stay as they were, unless only some of the draws write them.
+        let masked = |write_mask| {
+            let target = ColorTarget::opaque("rgba8unorm");
+            vec![Some(ColorTarget {
+                write_mask,
+                ..target
+            })]
+        };
+        let mut pair = scene.clone();
+        pair.materials[1] = pair.materials[0].clone();
+        pair.materials[1].name = "other".to_owned();
+        pair.materials[0].state.targets = masked(0b0111);
+        pair.materials[1].state.targets = masked(0b0111);
+        let found = sorted(&pair).unwrap();
+        let whole = (vec![4, 3, 2, 1, 0], 0);
+        assert_eq!((found.draws, found.changed_pixels), whole);
+        pair.materials[1].state.targets = masked(0b0110);
+        let found = sorted(&pair).unwrap();
+        let apart = (vec![1, 0, 2, 4, 3], 0);
+        assert_eq!((found.draws, found.changed_pixels), apart);
     }
 }

@@ -109,11 +109,8 @@ fn sorted(
 /// Runs of draws that may change places, each with at least two.
 fn runs(session: &Session<'_>, frame: &Frame) -> Result<Vec<Vec<usize>>, PlanError> {
     let (scene, originals) = (session.scene(), session.originals());
-    let movable: Vec<bool> = originals
-        .iter()
-        .map(|plan| is_movable(plan, scene))
-        .collect();
-    if !movable.contains(&true) {
+    let movable: Vec<Option<Vec<u8>>> = originals.iter().map(|p| movable(p, scene)).collect();
+    if movable.iter().all(Option::is_none) {
         return Ok(Vec::new());
     }
     // A draw at the depth of the cleared buffer leaves no trace there.
@@ -128,49 +125,50 @@ fn runs(session: &Session<'_>, frame: &Frame) -> Result<Vec<Vec<usize>>, PlanErr
     }
     let mut at_clear = session.prepare(&equal)?;
     let mut runs: Vec<Vec<usize>> = vec![Vec::new()];
+    let mut masks = None;
     let mut left = MOST;
     for (i, draw) in scene.draws.iter().enumerate() {
-        let mut is_movable = movable[draw.material] && left > 0;
-        if is_movable {
-            at_clear.arrange(frame, &[i]);
-            is_movable = at_clear
-                .draw_occluded()?
-                .iter()
-                .all(|samples| *samples == 0);
-        }
-        match (is_movable, runs.last_mut()) {
-            (true, Some(run)) => {
-                run.push(i);
-                left -= 1;
+        let own = movable[draw.material].as_ref().filter(|_| left > 0);
+        let is_movable = match own {
+            Some(_) => {
+                at_clear.arrange(frame, &[i]);
+                let at_clear = at_clear.draw_occluded()?;
+                at_clear.iter().all(|samples| *samples == 0)
             }
-            _ => runs.push(Vec::new()),
+            None => false,
+        };
+        let own = own.filter(|_| is_movable);
+        // What a mask leaves of a hidden draw would show, if the draw that hides it wrote those channels before.
+        if own.is_none() || own != masks {
+            runs.push(Vec::new());
+            masks = own;
+        }
+        if let (Some(_), Some(run)) = (own, runs.last_mut()) {
+            run.push(i);
+            left -= 1;
         }
     }
     runs.retain(|run| run.len() > 1);
     Ok(runs)
 }
 
-/// A mask of all channels.
-const ALL: u8 = 0xf;
-
-/// Whether the picture does not depend on the place of a material's draws, unless depths tie.
-fn is_movable(plan: &Plan, scene: &Scene) -> bool {
-    let Some(main) = plan.main() else {
-        return false;
-    };
+/// The channels that a material's draws write in each target, if the picture does not depend on their place unless
+/// depths tie or other draws write other channels.
+fn movable(plan: &Plan, scene: &Scene) -> Option<Vec<u8>> {
+    let main = plan.main()?;
     let is_tested = main
         .depth
         .as_ref()
         .is_some_and(|d| d.write && d.compare.direction() == Some(scene.depth_direction));
-    // What a mask leaves of a hidden draw would show.
     let replaces = |t: &Option<ColorTarget>| {
-        let target = t.as_ref();
-        target.is_some_and(|t| t.blend.is_none() && t.write_mask == ALL)
+        let target = t.as_ref()?;
+        target.blend.is_none().then_some(target.write_mask)
     };
-    let replaces = main.fragment.is_some() && main.targets.iter().all(replaces);
+    let masks = main.targets.iter().map(replaces).collect::<Option<_>>()?;
     let stencil = main.stencil.as_ref().is_some_and(|s| s.writes());
     let stores = main.bindings.iter().any(|b| b.kind.is_writable());
-    is_tested && replaces && !stencil && !stores && main.phase == Phase::Opaque
+    let is_movable = is_tested && main.fragment.is_some() && !stencil && !stores;
+    (is_movable && main.phase == Phase::Opaque).then_some(masks)
 }
 
 /// The samples and depths of a draw alone.

@@ -1,5 +1,5 @@
 // What `plan` gains in the frames of frames.json, from what scripts/gains.sh measured: writes a line for each frame into
-// docs/results/workload/ADAPTER.json, and the table of docs/results/workload.md.
+// docs/results/workload/ADAPTER.json, and the table of docs/results/gains.md.
 //
 //     node gains.mjs FOLDER NAME      NAME of the adapter, for the file
 
@@ -21,7 +21,7 @@ for (const { id, half } of list.frames ?? list) {
 }
 await mkdir(RESULTS, { recursive: true });
 await writeFile(join(RESULTS, `${name}.json`), rows.map((row) => `${JSON.stringify(row)}\n`).join(''));
-const report = `${RESULTS}.md`;
+const report = fileURLToPath(new URL('../../../docs/results/gains.md', import.meta.url));
 await writeFile(report, placed(await readFile(report, 'utf8'), name, table(rows)));
 
 async function row(frame, half) {

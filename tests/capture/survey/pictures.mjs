@@ -1,5 +1,5 @@
 // Draws what `plan` chose on a GPU with the software adapters, and counts the pixels that change: writes
-// docs/results/workload/pictures.json and the table of docs/results/workload.md.
+// docs/results/workload/pictures.json and the table of docs/results/gains.md.
 //
 //     node pictures.mjs PROGRAM PLANS OUT FRAME..     PLANS is the folder that scripts/gains.sh wrote
 //
@@ -31,7 +31,7 @@ for (const frame of frames) {
     }
 }
 await writeFile(join(RESULTS, 'pictures.json'), rows.map((row) => `${JSON.stringify(row)}\n`).join(''));
-const report = `${RESULTS}.md`;
+const report = fileURLToPath(new URL('../../../docs/results/gains.md', import.meta.url));
 await writeFile(report, placed(await readFile(report, 'utf8'), 'pictures', table()));
 
 async function verified(frame, pass, adapter, recipes) {

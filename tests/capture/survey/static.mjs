@@ -1,5 +1,5 @@
 // How much of the fragment stages of other people's materials `preamble`, `hoist` and `specialize` save, as `explain`
-// counts it: writes docs/results/workload/static.json and the table of docs/results/workload.md.
+// counts it: writes docs/results/workload/static.json and the table of docs/results/gains.md.
 //
 //     node static.mjs BEFORE AFTER FOLDER..     two builds of preshade; folders of frames, and of shaders
 //
@@ -42,7 +42,7 @@ for (const folder of folders) {
 }
 const all = [...found.values()];
 await writeFile(join(RESULTS, 'static.json'), all.map((one) => `${JSON.stringify(one)}\n`).join(''));
-const report = `${RESULTS}.md`;
+const report = fileURLToPath(new URL('../../../docs/results/gains.md', import.meta.url));
 await writeFile(report, placed(await readFile(report, 'utf8'), 'static', table()));
 
 function isFrame(folder) {

@@ -247,10 +247,11 @@ pub(super) fn held_back(
     all: &[Verdict],
 ) -> Vec<Verdict> {
     let mut verdicts = all.to_vec();
-    let mut hold = |reasons: Vec<Option<Missed>>| {
+    let mut hold = |reasons: Vec<Option<Missed>>, holds: fn(&Carriage) -> bool| {
         for (verdict, reason) in verdicts.iter_mut().zip(reasons) {
             if let (Ok(carriage), Some(reason)) = (&*verdict, reason)
                 && carriage.class == Class::Smooth
+                && holds(carriage)
             {
                 *verdict = Err(reason);
             }
@@ -263,10 +264,13 @@ pub(super) fn held_back(
     let ranges = AllRanges::new(values, values.cycles(), known, hazard::LARGEST_INPUT);
     if assumed.jumps == Jumps::Stay {
         let reached = discontinuity::reached(values, &ranges).into_iter();
-        hold(reached.map(|d| d.map(Missed::from)).collect());
+        hold(reached.map(|d| d.map(Missed::from)).collect(), |_| true);
     }
     if assumed.finite == Finite::Proved {
-        hold(hazards(values, &ranges));
+        // A flat value is what every fragment computed, NaN or not.
+        hold(hazards(values, &ranges), |c| {
+            c.interpolated != Interpolated::Flat
+        });
     }
     verdicts
 }
