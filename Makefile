@@ -1,4 +1,4 @@
-.PHONY: demo check test web hosts bevy promises captures frames gains bench audit dist fuzz docs
+.PHONY: demo check test web hosts web-tests three-tests page-tests playground-tests bevy promises captures frames gains bench audit dist fuzz docs
 
 # Draws the shrine with the original and its variants, and prints the cost and gain of each. The features
 # left out read other dialects of WGSL, which the shrine does not use.
@@ -14,12 +14,13 @@ check:
 	cargo clippy --workspace --all-targets --all-features --quiet -- -D warnings
 	cargo test --workspace --all-features --quiet --lib --bins --test it
 
-# Everything that CI checks: format, lints, docs, all tests. Installs missing tools on Debian and Ubuntu.
+# Everything that CI checks: format, lints, docs, all tests. Installs missing tools on Debian and Ubuntu. With an
+# example the docs need the packages as clippy has checked them; without, 60 are checked again with other features.
 test:
 	scripts/setup.sh vulkan native gl accept three swiftshader fleet
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --all-features --quiet -- -D warnings
-	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --all-features --no-deps --quiet
+	RUSTDOCFLAGS="-D warnings" cargo doc --workspace --all-features --no-deps --lib --example rewrite --quiet
 	scripts/test.sh
 
 # Builds the npm package in hosts/web: the compiler as WebAssembly. From nothing it takes minutes of both cores.
@@ -30,16 +31,28 @@ web:
 	hosts/web/build.sh
 
 # Builds the hosts, compares them with the command line on every fixture, and tests the package for three.js and the
-# playground in Chromium, and the plugin for Bevy.
-hosts: web bevy
-	cargo build --workspace --all-features --quiet
-	scripts/setup.sh three
+# playground in Chromium, and the plugin for Bevy. Two at a time: each has minutes in which it uses one core, where a
+# linker, a browser or npm works alone. What a command prints comes when it has ended.
+hosts:
+	scripts/setup.sh web vulkan three
+	$(MAKE) --jobs=2 --output-sync=line bevy three-tests web-tests playground-tests page-tests
+
+# The program is what the tests of the command line run, as `make test` has built it: `cargo build` would build naga,
+# the parser of GLSL and the compiler again, without the features that only tests ask of their packages.
+web-tests: web
+	cargo test --workspace --all-features --quiet --no-run --test it
 	cd hosts/web && npx prettier --check . && npm test
+
+three-tests: web
 	cd hosts/three && npm ci --ignore-scripts --no-audit --no-fund --silent && npm run --silent packages
 	cd hosts/three && npx prettier --check . && npm test
 	cd hosts/three/tests/fiber && npm ci --ignore-scripts --legacy-peer-deps --no-audit --no-fund --silent && npm test
+
+page-tests: web
 	cd tests/three && npm ci --ignore-scripts --no-audit --no-fund --silent
 	cd tests/three && npx prettier --check . && node test.mjs ../../out/three
+
+playground-tests: web
 	cd hosts/playground && npm ci --ignore-scripts --no-audit --no-fund --silent
 	cd hosts/playground && npx prettier --check . && npm run build && npm test
 

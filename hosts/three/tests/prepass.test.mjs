@@ -1,19 +1,27 @@
 // Whole frames with and without a pre-pass: not one pixel differs.
 
 import assert from 'node:assert/strict';
-import test from 'node:test';
+import test, { after, before } from 'node:test';
 import { launch, open } from './browser.mjs';
 import { serve } from './serve.mjs';
 
 /** Draws of the world that have a pre-pass: all but the glass. */
 const DRAWS = 21;
 
+// One browser for all: it keeps the programs that it has linked, and most tests draw the same.
+let browser, served;
+before(async () => {
+    [browser, served] = await Promise.all([launch(), serve()]);
+});
+after(async () => {
+    await browser?.close();
+    served?.close();
+});
+
 async function opened(context, parameters = '') {
-    const { address, close } = await serve();
-    context.after(close);
-    const browser = await launch();
-    context.after(() => browser.close());
-    return open(browser, `${address}/page/prepass?${parameters}`);
+    const found = await open(browser, `${served.address}/page/prepass?${parameters}`);
+    context.after(() => found.page.close());
+    return found;
 }
 
 const settle = (page, way = 'canvas') => page.evaluate((way) => settle(way), way);
@@ -150,10 +158,7 @@ test('a disposed material takes its plan along, and dispose leaves nothing', asy
 });
 
 test('the choice is that of an independent clock, is remembered, and measured again in another size', async (context) => {
-    const { address, close } = await serve();
-    context.after(close);
-    const browser = await launch();
-    context.after(() => browser.close());
+    const { address } = served;
     for (const scene of ['deep', 'flat']) {
         const { page, errors } = await open(browser, `${address}/page/measured?scene=${scene}&remember`);
         const { states } = await page.evaluate(() => choose());
@@ -194,11 +199,7 @@ test('the choice is that of an independent clock, is remembered, and measured ag
 });
 
 test('where fragments change, it is measured again; where they waver, it is not', async (context) => {
-    const { address, close } = await serve();
-    context.after(close);
-    const browser = await launch();
-    context.after(() => browser.close());
-    const { page, errors } = await open(browser, `${address}/page/measured?scene=deep&size=64`);
+    const { page, errors } = await open(browser, `${served.address}/page/measured?scene=deep&size=64`);
     await page.evaluate(() => choose());
     assert.ok((await page.evaluate(() => counted())) > 7);
     const layers = (count) =>

@@ -1,17 +1,25 @@
 // Whole frames by recipes of all kinds: not one pixel differs from three.js' own.
 
 import assert from 'node:assert/strict';
-import test from 'node:test';
+import test, { after, before } from 'node:test';
 import { launch, open } from './browser.mjs';
 import { serve } from './serve.mjs';
 import { REMEDIES } from '../rows.js';
 
+// One browser for all: it keeps the programs that it has linked, and most tests draw the same.
+let browser, served;
+before(async () => {
+    [browser, served] = await Promise.all([launch(), serve()]);
+});
+after(async () => {
+    await browser?.close();
+    served?.close();
+});
+
 async function opened(context, parameters = '') {
-    const { address, close } = await serve();
-    context.after(close);
-    const browser = await launch();
-    context.after(() => browser.close());
-    return open(browser, `${address}/page/rewrite?${parameters}`);
+    const found = await open(browser, `${served.address}/page/rewrite?${parameters}`);
+    context.after(() => found.page.close());
+    return found;
 }
 
 const part = (page, name, options) => page.evaluate(([name, options]) => part(name, options), [name, options]);

@@ -120,6 +120,7 @@ async function settle(way) {
     for (let i = 0; i < 1000; i++) {
         WAYS[way]();
         await next();
+        await preshade.settled();
         if (i > 3 && prepass.isSettled) return i;
     }
     throw new Error(`${way}: ${JSON.stringify(preshade.report(), null, 1)}`);
