@@ -4,7 +4,8 @@
 //     node static.mjs BEFORE AFTER FOLDER..     two builds of preshade; folders of frames, and of shaders
 //
 // A folder with a frame.json or its archive is a captured frame, whose values are known. Elsewhere a material is a WGSL
-// file with both stages, or two GLSL files of one name. Materials of equal stages are counted once.
+// file with both stages, or two GLSL files of one name. Materials of equal stages are counted once. Without arguments
+// only the table is written.
 
 import { execFile } from 'node:child_process';
 import { existsSync } from 'node:fs';
@@ -40,8 +41,9 @@ for (const folder of folders) {
         }
     }
 }
-const all = [...found.values()];
-await writeFile(join(RESULTS, 'static.json'), all.map((one) => `${JSON.stringify(one)}\n`).join(''));
+const file = join(RESULTS, 'static.json');
+if (folders.length) await writeFile(file, [...found.values()].map((one) => `${JSON.stringify(one)}\n`).join(''));
+const all = (await readFile(file, 'utf8')).trim().split('\n').map((line) => JSON.parse(line));
 const report = fileURLToPath(new URL('../../../docs/results/gains.md', import.meta.url));
 await writeFile(report, placed(await readFile(report, 'utf8'), 'static', table()));
 
