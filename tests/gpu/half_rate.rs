@@ -35,7 +35,10 @@ fn picture(scene: &Scene, plans: &[Plan]) -> ColorImage {
 fn halved(scene: &Scene, recipe: &str) -> Vec<Plan> {
     let recipe = Recipe::parse_list(recipe).unwrap();
     let made = measure::variant(&measure::originals(scene), &recipe, &Facts::default());
-    assert!(made.plans.iter().any(|p| p.passes.len() == 2), "{recipe:?} is refused");
+    assert!(
+        made.plans.iter().any(|p| p.passes.len() == 2),
+        "{recipe:?} is refused"
+    );
     made.plans
 }
 
@@ -62,11 +65,15 @@ const STEP: f32 = 1.0 / 255.0;
 fn pixels_with_a_texel_are_the_authors() {
     for size in SIZES {
         let scene = load("scenes/deferred.toml", size);
-        let even = most(&scene, "half-rate:budget=1", |x, y| x % 2 == 0 && y % 2 == 0);
+        let even = most(&scene, "half-rate:budget=1", |x, y| {
+            x % 2 == 0 && y % 2 == 0
+        });
         assert!(even <= 1.01 * STEP, "{size:?}: {even}");
     }
     let scene = load("scenes/deferred.toml", SIZES[0]).with_viewport([21, 13, 97, 61]);
-    let even = most(&scene, "half-rate:budget=1", |x, y| x % 2 == 0 && y % 2 == 0);
+    let even = most(&scene, "half-rate:budget=1", |x, y| {
+        x % 2 == 0 && y % 2 == 0
+    });
     assert!(even <= 1.01 * STEP, "{even}");
 }
 
@@ -124,5 +131,8 @@ fn several_draws_of_a_material_are_told() {
     let inputs = SceneInputs::new(gpu(), &scene).unwrap();
     let variant = Variant::new(&halved(&scene, "half-rate:budget=1"), ShaderForm::Text).unwrap();
     let error = Prepared::new(&inputs, &variant, &FrameSettings::of(&scene)).unwrap_err();
-    assert!(error.to_string().contains("draws it several times"), "{error}");
+    assert!(
+        error.to_string().contains("draws it several times"),
+        "{error}"
+    );
 }

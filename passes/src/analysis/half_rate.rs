@@ -4,7 +4,7 @@
 //! A minimum cut ([`crate::analysis::cut`]) weighs what a value costs each pixel against reading it
 //! back. Many cuts save nearly the same: a colour can be carried as it is, or the light in it, while
 //! each pixel multiplies it with its own texel. So among the cuts that save nearly the most we take the
-//! one that leaves most work to the pixels: it keeps most of what is finer than two pixels.
+//! one that leaves most work to the pixels: it keeps most of what is finer than two pixels ([`choose`]).
 //!
 //! A guide is a value that the stage loads at the pixel itself and that the carried values are computed
 //! from (a depth, a normal, a position). Where neighbours differ in it, the carried value is likely to
@@ -13,14 +13,13 @@
 
 use std::borrow::Cow;
 
-use naga::{
-    BinaryOperator, Expression, Handle, MathFunction, ScalarKind, Statement, TypeInner,
-};
+use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, Statement, TypeInner};
 
 use crate::analysis::below::{below, is_cheap};
 use crate::analysis::cut::{self, Cut, Item};
 use crate::analysis::loops::iterated;
-use crate::analysis::reach::with_operands;
+use crate::analysis::named;
+use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::values::{ContextId, Node, Value, ValueId, Values};
 use crate::graph::StmtId;
 use crate::graph::rate::Rate;
@@ -68,6 +67,8 @@ pub enum Stays {
     InLoop,
     /// Not every pixel computes it.
     Conditional,
+    /// It depends on a texel that the slow part does not need.
+    Fine,
 }
 
 impl std::fmt::Display for Stays {
@@ -79,6 +80,7 @@ impl std::fmt::Display for Stays {
             Self::Coverage => "it decides a discard, a depth or the sample mask",
             Self::InLoop => "it changes with each iteration of a loop",
             Self::Conditional => "some pixels do not compute it",
+            Self::Fine => "it keeps the detail of a texel",
         })
     }
 }
@@ -112,9 +114,7 @@ fn is_always_run(values: &Values<'_, '_>, mut context: ContextId, mut at: StmtId
         let is_free = f.control.of(at).is_empty();
         let is_plain =
             !around.any(|s| !matches!(f.statements.get(s).statement, Statement::Block(_)));
-        if !is_free
-            && values.control_rate(context, at) > Rate::Draw
-            && !(context == 0 && is_plain)
+        if !is_free && values.control_rate(context, at) > Rate::Draw && !(context == 0 && is_plain)
         {
             return false;
         }
@@ -151,9 +151,43 @@ pub struct Choice {
     pub half: f64,
 }
 
+impl Choice {
+    /// Static cost that a pixel saves.
+    pub fn saved(&self) -> f64 {
+        self.before - self.after
+    }
+}
+
 /// The choice that saves at least `least` and nearly the most; `None` if there is none. `guide` tells
 /// which guides to use.
+///
+/// A texel of the pixel that the slow part does not need stays with the pixels, if that saves nearly as
+/// much: then it keeps its detail, and guides nothing.
 pub fn choose(
+    values: &Values<'_, '_>,
+    verdicts: &[Result<(), Stays>],
+    least: f64,
+    guide: &dyn Fn(ValueId) -> bool,
+) -> Option<Choice> {
+    let mut best = cheapest(values, verdicts, least, guide)?;
+    let enough = ENOUGH * best.saved();
+    let mut verdicts = verdicts.to_vec();
+    for texel in guides(values, &best.moved) {
+        let mut apart = verdicts.clone();
+        for (verdict, depends) in apart.iter_mut().zip(with_users(values, vec![texel])) {
+            if depends {
+                *verdict = Err(Stays::Fine);
+            }
+        }
+        let choice = cheapest(values, &apart, least, guide);
+        if let Some(choice) = choice.filter(|c| c.saved() >= enough) {
+            (best, verdicts) = (choice, apart);
+        }
+    }
+    Some(best)
+}
+
+fn cheapest(
     values: &Values<'_, '_>,
     verdicts: &[Result<(), Stays>],
     least: f64,
@@ -167,12 +201,11 @@ pub fn choose(
     let cuts = cut::sweep(&items, &values.roots, &SWEEP)?;
     let choices = cuts.iter().filter_map(|cut| {
         let choice = choice(values, verdicts, &items, cut, before, guide)?;
-        (choice.before - choice.after >= least.max(1.0)).then_some(choice)
+        (choice.saved() >= least.max(1.0)).then_some(choice)
     });
     let choices: Vec<Choice> = choices.collect();
-    let saved = |c: &Choice| c.before - c.after;
-    let most = choices.iter().map(saved).fold(0.0, f64::max);
-    choices.into_iter().rfind(|c| saved(c) >= ENOUGH * most)
+    let most = choices.iter().map(Choice::saved).fold(0.0, f64::max);
+    choices.into_iter().rfind(|c| c.saved() >= ENOUGH * most)
 }
 
 fn choice(
@@ -189,15 +222,17 @@ fn choice(
     if moved.is_empty() || carried > MOST_CARRIED {
         return None;
     }
-    let mut room = MOST_WORDS - u32::from(carried);
+    let mut widths = Vec::new();
     let mut guides = guides(values, &moved);
     guides.retain(|id| {
-        let words = width(values, *id).map_or(u32::MAX, words);
-        let fits = guide(*id) && words <= room;
-        room -= if fits { words } else { 0 };
+        let with = || widths.iter().copied().chain(width(values, *id));
+        let fits = guide(*id) && words(carried, with()) <= MOST_WORDS;
+        if fits {
+            widths = with().collect();
+        }
         fits
     });
-    let targets = (MOST_WORDS - room).div_ceil(4);
+    let targets = words(carried, widths.into_iter()).div_ceil(4);
     let half = below(values, moved.iter().chain(&guides).copied()).0;
     let read = LOADS * f64::from(targets) + WEIGHTS + COMPARED * guides.len() as f64;
     Some(Choice {
@@ -209,9 +244,35 @@ fn choice(
     })
 }
 
-/// Words of a guide: a scalar keeps its precision, which a depth needs; a vector has halves.
-pub fn words(width: u8) -> u32 {
-    u32::from(width).div_ceil(2)
+/// Words of so many carried numbers and of guides of these widths. A scalar keeps its precision, which a
+/// depth needs; vectors are halves, two a word.
+pub fn words(carried: u8, guides: impl Iterator<Item = u8>) -> u32 {
+    let (mut words, mut halves) = (u32::from(carried), 0);
+    for width in guides {
+        match width {
+            1 => words += 1,
+            _ => halves += u32::from(width),
+        }
+    }
+    words + halves.div_ceil(2)
+}
+
+/// The author's name for a guide, or for its texture.
+pub fn guide_name(values: &Values<'_, '_>, id: ValueId) -> String {
+    if let Some(name) = named::name(values, id) {
+        return name;
+    }
+    let texel = std::iter::once(&id).chain(&values.values[id].operands);
+    let found = texel.copied().find_map(|id| lookup(values, id));
+    let image =
+        found.map(|(context, image, _)| &values.function(context).function.expressions[image]);
+    let variable = match image {
+        Some(Expression::GlobalVariable(variable)) => Some(*variable),
+        _ => None,
+    };
+    let module = values.graph.module();
+    let name = variable.and_then(|v| module.global_variables[v].name.clone());
+    name.unwrap_or_else(|| "a texel".to_owned())
 }
 
 /// The values as items of the cut problem; without verdicts, none may move.
@@ -295,9 +356,9 @@ fn lookup(
 fn narrowed(values: &Values<'_, '_>, id: ValueId, used: &[bool]) -> ValueId {
     let mut users = values.users()[id].iter().filter(|user| used[**user]);
     let is_part = |id: ValueId| {
-        let e = values.expression(id).map(|(context, e, _)| {
-            &values.function(context).function.expressions[e]
-        });
+        let e = values
+            .expression(id)
+            .map(|(context, e, _)| &values.function(context).function.expressions[e]);
         matches!(
             e,
             Some(Expression::Swizzle { .. } | Expression::AccessIndex { .. })
@@ -328,7 +389,11 @@ fn is_own_value(values: &Values<'_, '_>, id: ValueId, left: u32) -> bool {
         // A variable that one place writes.
         let varies = |o: &&ValueId| values.values[**o].fact.rate > Rate::Draw;
         let mut operands = value.operands.iter().filter(varies);
-        return match (matches!(value.node, Node::Input(_)), operands.next(), operands.next()) {
+        return match (
+            matches!(value.node, Node::Input(_)),
+            operands.next(),
+            operands.next(),
+        ) {
             (true, ..) => true,
             (false, Some(one), None) => is_own_value(values, *one, left),
             _ => false,

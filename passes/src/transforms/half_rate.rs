@@ -18,16 +18,16 @@
 //! and noise from them are those of a real pixel. Only derivatives are twice as large, because a quad
 //! spans twice as many pixels: they are halved, and implicit levels are one lower.
 //!
-//! The same geometry is drawn at half the rate. A texel that it does not cover has no weight. A pixel
-//! without any neighbour like it computes the values itself (`edges=computed`), unless derivatives, which
-//! a branch must not take, are needed for them.
+//! The same geometry is drawn at half the rate, and a texel that it does not cover has no weight. A pixel
+//! that is like none of its neighbours takes their mean. With `edges=computed` it computes the values
+//! itself, unless they need derivatives, which a branch must not take. On a GPU that skips a branch only
+//! where none of dozens of lanes takes it, few such pixels cost much; llvmpipe skips none.
 //!
 //! The contract is your budget.
 
 use naga::{
-    Binding, BuiltIn, Expression, Function, FunctionResult, Handle, Literal, Module,
-    SampleLevel, Scalar, ShaderStage, Statement, TypeInner, UnaryOperator,
-    VectorSize,
+    Binding, BuiltIn, Expression, Function, FunctionResult, Handle, Literal, Module, SampleLevel,
+    Scalar, ShaderStage, Statement, TypeInner, UnaryOperator, VectorSize,
 };
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -59,6 +59,7 @@ use crate::rebuild::outline::{self, Extracted, Failed, Names, Wanted};
 use crate::rebuild::place::{self, CodeBuilder, Replacement, Rewrite};
 use crate::rebuild::remainder::{self, Given};
 use crate::rebuild::snippet::{Linked, ours};
+use crate::slice::Termination;
 
 pub mod refusals;
 mod text;
@@ -72,11 +73,11 @@ pub struct HalfRate;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Edges {
-    /// It computes the values itself, where they need no derivative.
-    #[default]
-    Computed,
     /// It takes the mean of its neighbours.
+    #[default]
     Blended,
+    /// It computes the values itself, where they need no derivative.
+    Computed,
 }
 
 /// Parameters.
@@ -91,8 +92,8 @@ pub struct Params {
     pub metric: Metric,
     /// What a pixel does that is like none of its neighbours.
     pub edges: Edges,
-    /// The author's names of the values that tell edges, joined by `+`, or `none`. Default: all that
-    /// are loaded at the pixel itself.
+    /// The values that tell edges, by the author's names for them or their textures, joined by `+`; or
+    /// `none`. Default: all that are loaded at the pixel itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub guide: Option<String>,
     /// Least static cost that each pixel must save, in ops.
@@ -132,10 +133,6 @@ impl Pass for HalfRate {
 
     const EXAMPLES: &'static [Example] = &[
         Example {
-            recipe: "half-rate:budget=1",
-            uses: &[Use::Compile, Use::Fuzz],
-        },
-        Example {
             recipe: "half-rate:budget=0.01",
             uses: &[
                 Use::Page("shaders/deferred"),
@@ -150,6 +147,14 @@ impl Pass for HalfRate {
         Example {
             recipe: "half-rate:BUDGET",
             uses: &[Use::PlanWithin, Use::Simplify],
+        },
+        Example {
+            recipe: "half-rate:BUDGET,guide=none",
+            uses: &[Use::PlanWithin],
+        },
+        Example {
+            recipe: "half-rate:BUDGET,edges=computed",
+            uses: &[Use::PlanWithin],
         },
     ];
 
@@ -217,29 +222,53 @@ fn examine(plan: &Plan) -> Result<FragmentStage<'_>, Refused> {
     if depth.is_some_and(|d| d.write || d.compare != CompareFunction::Always) {
         let remedy = "set `depth_compare` to `always` and `depth_write` to false, if it covers the \
                       screen";
-        told(&refusals::DEPTH_TEST, "the material tests or writes depth", remedy);
+        told(
+            &refusals::DEPTH_TEST,
+            "the material tests or writes depth",
+            remedy,
+        );
     }
     if pass.stencil.is_some() {
         let remedy = "mask by `discard`";
-        told(&refusals::HALF_RATE_STENCIL, "the material tests or writes stencil", remedy);
+        told(
+            &refusals::HALF_RATE_STENCIL,
+            "the material tests or writes stencil",
+            remedy,
+        );
     }
     if pass.multisample.count > 1 {
         let reason = "the material is drawn with several samples a pixel";
-        told(&refusals::HALF_RATE_SAMPLES, reason, "draw it with one sample");
+        told(
+            &refusals::HALF_RATE_SAMPLES,
+            reason,
+            "draw it with one sample",
+        );
     }
-    let vertex = stage.graph.program().entry_point(ShaderStage::Vertex, &pass.vertex);
+    let vertex = stage
+        .graph
+        .program()
+        .entry_point(ShaderStage::Vertex, &pass.vertex);
     let writes = [Effect::Store, Effect::ImageStore, Effect::Atomic];
     let stores = |entry| {
         let effects = stage.graph.effects(FunctionId::EntryPoint(entry));
         effects.iter().any(|e| writes.contains(e))
     };
     if stores(stage.entry) {
-        let reason = "the fragment stage writes memory, and `half-rate` does not follow what it writes";
-        told(&shared::FRAGMENT_STORES, reason, "move the writes to a pass of their own");
+        let reason =
+            "the fragment stage writes memory, and `half-rate` does not follow what it writes";
+        told(
+            &shared::FRAGMENT_STORES,
+            reason,
+            "move the writes to a pass of their own",
+        );
     }
     if vertex.is_some_and(|(entry, _)| stores(entry)) {
         let reason = "the vertex stage writes memory, and it would run twice";
-        told(&shared::VERTEX_STORE, reason, "move the writes to a compute pass");
+        told(
+            &shared::VERTEX_STORE,
+            reason,
+            "move the writes to a compute pass",
+        );
     }
     match found.is_empty() {
         true => Ok(stage),
@@ -271,11 +300,10 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         params: &Params,
     ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
         let verdicts = half_rate::judge(values);
-        let named = |id: ValueId| name(values, id).unwrap_or_default();
+        let named = |id: ValueId| half_rate::guide_name(values, id);
         let asked = params.guide.as_deref();
-        let is_guide = |id: ValueId| {
-            asked.is_none_or(|all| all.split('+').any(|one| one.trim() == named(id)))
-        };
+        let is_guide =
+            |id: ValueId| asked.is_none_or(|all| all.split('+').any(|one| one.trim() == named(id)));
         let choice = half_rate::choose(values, &verdicts, params.least, &is_guide);
         let left = left(values, &verdicts);
         let Some(choice) = choice else {
@@ -327,7 +355,12 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         let program = self.stage.graph.program();
         let pass = self.stage.pass;
         let fragment = pass.fragment.as_deref().unwrap_or_default();
-        let computed = Called::new(outline::extract(program, self.values, &self.wanted, &NAMES)?);
+        let computed = Called::new(outline::extract(
+            program,
+            self.values,
+            &self.wanted,
+            &NAMES,
+        )?);
         let mut module = computed.module;
         let computed = computed.part;
         let mut guide = None;
@@ -349,16 +382,19 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         let (half, has_derivatives) = at_full_rate(half);
         let (group, binding) = reflect::free_binding(program.module());
         let at = [group, binding];
-        let Linked { module, ours: own } =
-            Linked::new(module, &self.layout.reading(at)).map_err(Failed::Built)?;
-        let read = ours(&own, text::READ).map_err(Failed::Built)?;
         let edges = match has_derivatives {
             true => Edges::Blended,
             false => self.edges,
         };
-        let main = remainder::rebuild(program, &module, self.values, &self.wanted, &mut |build| {
+        let text = self.layout.reading(at, edges == Edges::Computed);
+        let Linked { module, ours: own } = Linked::new(module, &text).map_err(Failed::Built)?;
+        let read = ours(&own, text::READ).map_err(Failed::Built)?;
+        // The half-rate pass runs what the loops decided.
+        let loops = Termination::Assumed;
+        let read = &mut |build: &mut CodeBuilder<'_>| {
             self.read(build, read, &computed, guide.as_ref(), edges)
-        })?;
+        };
+        let main = remainder::rebuild(program, &module, self.values, &self.wanted, loops, read)?;
         let entries = [
             (ShaderStage::Vertex, pass.vertex.as_str()),
             (ShaderStage::Fragment, fragment),
@@ -380,8 +416,10 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         guide: Option<&Part>,
         name: &str,
     ) -> Result<Module, Failed> {
-        let Linked { mut module, ours: own } =
-            Linked::new(module.clone(), &self.layout.storing()).map_err(Failed::Built)?;
+        let Linked {
+            mut module,
+            ours: own,
+        } = Linked::new(module.clone(), &self.layout.storing()).map_err(Failed::Built)?;
         let [pixel, store] = [text::PIXEL, text::STORE].map(|name| ours(&own, name));
         let (pixel, store) = (pixel.map_err(Failed::Built)?, store.map_err(Failed::Built)?);
         let result = module.functions[store].result.as_ref().map(|r| r.ty);
@@ -510,7 +548,8 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         }
         next.passes.insert(0, half);
         next.programs.insert(main.program.clone(), built.main);
-        next.programs.insert(Role::HalfRate.name().to_owned(), built.half);
+        next.programs
+            .insert(Role::HalfRate.name().to_owned(), built.half);
         let contract = Contract::Approximate {
             budget,
             given: self.stage.given.clone(),
@@ -535,13 +574,15 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
     fn change(&self, edges: Edges) -> Change {
         let moved = || self.choice.moved.iter().copied();
         let sources = self.stage.graph.program().sources();
-        let list = |of: &[Wanted]| -> String {
-            let names: Vec<String> = of.iter().map(|w| format!("`{}`", w.name)).collect();
-            names.join(", ")
-        };
-        let guided = match self.guides.is_empty() {
+        let names = self.wanted.iter().map(|w| format!("`{}`", w.name));
+        let names: Vec<String> = names.collect();
+        let guides = self.choice.guides.iter();
+        let guides: Vec<String> = guides
+            .map(|id| format!("`{}`", half_rate::guide_name(self.values, *id)))
+            .collect();
+        let guided = match guides.is_empty() {
             true => "no value tells edges".to_owned(),
-            false => format!("edges are those of {}", list(&self.guides)),
+            false => format!("edges are those of {}", guides.join(", ")),
         };
         let alone = match (edges, self.edges) {
             (Edges::Computed, _) => "a pixel unlike its neighbours computes them itself",
@@ -559,7 +600,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             what: format!(
                 "computes {} for one pixel of each 2x2 ({:.0} ops); {guided}, and {alone}; a pixel \
                  costs {:.0} ops instead of {:.0}",
-                list(&self.wanted),
+                names.join(", "),
                 self.choice.half,
                 self.choice.after,
                 self.choice.before
@@ -683,7 +724,12 @@ impl Part {
         match count {
             1 => vec![result],
             _ => (0..count as u32)
-                .map(|index| build.expression(Expression::AccessIndex { base: result, index }))
+                .map(|index| {
+                    build.expression(Expression::AccessIndex {
+                        base: result,
+                        index,
+                    })
+                })
                 .collect(),
         }
     }
@@ -713,7 +759,10 @@ fn position(
 /// The half-rate module with the derivatives and implicit levels of neighbouring pixels, and whether
 /// there are any.
 fn at_full_rate(mut module: Module) -> (Module, bool) {
-    let functions = module.functions.iter().map(|(h, _)| FunctionId::Function(h));
+    let functions = module
+        .functions
+        .iter()
+        .map(|(h, _)| FunctionId::Function(h));
     let entries = 0..module.entry_points.len();
     let all: Vec<FunctionId> = functions
         .chain(entries.map(FunctionId::EntryPoint))

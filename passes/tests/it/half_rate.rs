@@ -76,7 +76,12 @@ fn applied(plan: &Plan, params: &Params) -> Plan {
         ..Effort::default()
     };
     for check in validate(plan, &done.plan, &effort) {
-        assert!(!check.verdict.is_broken(), "{}: {}", check.promise, check.verdict);
+        assert!(
+            !check.verdict.is_broken(),
+            "{}: {}",
+            check.promise,
+            check.verdict
+        );
     }
     done.plan
 }
@@ -108,9 +113,16 @@ fn occlusion_moves_and_the_texel_of_the_pixel_stays() {
     );
     let next = applied(&plan, &within());
     let (half, main) = (text_of(&next, Role::HalfRate), text_of(&next, Role::Main));
-    assert!(half.contains("occlusion") && !half.contains("albedo"), "{half}");
+    assert!(
+        half.contains("occlusion") && !half.contains("albedo"),
+        "{half}"
+    );
     assert!(main.contains("albedo"), "{main}");
-    assert!(note(&next).starts_with("computes `open`"), "{}", note(&next));
+    assert!(
+        note(&next).starts_with("computes `open`"),
+        "{}",
+        note(&next)
+    );
     assert!(matches!(next.contract, Contract::Approximate { .. }));
 }
 
@@ -118,7 +130,11 @@ fn occlusion_moves_and_the_texel_of_the_pixel_stays() {
 fn what_only_moves_the_taps_is_no_guide() {
     let plan = original("return vec4<f32>(occlusion(pixel, turn * 8.0, z, n));");
     let next = applied(&plan, &within());
-    assert!(note(&next).contains("edges are those of `z`, `n`,"), "{}", note(&next));
+    assert!(
+        note(&next).contains("edges are those of `z`, `n`,"),
+        "{}",
+        note(&next)
+    );
     // Two words of normal, one of depth, one value.
     assert_eq!(next.attachments.len(), 2);
 }
@@ -130,7 +146,11 @@ fn a_neighbours_texel_is_no_guide() {
         return vec4<f32>(occlusion(pixel, 4.0, beside, vec3<f32>(beside)));",
     );
     let next = applied(&plan, &within());
-    assert!(note(&next).contains("no value tells edges"), "{}", note(&next));
+    assert!(
+        note(&next).contains("no value tells edges"),
+        "{}",
+        note(&next)
+    );
 }
 
 #[test]
@@ -141,12 +161,24 @@ fn the_user_names_guides() {
         ..within()
     };
     let next = applied(&plan, &guided("n"));
-    assert!(note(&next).contains("edges are those of `n`,"), "{}", note(&next));
+    assert!(
+        note(&next).contains("edges are those of `n`,"),
+        "{}",
+        note(&next)
+    );
     let next = applied(&plan, &guided("none"));
-    assert!(note(&next).contains("no value tells edges"), "{}", note(&next));
+    assert!(
+        note(&next).contains("no value tells edges"),
+        "{}",
+        note(&next)
+    );
     let refused = refused(&plan, &guided("z+turn"));
     assert_eq!(refused.refusals[0].code, "no-guide");
-    assert!(refused.refusals[0].remedy.contains("z, n"), "{:?}", refused.refusals);
+    assert!(
+        refused.refusals[0].remedy.contains("z, n"),
+        "{:?}",
+        refused.refusals
+    );
 }
 
 #[test]
@@ -242,7 +274,10 @@ fn derivatives_and_levels_are_those_of_neighbouring_pixels() {
     assert!(half.contains("dpdx(") && half.contains("* 0.5"), "{half}");
     // A branch must take no derivative, so no pixel computes the value itself.
     let main = text_of(&next, Role::Main);
-    assert!(!main.contains("dpdx") && !main.contains("textureSample"), "{main}");
+    assert!(
+        !main.contains("dpdx") && !main.contains("textureSample"),
+        "{main}"
+    );
     assert!(note(&next).contains("need derivatives"), "{}", note(&next));
 }
 
@@ -267,13 +302,19 @@ fn other_draws_are_refused() {
     };
     assert_eq!(with(&|s| s.depth_write = true), "depth-test");
     assert_eq!(with(&|s| s.depth_compare = None), "depth-test");
-    assert_eq!(with(&|s| s.stencil = Some(StencilState::default())), "half-rate-stencil");
+    assert_eq!(
+        with(&|s| s.stencil = Some(StencilState::default())),
+        "half-rate-stencil"
+    );
     let many = Multisample {
         count: 4,
         ..Multisample::default()
     };
     assert_eq!(with(&|s| s.multisample = many), "half-rate-samples");
-    assert_eq!(code(&original("return vec4<f32>(z);"), &within()), "nothing-at-half-rate");
+    assert_eq!(
+        code(&original("return vec4<f32>(z);"), &within()),
+        "nothing-at-half-rate"
+    );
     let plan = in_state(&body, &full_screen());
     assert_eq!(code(&plan, &Params::default()), "no-budget");
     let blended = MaterialState {
@@ -284,6 +325,11 @@ fn other_draws_are_refused() {
         ..full_screen()
     };
     let next = applied(&in_state(&body, &blended), &within());
-    assert!(next.main().unwrap().targets[0].as_ref().unwrap().is_blended());
+    assert!(
+        next.main().unwrap().targets[0]
+            .as_ref()
+            .unwrap()
+            .is_blended()
+    );
     assert!(!next.passes[0].targets[0].as_ref().unwrap().is_blended());
 }

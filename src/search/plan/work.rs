@@ -315,7 +315,11 @@ impl Counting {
 
 /// Texels of what a pass draws to, for each pixel.
 fn share(plan: &Plan, pass: &GpuPass) -> f64 {
-    let mut names = pass.targets.iter().flatten().filter_map(|t| t.attachment.as_deref());
+    let mut names = pass
+        .targets
+        .iter()
+        .flatten()
+        .filter_map(|t| t.attachment.as_deref());
     let attachment = names.next().and_then(|name| plan.attachment(name));
     attachment.map_or(1.0, texels)
 }

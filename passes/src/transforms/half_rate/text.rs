@@ -26,11 +26,15 @@ const LETTERS: [&str; 4] = ["x", "y", "z", "w"];
 /// Names of a target's texture, in order.
 pub const TEXTURES: [&str; 2] = ["half_rate_texels", "half_rate_texels_more"];
 
-/// Base-2 exponent of a weight for each mean squared difference.
-const STEEPNESS: &str = "-4.0";
+/// A guide's factor of a weight is `1 / (FLAT + r * r)`, where `r` is its squared difference over the mean
+/// of the four: 81 times less across an edge between two and two.
+const FLAT: &str = "0.05";
 
 /// Squared relative difference of a guide that is rounding: of a half, and of a float.
 const ROUNDING: [&str; 2] = ["1e-6", "1e-10"];
+
+/// The four neighbours.
+const NEIGHBOURS: [&str; 4] = ["a", "b", "c", "d"];
 
 /// The widths of what a texel holds.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -52,26 +56,26 @@ impl Layout {
 
     /// Number of targets.
     pub fn targets(&self) -> usize {
-        let values: u32 = self.values.iter().map(|w| u32::from(*w)).sum();
-        let guides: u32 = self.guides.iter().map(|w| words(*w)).sum();
-        (values + guides).div_ceil(4) as usize
+        words(self.values.iter().sum(), self.guides.iter().copied()).div_ceil(4) as usize
     }
 
     /// What the half-rate stage calls.
     pub fn storing(&self) -> String {
         let mut words: Vec<String> = Vec::new();
         for (i, width) in self.values.iter().enumerate() {
-            words.extend(components(&format!("v{i}"), *width).map(|c| format!("bitcast<u32>({c})")));
+            words
+                .extend(components(&format!("v{i}"), *width).map(|c| format!("bitcast<u32>({c})")));
         }
         // A cleared texel is a NaN, which no neighbour reads.
         words[0].insert(0, '~');
+        let mut parts: Vec<String> = Vec::new();
         for (i, width) in self.guides.iter().enumerate() {
-            let all: Vec<String> = components(&format!("g{i}"), *width).collect();
-            match all.as_slice() {
-                [one] => words.push(format!("bitcast<u32>({one})")),
-                all => words.extend(all.chunks(2).map(halves)),
+            match width {
+                1 => words.push(format!("bitcast<u32>(g{i})")),
+                _ => parts.extend(components(&format!("g{i}"), *width)),
             }
         }
+        words.extend(parts.chunks(2).map(halves));
         words.resize(self.targets() * 4, "0u".to_owned());
         let targets: Vec<String> = words
             .chunks(4)
@@ -99,8 +103,9 @@ fn {STORE}({parameters}) -> {result} {{
         )
     }
 
-    /// What the main stage calls; the targets are bound in a group from a number on.
-    pub fn reading(&self, [group, first]: [u32; 2]) -> String {
+    /// What the main stage calls; the targets are bound in a group from a number on. `with_alike`: it also
+    /// tells whether the pixel is like a neighbour.
+    pub fn reading(&self, [group, first]: [u32; 2], with_alike: bool) -> String {
         let mut text = String::new();
         for (i, name) in TEXTURES.iter().enumerate().take(self.targets()) {
             let _ = writeln!(
@@ -110,7 +115,7 @@ fn {STORE}({parameters}) -> {result} {{
             );
         }
         self.texel(&mut text);
-        self.read(&mut text);
+        self.read(&mut text, with_alike);
         text
     }
 
@@ -120,7 +125,11 @@ fn {STORE}({parameters}) -> {result} {{
             all.map(|(i, width)| format!("{letter}{i}: {}", float(*width)))
                 .collect()
         };
-        let values = if with_values { of('v', &self.values) } else { Vec::new() };
+        let values = if with_values {
+            of('v', &self.values)
+        } else {
+            Vec::new()
+        };
         [values, of('g', &self.guides)].concat()
     }
 
@@ -128,7 +137,10 @@ fn {STORE}({parameters}) -> {result} {{
     fn texel(&self, text: &mut String) {
         let members = [self.parameters(true), vec!["covered: f32".to_owned()]].concat();
         let _ = writeln!(text, "struct HalfRateTexel {{ {} }}", members.join(", "));
-        let _ = writeln!(text, "fn half_rate_texel(at: vec2<i32>) -> HalfRateTexel {{");
+        let _ = writeln!(
+            text,
+            "fn half_rate_texel(at: vec2<i32>) -> HalfRateTexel {{"
+        );
         for (i, name) in TEXTURES.iter().enumerate().take(self.targets()) {
             let _ = writeln!(text, "    let t{i} = textureLoad({name}, at, 0);");
         }
@@ -147,23 +159,27 @@ fn {STORE}({parameters}) -> {result} {{
                 })
                 .collect();
             let floats: Vec<String> = bits.iter().map(|b| format!("bitcast<f32>({b})")).collect();
-            finite.extend(bits.iter().map(|b| format!("({b} & 0x7f800000u) != 0x7f800000u")));
+            finite.extend(
+                bits.iter()
+                    .map(|b| format!("({b} & 0x7f800000u) != 0x7f800000u")),
+            );
             let ty = float(*width);
             let _ = writeln!(text, "    let v{i} = {ty}({});", floats.join(", "));
         }
-        for (i, width) in self.guides.iter().enumerate() {
+        let scalars = self.guides.iter().enumerate().filter(|(_, w)| **w == 1);
+        for (i, _) in scalars {
+            let _ = writeln!(text, "    let g{i} = bitcast<f32>({});", next());
+        }
+        let vectors = || self.guides.iter().enumerate().filter(|(_, w)| **w > 1);
+        let halves: usize = vectors().map(|(_, w)| usize::from(*w)).sum();
+        for i in 0..halves.div_ceil(2) {
+            let _ = writeln!(text, "    let h{i} = unpack2x16float({});", next());
+        }
+        let mut halves = (0..halves).map(|i| format!("h{}.{}", i / 2, LETTERS[i % 2]));
+        for (i, width) in vectors() {
+            let own: Vec<String> = halves.by_ref().take(usize::from(*width)).collect();
             let ty = float(*width);
-            let value = match *width {
-                1 => format!("bitcast<f32>({})", next()),
-                2 => format!("unpack2x16float({})", next()),
-                w => {
-                    let (low, high) = (next(), next());
-                    let high = format!("unpack2x16float({high})");
-                    let high = if w == 3 { format!("{high}.x") } else { high };
-                    format!("{ty}(unpack2x16float({low}), {high})")
-                }
-            };
-            let _ = writeln!(text, "    let g{i} = {value};");
+            let _ = writeln!(text, "    let g{i} = {ty}({});", own.join(", "));
         }
         let _ = writeln!(text, "    let covered = {};", finite.join(" && "));
         let values: Vec<String> = (self.values.iter().enumerate())
@@ -179,15 +195,12 @@ fn {STORE}({parameters}) -> {result} {{
     }
 
     /// Weighs the four neighbours of a pixel.
-    fn read(&self, text: &mut String) {
-        let values: Vec<String> = (self.values.iter().enumerate())
+    fn read(&self, text: &mut String, with_alike: bool) {
+        let mut members: Vec<String> = (self.values.iter().enumerate())
             .map(|(i, width)| format!("v{i}: {}", float(*width)))
             .collect();
-        let _ = writeln!(
-            text,
-            "struct HalfRateRead {{ {}, alike: bool }}",
-            values.join(", ")
-        );
+        members.extend(with_alike.then(|| "alike: bool".to_owned()));
+        let _ = writeln!(text, "struct HalfRateRead {{ {} }}", members.join(", "));
         let parameters = [vec!["at: vec4<f32>".to_owned()], self.parameters(false)].concat();
         let _ = writeln!(
             text,
@@ -200,65 +213,85 @@ fn {STORE}({parameters}) -> {result} {{
     let b = half_rate_texel(vec2<i32>(high.x, low.y));
     let c = half_rate_texel(vec2<i32>(low.x, high.y));
     let d = half_rate_texel(high);
-    var covered = vec4<f32>(a.covered, b.covered, c.covered, d.covered);",
+    let given = vec4<f32>(a.covered, b.covered, c.covered, d.covered);
+    var raised = given;",
             parameters.join(", "),
             TEXTURES[0]
         );
-        for (i, width) in self.guides.iter().enumerate() {
-            let own = rounded(&format!("g{i}"), *width);
-            let ty = float(*width);
-            let each = ["a", "b", "c", "d"].map(|t| format!("{t}.g{i} - own{i}"));
-            let square = |of: &str| match width {
-                1 => format!("({of}) * ({of})"),
-                _ => format!("dot({of}, {of})"),
-            };
-            let away = ["a", "b", "c", "d"].map(|t| square(&format!("away_{t}{i}")));
-            let _ = writeln!(text, "    let own{i}: {ty} = {own};");
-            for (t, of) in ["a", "b", "c", "d"].iter().zip(&each) {
-                let _ = writeln!(text, "    let away_{t}{i} = {of};");
-            }
-            let _ = writeln!(
-                text,
-                "    let raw{i} = vec4<f32>({});
-    covered = select(vec4<f32>(), covered, raw{i} < vec4<f32>(1e30));
-    let far{i} = select(vec4<f32>(), raw{i}, covered > vec4<f32>());
-    let span{i} = max(max(a.g{i}, b.g{i}), max(c.g{i}, d.g{i})) - min(min(a.g{i}, b.g{i}), min(c.g{i}, d.g{i}));
-    let least{i} = {} * {} + 1e-30;
-    let limit{i} = {} + least{i};",
-                away.join(", "),
-                square(&format!("own{i}")),
-                ROUNDING[usize::from(*width == 1)],
-                square(&format!("span{i}")),
-            );
+        if !self.guides.is_empty() {
+            self.compare(text, with_alike);
         }
         let _ = writeln!(
             text,
-            "    let count = max(dot(covered, vec4<f32>(1.0)), 1.0);\n    var unlike = vec4<f32>();
-    var near = covered > vec4<f32>();"
+            "    let weight = raised / max(dot(raised, vec4<f32>(1.0)), 1e-30);"
         );
-        for i in 0..self.guides.len() {
-            let _ = writeln!(
-                text,
-                "    unlike += far{i} / (dot(far{i}, covered) / count + least{i});
-    near = near & (far{i} <= vec4<f32>(limit{i}));"
-            );
-        }
-        let _ = writeln!(
-            text,
-            "    let raised = covered * exp2(unlike * {STEEPNESS});
-    let weight = raised / max(dot(raised, vec4<f32>(1.0)), 1e-30);"
-        );
-        let values: Vec<String> = (0..self.values.len())
+        let mut results: Vec<String> = (0..self.values.len())
             .map(|i| {
                 format!(
                     "a.v{i} * weight.x + b.v{i} * weight.y + c.v{i} * weight.z + d.v{i} * weight.w"
                 )
             })
             .collect();
+        results.extend(with_alike.then(|| match self.guides.is_empty() {
+            true => "any(given > vec4<f32>())".to_owned(),
+            false => "any(near)".to_owned(),
+        }));
+        let _ = writeln!(text, "    return HalfRateRead({});\n}}", results.join(", "));
+    }
+
+    /// The weights by the guides, and the neighbours that are like the pixel.
+    fn compare(&self, text: &mut String, with_alike: bool) {
+        let square = |of: &str, width: u8| match width {
+            1 => format!("({of}) * ({of})"),
+            _ => format!("dot({of}, {of})"),
+        };
+        let mut finite = Vec::new();
+        for (i, width) in self.guides.iter().enumerate() {
+            for t in NEIGHBOURS {
+                let _ = writeln!(text, "    let away_{t}{i} = {t}.g{i} - g{i};");
+            }
+            let squares = NEIGHBOURS.map(|t| square(&format!("away_{t}{i}"), *width));
+            let _ = writeln!(text, "    let raw{i} = vec4<f32>({});", squares.join(", "));
+            finite.push(format!("raw{i}"));
+        }
+        // A guide that is not finite compares with nothing.
         let _ = writeln!(
             text,
-            "    return HalfRateRead({}, any(near));\n}}",
-            values.join(", ")
+            "    let is_covered = (given > vec4<f32>()) & ({} < vec4<f32>(1e30));
+    let covered = select(vec4<f32>(), vec4<f32>(1.0), is_covered);
+    let share = 1.0 / max(dot(covered, vec4<f32>(1.0)), 1.0);
+    var unlike = vec4<f32>(1.0);",
+            finite.join(" + ")
+        );
+        if with_alike {
+            let _ = writeln!(text, "    var near = is_covered;");
+        }
+        for (i, width) in self.guides.iter().enumerate() {
+            let _ = writeln!(
+                text,
+                "    let far{i} = select(vec4<f32>(), raw{i}, is_covered);
+    let least{i} = {} * {} + 1e-30;
+    let ratio{i} = far{i} / (dot(far{i}, vec4<f32>(share)) + least{i});
+    unlike *= {FLAT} + ratio{i} * ratio{i};",
+                ROUNDING[usize::from(*width == 1)],
+                square(&format!("g{i}"), *width),
+            );
+            if with_alike {
+                let of = |f: &str| format!("{f}({f}(a.g{i}, b.g{i}), {f}(c.g{i}, d.g{i}))");
+                let _ = writeln!(
+                    text,
+                    "    let span{i} = {} - {};
+    near = near & (far{i} <= vec4<f32>({} + least{i}));",
+                    of("max"),
+                    of("min"),
+                    square(&format!("span{i}"), *width),
+                );
+            }
+        }
+        // A pixel whose own guide is not finite takes the mean.
+        let _ = writeln!(
+            text,
+            "    raised = select(given, covered / unlike, any(is_covered));"
         );
     }
 }
@@ -286,25 +319,4 @@ fn halves(of: &[String]) -> String {
         "pack2x16float(clamp(vec2<f32>({}, {second}), vec2<f32>(-65504.0), vec2<f32>(65504.0)))",
         of[0]
     )
-}
-
-/// A guide as it reads back.
-fn rounded(name: &str, width: u8) -> String {
-    let all: Vec<String> = components(name, width).collect();
-    match all.as_slice() {
-        [one] => one.clone(),
-        all => {
-            let pairs: Vec<String> = all
-                .chunks(2)
-                .map(|pair| {
-                    let both = format!("unpack2x16float({})", halves(pair));
-                    match pair.len() {
-                        1 => format!("{both}.x"),
-                        _ => both,
-                    }
-                })
-                .collect();
-            format!("{}({})", float(width), pairs.join(", "))
-        }
-    }
 }
