@@ -636,7 +636,10 @@ fn scene_of(case: Case) -> Scene {
             scene
         }
         Case::Halved => {
-            let path = concat!(env!("CARGO_MANIFEST_DIR"), "/fixtures/adversarial/thin-lines.toml");
+            let path = concat!(
+                env!("CARGO_MANIFEST_DIR"),
+                "/fixtures/adversarial/thin-lines.toml"
+            );
             let scene = preshade::unstable::scene::load(Path::new(path)).unwrap();
             scene.resized([64, 64])
         }
