@@ -7,7 +7,8 @@ use preshade_passes::half_rate::{Edges, HalfRate, Params};
 use preshade_passes::pass::{Facts, Pass, Refused};
 use preshade_passes::plan::{BindingSource, Plan, Role};
 use preshade_passes::state::{
-    ColorTarget, CompareFunction, MaterialState, Multisample, StencilState,
+    ColorTarget, CompareFunction, MaterialState, Multisample, StencilFace, StencilOperation,
+    StencilState,
 };
 use preshade_passes::validate::{Effort, validate};
 
@@ -295,6 +296,19 @@ fn pixels_blend_if_asked() {
 #[test]
 fn other_draws_are_refused() {
     let body = format!("{LOADS}return vec4<f32>(occlusion(pixel, 4.0, z, n));");
+    let face = StencilFace {
+        compare: CompareFunction::Equal,
+        fail: StencilOperation::Keep,
+        depth_fail: StencilOperation::Keep,
+        pass: StencilOperation::Keep,
+    };
+    let stencil = StencilState {
+        front: face,
+        back: face,
+        read_mask: 1,
+        write_mask: 0,
+        reference: 1,
+    };
     let with = |state: &dyn Fn(&mut MaterialState)| {
         let mut changed = full_screen();
         state(&mut changed);
@@ -303,7 +317,7 @@ fn other_draws_are_refused() {
     assert_eq!(with(&|s| s.depth_write = true), "depth-test");
     assert_eq!(with(&|s| s.depth_compare = None), "depth-test");
     assert_eq!(
-        with(&|s| s.stencil = Some(StencilState::default())),
+        with(&|s| s.stencil = Some(stencil.clone())),
         "half-rate-stencil"
     );
     let many = Multisample {
