@@ -40,7 +40,7 @@ use crate::core::budget::{Budget, Metric};
 use crate::core::pass::{Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use crate::core::plan::Plan;
 use crate::core::refusals::RefusalInfo;
-use crate::core::state::CompareFunction;
+use crate::core::state::{CompareFunction, StencilState};
 use crate::graph::FunctionId;
 use crate::graph::effect::Effect;
 use crate::rebuild::outline::{self, Failed, Wanted};
@@ -215,7 +215,11 @@ fn examine(plan: &Plan) -> Result<FragmentStage<'_>, Refused> {
             remedy,
         );
     }
-    if pass.stencil.is_some() {
+    let is_tested = |s: &StencilState| {
+        let faces = [s.front, s.back];
+        s.writes() || faces.iter().any(|f| f.compare != CompareFunction::Always)
+    };
+    if pass.stencil.as_ref().is_some_and(is_tested) {
         let remedy = "mask by `discard`";
         told(
             &refusals::HALF_RATE_STENCIL,

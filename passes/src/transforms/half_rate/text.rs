@@ -30,8 +30,8 @@ pub const TEXTURES: [&str; 2] = ["half_rate_texels", "half_rate_texels_more"];
 /// of the four: 81 times less across an edge between two and two.
 const FLAT: &str = "0.05";
 
-/// Squared relative difference of a guide that is rounding: of a half, and of a float.
-const ROUNDING: [&str; 2] = ["1e-6", "1e-10"];
+/// Squared difference of a guide, relative to its magnitude, that hardly matters.
+const SLIGHT: &str = "0.0025";
 
 /// The four neighbours.
 const NEIGHBOURS: [&str; 4] = ["a", "b", "c", "d"];
@@ -270,11 +270,14 @@ fn {STORE}({parameters}) -> {result} {{
             let _ = writeln!(
                 text,
                 "    let far{i} = select(vec4<f32>(), raw{i}, is_covered);
-    let least{i} = {} * {} + 1e-30;
+    let least{i} = {SLIGHT} * {} + 1e-30;
     let ratio{i} = far{i} / (dot(far{i}, vec4<f32>(share)) + least{i});
     unlike *= {FLAT} + ratio{i} * ratio{i};",
-                ROUNDING[usize::from(*width == 1)],
-                square(&format!("g{i}"), *width),
+                match width {
+                    // Of a depth near 1, the distance from 1 tells how far away it is.
+                    1 => format!("min(g{i} * g{i}, (1.0 - g{i}) * (1.0 - g{i}))"),
+                    _ => square(&format!("g{i}"), *width),
+                },
             );
             if with_alike {
                 let of = |f: &str| format!("{f}({f}(a.g{i}, b.g{i}), {f}(c.g{i}, d.g{i}))");
