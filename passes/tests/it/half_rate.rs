@@ -267,9 +267,13 @@ fn a_value_behind_a_return_moves_and_one_in_a_branch_stays() {
 #[test]
 fn derivatives_and_levels_are_those_of_neighbouring_pixels() {
     let body = "var sum = dpdx(v.uv.x) * 3.0 + textureSample(albedo, s, v.uv * 2.0).x;
-        for (var i = 0; i < 16; i++) { sum += sin(sum * frame.taps[i].x); }
+        for (var i = 0; i < 64; i++) { sum += sin(sum * frame.taps[i & 15].x); }
         return vec4<f32>(sum);";
-    let next = applied(&original(body), &within());
+    let computed = Params {
+        edges: Edges::Computed,
+        ..within()
+    };
+    let next = applied(&original(body), &computed);
     let half = text_of(&next, Role::HalfRate);
     assert!(half.contains("textureSampleBias"), "{half}");
     assert!(half.contains("dpdx(") && half.contains("* 0.5"), "{half}");
@@ -283,14 +287,15 @@ fn derivatives_and_levels_are_those_of_neighbouring_pixels() {
 }
 
 #[test]
-fn pixels_blend_if_asked() {
+fn a_pixel_unlike_its_neighbours_computes_if_asked() {
     let plan = original("return vec4<f32>(occlusion(pixel, 4.0, z, n));");
-    let params = Params {
-        edges: Edges::Blended,
-        ..within()
+    let main = |edges| {
+        let params = Params { edges, ..within() };
+        text_of(&applied(&plan, &params), Role::Main)
     };
-    let main = text_of(&applied(&plan, &params), Role::Main);
-    assert!(!main.contains("occlusion"), "{main}");
+    let [blended, computed] = [Edges::Blended, Edges::Computed].map(main);
+    assert!(!blended.contains("fn occlusion"), "{blended}");
+    assert!(computed.contains("fn occlusion"), "{computed}");
 }
 
 #[test]
