@@ -277,12 +277,10 @@ fn derivatives_and_levels_are_those_of_neighbouring_pixels() {
     let half = text_of(&next, Role::HalfRate);
     assert!(half.contains("textureSampleBias"), "{half}");
     assert!(half.contains("dpdx(") && half.contains("* 0.5"), "{half}");
-    // A branch must take no derivative, so no pixel computes the value itself.
+    // A branch must take no derivative, so no pixel computes the value itself. The texel that guides is
+    // sampled outside of branches.
     let main = text_of(&next, Role::Main);
-    assert!(
-        !main.contains("dpdx") && !main.contains("textureSample"),
-        "{main}"
-    );
+    assert!(!main.contains("dpdx") && !main.contains("sin("), "{main}");
     assert!(note(&next).contains("need derivatives"), "{}", note(&next));
 }
 
