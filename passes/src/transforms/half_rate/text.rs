@@ -27,11 +27,11 @@ const LETTERS: [&str; 4] = ["x", "y", "z", "w"];
 pub const TEXTURES: [&str; 2] = ["half_rate_texels", "half_rate_texels_more"];
 
 /// A guide's factor of a weight is `1 / (FLAT + r * r)`, where `r` is its squared difference over the mean
-/// of the four: 81 times less across an edge between two and two.
-const FLAT: &str = "0.05";
+/// of the four: 14 times less across an edge between two and two.
+const FLAT: &str = "0.3";
 
 /// Squared difference of a guide, relative to its magnitude, that hardly matters.
-const SLIGHT: &str = "0.0025";
+const SLIGHT: &str = "0.01";
 
 /// The four neighbours.
 const NEIGHBOURS: [&str; 4] = ["a", "b", "c", "d"];
