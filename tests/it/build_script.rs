@@ -849,7 +849,7 @@ fn what_the_host_says_is_in_the_layouts_and_constants_are_listed() {
     }
 }
 
-/// Its pass needs a viewport, which the module does not set.
+/// Its pass needs a viewport, which the module does not set: the original is shipped.
 #[test]
 fn attachments_of_half_the_size_are_refused() {
     let package = Package::new("half-rate");
@@ -862,8 +862,9 @@ fn attachments_of_half_the_size_are_refused() {
     state.depth_write = false;
     let recipe = ["half-rate:budget=0.01"];
     let built = package.build(configure().state(state).variant("halved", recipe));
-    let error = built.map(|_| ()).unwrap_err().to_string();
-    assert!(error.contains("smaller than the scene's colour"), "{error}");
+    let warnings = built.unwrap().warnings;
+    let told = |w: &String| w.contains("smaller than the scene's colour");
+    assert!(warnings.iter().any(told), "{warnings:?}");
 }
 
 #[test]
