@@ -33,8 +33,8 @@ pub use core::{
 pub use evaluate::bound;
 pub use rebuild::{count, depth_only, place, returns};
 pub use transforms::{
-    depth_prepass, early_discard, hoist, outputs, preamble, shadow, skip_taps, specialize,
-    tessellate, trim_loop, visibility_buffer,
+    depth_prepass, early_discard, half_rate, hoist, outputs, preamble, shadow, skip_taps,
+    specialize, tessellate, trim_loop, visibility_buffer,
 };
 
 pub use naga;

@@ -23,6 +23,14 @@ pub(super) fn items(
     keys: &BTreeSet<String>,
 ) -> Result<Vec<(String, String)>, String> {
     let plan = &drawn.plan;
+    if let Some(smaller) = plan.attachments.iter().find(|a| a.divisor > 1) {
+        return Err(format!(
+            "the attachment `{}`, which is smaller than the scene's colour: its pass needs a viewport \
+             that the module does not set (draw it from plan.json, or ship a recipe without \
+             `half-rate`)",
+            smaller.name
+        ));
+    }
     let overrides = drawn.overrides()?;
     let wgsl = |program: &str| {
         let file = format!("{}.{program}.wgsl", plan.material);

@@ -19,6 +19,7 @@ use super::shader::{PlannedPass, Variant};
 use super::subdivided::{Meshes, Subdivided, SubdivisionCost};
 use super::targets::Targets;
 use super::{Error, compute, order, readback};
+use crate::scene::bind::Area;
 use crate::scene::{DrawOrder, Frame, Rows, Scene, bind};
 
 /// Settings of a frame that belong neither to the scene nor to the plan.
@@ -591,9 +592,11 @@ impl<'a> Prepared<'a> {
     }
 
     fn draw_all(&self, pass: &PreparedPass, render: &mut wgpu::RenderPass<'_>) {
-        if let Some([x, y, w, h]) = self.inputs.scene().viewport {
-            render.set_viewport(x as f32, y as f32, w as f32, h as f32, 0.0, 1.0);
-            render.set_scissor_rect(x, y, w, h);
+        let scene = self.inputs.scene();
+        let divisor = self.targets.divisor(&pass.frame);
+        let whole = (divisor > 1).then_some([0, 0, scene.size[0], scene.size[1]]);
+        if let Some(viewport) = scene.viewport.or(whole) {
+            Area::of(viewport, scene.size).divided(divisor).set(render);
         }
         let mut current = None;
         for item in pass.sequence.iter().filter_map(|i| pass.items.get(*i)) {
@@ -602,10 +605,7 @@ impl<'a> Prepared<'a> {
             };
             if let Some(area) = &draw.area {
                 let area = area.scaled(self.inputs.scene().size);
-                let [x, y, w, h, near, far] = area.viewport;
-                render.set_viewport(x, y, w, h, near, far);
-                let [x, y, w, h] = area.scissor;
-                render.set_scissor_rect(x, y, w, h);
+                area.divided(divisor).set(render);
             }
             if current != Some(item.pipeline) {
                 render.set_pipeline(&pass.pipelines[item.pipeline]);
@@ -697,6 +697,13 @@ impl FrameBuilder<'_, '_> {
                 let found = self.variant.member(&material.name, *member)?;
                 if found.pass.draws == Draws::Opaque && material.state.is_blended() {
                     continue;
+                }
+                if found.pass.phase == Phase::HalfRate && !pass.items.is_empty() {
+                    return Err(found.failed(
+                        "the values of one draw fit into its attachments of half the size, and the \
+                         scene draws it several times: give each draw a material of its own"
+                            .to_owned(),
+                    ));
                 }
                 let of = (draw.material, *member);
                 let Some(item) = self.item(&mut pass, &mut built, &found, of, index)? else {
@@ -794,6 +801,16 @@ impl FrameBuilder<'_, '_> {
             vertex_buffers: vertex.iter().map(|v| v.source).collect(),
             call,
         }))
+    }
+}
+
+impl Area {
+    /// Restricts drawing to it.
+    fn set(self, render: &mut wgpu::RenderPass<'_>) {
+        let [x, y, w, h, near, far] = self.viewport;
+        render.set_viewport(x, y, w, h, near, far);
+        let [x, y, w, h] = self.scissor;
+        render.set_scissor_rect(x, y, w, h);
     }
 }
 

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::frame::{ColorAttachments, FramePlan};
+use preshade_passes::frame::{ColorAttachments, FramePass, FramePlan};
 use preshade_passes::plan::{
     Attachment, AttachmentFormat, BindingSource, ClearValue, GpuPass, SCENE_COLOR,
 };
@@ -29,6 +29,8 @@ pub(super) struct NamedColor {
     texture: wgpu::Texture,
     pub view: wgpu::TextureView,
     pub clear: wgpu::Color,
+    /// As that of [`Attachment`].
+    pub divisor: u32,
     sampled: bool,
 }
 
@@ -121,6 +123,12 @@ impl Targets {
         self.named.get(name)
     }
 
+    /// The divisor of the attachments that a pass draws to.
+    pub fn divisor(&self, pass: &FramePass) -> u32 {
+        let mut named = pass.colors.names().filter_map(|name| self.named(name));
+        named.next().map_or(1, |color| color.divisor)
+    }
+
     /// The scene's colour at a location, as a storage texture.
     ///
     /// # Errors
@@ -204,7 +212,7 @@ fn depths(
             let texture = gpu.checked(&what, || {
                 gpu.device.create_texture(&wgpu::TextureDescriptor {
                     label: Some(&a.name),
-                    size: extent(size),
+                    size: extent(a.size(size)),
                     mip_level_count: 1,
                     sample_count: a.samples,
                     dimension: wgpu::TextureDimension::D2,
@@ -254,7 +262,7 @@ fn named(
         let texture = gpu.checked(&format!("the attachment `{}`", a.name), || {
             gpu.device.create_texture(&wgpu::TextureDescriptor {
                 label: Some(&a.name),
-                size: extent(size),
+                size: extent(a.size(size)),
                 mip_level_count: 1,
                 sample_count: a.samples,
                 dimension: wgpu::TextureDimension::D2,
@@ -267,6 +275,7 @@ fn named(
             view: texture.create_view(&Default::default()),
             texture,
             clear: wgpu::Color { r, g, b, a: alpha },
+            divisor: a.divisor,
             sampled: a.sampled,
         };
         out.insert(a.name.clone(), color);

@@ -220,6 +220,35 @@ pub struct Area {
 }
 
 impl Area {
+    /// All depths of a part of a target: x, y, width and height, in pixels.
+    pub(crate) fn of(part: [u32; 4], target: [u32; 2]) -> Self {
+        let [x, y, w, h] = part.map(|length| length as f32);
+        Self {
+            viewport: [x, y, w, h, 0.0, 1.0],
+            scissor: part,
+            of: target,
+        }
+    }
+
+    /// The same part of an attachment with this divisor
+    /// ([`preshade_passes::plan::Attachment`]).
+    pub(crate) fn divided(self, divisor: u32) -> Self {
+        if divisor <= 1 {
+            return self;
+        }
+        let n = divisor as f32;
+        let first = 0.5 - 0.5 / n;
+        let [x, y, w, h, near, far] = self.viewport;
+        let [left, top, width, height] = self.scissor;
+        let end = |from: u32, length: u32| (from + length).div_ceil(divisor);
+        let (x0, y0) = (left / divisor, top / divisor);
+        Self {
+            viewport: [x / n + first, y / n + first, w / n, h / n, near, far],
+            scissor: [x0, y0, end(left, width) - x0, end(top, height) - y0],
+            of: self.of.map(|length| length.div_ceil(divisor)),
+        }
+    }
+
     /// The same part of a target of another size.
     pub(crate) fn scaled(self, size: [u32; 2]) -> Self {
         if size == self.of {

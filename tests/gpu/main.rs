@@ -30,6 +30,7 @@ mod evaluate_on_adapter;
 mod exactness;
 mod explore;
 mod glsl_native;
+mod half_rate;
 mod hoist;
 mod immediates;
 mod interpolation;

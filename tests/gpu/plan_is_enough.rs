@@ -3,6 +3,7 @@
 //! picture. The fields are those of the schema, so that a new one without a mutation fails here.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::path::Path;
 
 use glam::{Mat4, Vec3};
 use preshade::unstable::emit::{self, File, PlanFile, Target};
@@ -53,6 +54,8 @@ enum Case {
     Shared,
     /// With values that a compute pass makes once a draw.
     Once,
+    /// With values for one pixel of each 2x2.
+    Halved,
     /// Shaded from ids, in two draws told apart by a depth test.
     Ids,
     /// The same with ids of unindexed vertices.
@@ -282,7 +285,7 @@ const INFORMATIVE: &[(&str, &str)] = &[
 /// what must come of it.
 #[rustfmt::skip] // One row a field.
 fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
-    use Case::{Adaptive, Alone, Binned, Computed, Glass, Ids, Lit, Mask, Once, Packed, Pulled, Read, Sampled, Shared, Tiled, Unindexed};
+    use Case::{Adaptive, Alone, Binned, Computed, Glass, Halved, Ids, Lit, Mask, Once, Packed, Pulled, Read, Sampled, Shared, Tiled, Unindexed};
     vec![
         (Lit, "/schema", json!("preshade.plan.v0"), Refused("its schema is `preshade.plan.v0`")),
         (Lit, "/material", json!("someone else's"), Redrawn),
@@ -399,6 +402,9 @@ fn mutations() -> Vec<(Case, &'static str, Json, Then)> {
         (Once, "/draw_buffers/0/name", json!("elsewhere"), Refused("has no buffer `preamble`")),
         (Once, "/draw_buffers/0/size", json!(4), Refused("bytes in the plan")),
         (Once, "/passes/0/bindings/2/source/part/values/buffer", json!("elsewhere"), Refused("has no buffer `elsewhere`")),
+        (Halved, "/attachments/1/divisor", json!(1), Redrawn),
+        (Halved, "/attachments/1/divisor", json!(3), Redrawn),
+        (Halved, "/passes/0/phase", json!("blended"), Redrawn),
         (Ids, "/passes/0/phase", json!("opaque"), Redrawn),
         (Ids, "/passes/1/bindings/1/source/part", json!("indices"), Redrawn),
         (Ids, "/passes/2/depth/compare", json!("always"), Redrawn),
@@ -629,6 +635,14 @@ fn scene_of(case: Case) -> Scene {
             scene.materials = vec![material("lit", GLOW)];
             scene
         }
+        Case::Halved => {
+            let path = concat!(
+                env!("CARGO_MANIFEST_DIR"),
+                "/fixtures/adversarial/thin-lines.toml"
+            );
+            let scene = preshade::unstable::scene::load(Path::new(path)).unwrap();
+            scene.resized([64, 64])
+        }
     }
 }
 
@@ -645,6 +659,7 @@ fn files_of(case: Case, scene: &Scene) -> (Vec<Vec<File>>, usize) {
             Some("hoist:budget=1,finite=assumed,jumps=carried,tessellate:level=8,form=shared")
         }
         Case::Once => Some("preamble"),
+        Case::Halved => Some("half-rate:budget=1"),
         Case::Ids => Some("visibility-buffer:budget=1"),
         Case::Unindexed => Some("visibility-buffer:ids=unindexed,select=id,budget=1"),
         Case::Computed => Some("visibility-buffer:form=compute,budget=1"),

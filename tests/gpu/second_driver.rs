@@ -5,9 +5,11 @@ use std::process::Command;
 use crate::swiftshader_support::{VARIABLE, swiftshader};
 
 /// Tests of what may differ between drivers: depths, samples, formats, self-tests.
-const TESTS: [&str; 5] = [
+const TESTS: [&str; 7] = [
     "exactness::every_depth_format_direction_and_sample_count",
     "exactness::a_viewport_offset_and_half_resolution",
+    "half_rate::pixels_with_a_texel_are_the_authors",
+    "half_rate::a_discard_is_each_pixels_own",
     "early_discard::multisampled_depth_holds_every_sample",
     "self_test::they_hold_as_emitted",
     "self_test::surfaces_at_the_far_plane_hold",

@@ -12,7 +12,9 @@ use preshade::unstable::front::{Options, Source, parse};
 use preshade::unstable::lock::{Inputs, Lock, Locked};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::{Blend, ColorTarget, DepthFormat, MaterialState};
+use preshade::unstable::passes::state::{
+    Blend, ColorTarget, CompareFunction, DepthFormat, MaterialState,
+};
 use preshade::unstable::recipe::Recipe;
 
 const SHADER: &str = include_str!("../../fixtures/shaders/toon.wgsl");
@@ -845,6 +847,24 @@ fn what_the_host_says_is_in_the_layouts_and_constants_are_listed() {
         let error = package.build(builder).unwrap_err();
         assert!(matches!(error, BuildError::Module { .. }), "{error}");
     }
+}
+
+/// Its pass needs a viewport, which the module does not set: the original is shipped.
+#[test]
+fn attachments_of_half_the_size_are_refused() {
+    let package = Package::new("half-rate");
+    let text = include_str!("../../fixtures/shaders/deferred.wgsl");
+    fs::write(package.0.join("toon.wgsl"), text).unwrap();
+    let mut state = MaterialState {
+        depth_compare: Some(CompareFunction::Always),
+        ..MaterialState::default()
+    };
+    state.depth_write = false;
+    let recipe = ["half-rate:budget=0.01"];
+    let built = package.build(configure().state(state).variant("halved", recipe));
+    let warnings = built.unwrap().warnings;
+    let told = |w: &String| w.contains("smaller than the scene's colour");
+    assert!(warnings.iter().any(told), "{warnings:?}");
 }
 
 #[test]

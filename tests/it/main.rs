@@ -29,6 +29,7 @@ mod glsl;
 mod glsl_semantics;
 mod glsl_vulkan;
 mod gltf;
+mod half_rate;
 mod outputs_glsl;
 mod pass_pages;
 mod refusals;

@@ -12,7 +12,7 @@ use preshade::unstable::passes::PASSES;
 use preshade::unstable::passes::contract::Contract;
 use preshade::unstable::passes::pass::{AnyPass, Facts, PassInfo, Use};
 use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::passes::state::{CompareFunction, MaterialState};
 use preshade::unstable::recipe::Recipe;
 
 /// The recipe of a pass's page and the text it is applied to, by name.
@@ -190,7 +190,14 @@ fn page(pass: &dyn AnyPass) -> String {
     for p in &experts {
         writeln!(text, "- {}: {}{}", p.in_short(), p.what, default(p)).unwrap();
     }
-    let (options, state) = (Options::default(), MaterialState::default());
+    let mut state = MaterialState::default();
+    let mut given = String::new();
+    if info.name == "half-rate" {
+        state.depth_compare = Some(CompareFunction::Always);
+        state.depth_write = false;
+        given.push_str(" --depth-compare always --no-depth-write");
+    }
+    let options = Options::default();
     let (steps, name, source) = example(pass);
     let file = format!("{name}.wgsl");
     let parsed = parse(&[Source::new(file, source.as_str())], &options).unwrap();
@@ -208,7 +215,7 @@ fn page(pass: &dyn AnyPass) -> String {
     let flags: Vec<String> = steps.iter().map(|s| format!("--pass {s}")).collect();
     write!(
         text,
-        "\n## Example\n\n`preshade rewrite {name}.wgsl {}` of\n\n```wgsl\n{source}```\n\n",
+        "\n## Example\n\n`preshade rewrite {name}.wgsl{given} {}` of\n\n```wgsl\n{source}```\n\n",
         flags.join(" ")
     )
     .unwrap();

@@ -183,6 +183,7 @@ pub fn handwritten(forward: &Plan, form: &str) -> Result<Plan, Failure> {
         samples: 1,
         sampled: true,
         clear: ClearValue::Color([0.0; 4]),
+        divisor: 1,
     });
     let mut ids = GpuPass {
         role: Role::Ids,

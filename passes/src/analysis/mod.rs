@@ -7,6 +7,7 @@ pub mod coverage;
 pub mod cut;
 pub(crate) mod discontinuity;
 pub(crate) mod effects;
+pub mod half_rate;
 pub mod hazard;
 pub(crate) mod implicit_inputs;
 pub mod lit;

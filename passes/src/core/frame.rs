@@ -203,9 +203,15 @@ impl FramePlan {
                 match attachments.iter_mut().find(|(b, _)| b.name == a.name) {
                     None => attachments.push((a.clone(), plan.material.clone())),
                     Some((b, first)) => {
-                        if (&a.format, a.samples, a.clear) != (&b.format, b.samples, b.clear) {
+                        let of = |a: &Attachment| (a.format.clone(), a.samples, a.clear, a.divisor);
+                        if of(a) != of(b) {
                             let describe = |a: &Attachment| {
-                                format!("{:?} x{}, cleared to {:?}", a.format, a.samples, a.clear)
+                                let size = match a.divisor {
+                                    1 => String::new(),
+                                    n => format!(", of 1/{n} of the size"),
+                                };
+                                let of = (&a.format, a.samples, a.clear);
+                                format!("{:?} x{}, cleared to {:?}{size}", of.0, of.1, of.2)
                                     .to_lowercase()
                             };
                             return Err(FrameError::AttachmentMismatch {
@@ -223,6 +229,7 @@ impl FramePlan {
         }
         let mut passes: Vec<FramePass> = Vec::new();
         for phase in [
+            Phase::HalfRate,
             Phase::Depth,
             Phase::Classify,
             Phase::Resolve,

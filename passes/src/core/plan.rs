@@ -58,6 +58,8 @@ pub enum Role {
     Resolve,
     /// Once per frame: draws nothing, but clears the scene's colour for compute work.
     Clear,
+    /// Values of the fragment stage, for one pixel of each 2x2.
+    HalfRate,
 }
 
 impl Role {
@@ -72,6 +74,7 @@ impl Role {
             Self::Classify => "classify",
             Self::Resolve => "resolve",
             Self::Clear => "clear",
+            Self::HalfRate => "half-rate",
         }
     }
 
@@ -93,6 +96,8 @@ pub enum Phase {
     /// Auxiliary pictures of the camera's view, with a depth of their own. The host draws them when
     /// it needs them, outside the plan's frame.
     Outputs,
+    /// Values at a lower rate than the pixels', without depth.
+    HalfRate,
     /// Opaque draws, depth or ids only.
     Depth,
     /// Finds the material of each pixel, over all materials.
@@ -145,6 +150,12 @@ pub enum ClearValue {
 
 /// A texture that passes write or read. Its size and origin follow the host's colour attachment; a
 /// shader indexes it by `position.xy`, mip 0, layer 0.
+///
+/// With a divisor above 1 it has a texel for each square of so many pixels, and stands for the first
+/// of them, the one with the smallest coordinates. So a pass that draws to it has the host's viewport,
+/// scaled and moved: along each axis, `v` becomes `v / n + 0.5 - 0.5 / n` for its origin, and `v / n`
+/// for its size, fractions included. Then the centre of a texel is the centre of its pixel. A scissor
+/// rectangle is divided, and rounded outwards.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Attachment {
     /// The name passes refer to.
@@ -157,6 +168,18 @@ pub struct Attachment {
     pub sampled: bool,
     /// The clear value for the first pass of a frame that draws to it.
     pub clear: ClearValue,
+    /// Its width and height are the host's, divided by this number and rounded up.
+    #[serde(default = "one", skip_serializing_if = "is_one")]
+    #[schemars(range(min = 1))]
+    pub divisor: u32,
+}
+
+fn one() -> u32 {
+    1
+}
+
+fn is_one(divisor: &u32) -> bool {
+    *divisor == 1
 }
 
 impl Attachment {
@@ -173,7 +196,13 @@ impl Attachment {
             samples,
             sampled: false,
             clear: ClearValue::Depth(direction.clear_depth()),
+            divisor: 1,
         }
+    }
+
+    /// Its size for a host's colour attachment of this one: width and height in pixels.
+    pub fn size(&self, host: [u32; 2]) -> [u32; 2] {
+        host.map(|length| length.div_ceil(self.divisor.max(1)))
     }
 }
 

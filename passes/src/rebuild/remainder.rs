@@ -17,7 +17,7 @@ use crate::slice::{self, Criterion, OutputFilter, Termination};
 pub type Given = BTreeMap<usize, Handle<Expression>>;
 
 /// The module with unchanged author's functions, and the entry point of `values` without the code of
-/// `wanted`, which `given` reads at its start.
+/// `wanted`, which `given` reads at its start. `termination` is of the loops that decide nothing more.
 ///
 /// # Errors
 /// [`Failed`].
@@ -26,6 +26,7 @@ pub fn rebuild(
     module: &Module,
     values: &Values<'_, '_>,
     wanted: &[Wanted],
+    termination: Termination,
     given: &mut dyn FnMut(&mut CodeBuilder<'_>) -> Given,
 ) -> Result<Module, Failed> {
     let entry = values.entry;
@@ -66,7 +67,7 @@ pub fn rebuild(
     let built = program.with_module(module)?;
     let graph = Graph::build(&built);
     let observed = [Criterion::Output(OutputFilter::All), Criterion::Discard];
-    let slice = slice::backward_with(&graph, entry, &observed, Termination::Preserved);
+    let slice = slice::backward_with(&graph, entry, &observed, termination);
     let name = built.module().entry_points[entry].name.clone();
     let mut module = place::entry_point(
         &graph,

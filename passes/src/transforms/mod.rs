@@ -3,6 +3,7 @@
 pub mod depth_prepass;
 pub mod early_alpha;
 pub mod early_discard;
+pub mod half_rate;
 pub mod hoist;
 pub mod outputs;
 pub mod preamble;
@@ -30,6 +31,7 @@ pub const PASSES: &[&dyn AnyPass] = &[
     &Erased::<tessellate::Tessellate>::NEW,
     &Erased::<skip_taps::SkipTaps>::NEW,
     &Erased::<trim_loop::TrimLoop>::NEW,
+    &Erased::<half_rate::HalfRate>::NEW,
     &Erased::<visibility_buffer::VisibilityBuffer>::NEW,
 ];
 

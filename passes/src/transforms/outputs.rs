@@ -307,6 +307,7 @@ fn add_targets(next: &mut Plan, extended: &Extended, wanted: &[Wanted]) {
             samples: 1,
             sampled: true,
             clear: clear_value(wanted),
+            divisor: 1,
         });
         let written = !matches!(wanted.shows, Shows::Nothing);
         pass.targets.push(Some(ColorTarget {

@@ -59,6 +59,7 @@ use crate::graph::effect::Effect;
 use crate::rebuild::outline::{self, Extracted, Failed, Names, Wanted};
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::remainder::{self, Given};
+use crate::slice::Termination;
 
 /// The pass.
 pub struct Preamble;
@@ -289,9 +290,9 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         let global = module
             .global_variables
             .append(stored.variable.clone(), Span::UNDEFINED);
-        let main = remainder::rebuild(program, &module, self.values, &self.wanted, &mut |build| {
-            stored.read(build, global, &self.wanted)
-        })?;
+        let read = &mut |build: &mut CodeBuilder<'_>| stored.read(build, global, &self.wanted);
+        let kept = Termination::Preserved;
+        let main = remainder::rebuild(program, &module, self.values, &self.wanted, kept, read)?;
         let entries = [
             (ShaderStage::Vertex, pass.vertex.as_str()),
             (ShaderStage::Fragment, fragment),

@@ -356,6 +356,7 @@ impl<'a> SplitMaterial<'a> {
             samples: 1,
             sampled: true,
             clear: ClearValue::Color([0.0; 4]),
+            divisor: 1,
         });
         self.ids(&mut next, params, slots).map_err(bug)?;
         self.check_varyings(&next, params)?;

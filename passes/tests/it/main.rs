@@ -18,6 +18,7 @@ mod evaluation_bounds;
 mod finite;
 mod fixtures;
 mod graph;
+mod half_rate;
 mod hoist;
 mod hoist_interpolated;
 mod implicit_inputs;

@@ -14,7 +14,7 @@ use preshade_passes::geometry::Geometry;
 use preshade_passes::graph::{FunctionId, Graph};
 use preshade_passes::plan::{
     Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ComputePass, Draws,
-    FrameWords, GpuPass, Phase, Plan, SCENE_DEPTH, When,
+    FrameWords, GpuPass, Phase, Plan, Role, SCENE_DEPTH, When,
 };
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
@@ -78,6 +78,16 @@ pub struct Fragments {
     pub drawn: f64,
     /// Those that nothing hides in the end.
     pub visible: f64,
+}
+
+impl Fragments {
+    fn scaled(self, by: f64) -> Self {
+        Self {
+            rasterised: self.rasterised * by,
+            drawn: self.drawn * by,
+            visible: self.visible * by,
+        }
+    }
 }
 
 /// The counts in one view.
@@ -150,6 +160,18 @@ impl Cost {
             })
             .collect()
     }
+
+    /// The cost of a stage that mostly leaves out a part, if it has it.
+    fn without(self, part: Self) -> Self {
+        let less = |own: f64, part: f64| match own < part {
+            true => own,
+            false => own - part * (1.0 - UNLIKE),
+        };
+        Self {
+            ops: less(self.ops, part.ops),
+            samples: less(self.samples, part.samples),
+        }
+    }
 }
 
 /// Which fragments a pass runs for.
@@ -190,6 +212,8 @@ struct PassShape {
     depth_bytes: f64,
     /// Bytes of attachments that each fragment reads.
     read_bytes: f64,
+    /// Fragments for each pixel: less than 1 where it draws to smaller attachments.
+    share: f64,
 }
 
 /// A material's plan, ready to be counted.
@@ -202,11 +226,15 @@ pub struct Counting {
     cleared_bytes: f64,
 }
 
+/// The part of the pixels that compute values themselves where neighbours have them at half the rate:
+/// a guess, which measuring corrects.
+const UNLIKE: f64 = 0.1;
+
 impl Counting {
-    /// Operations of a fragment in all passes.
+    /// Operations of a pixel in all passes.
     pub fn fragment_ops(&self) -> f64 {
-        let stages = self.shapes.iter().filter_map(|shape| shape.fragment);
-        stages.map(|cost| cost.ops + cost.samples).sum()
+        let ops = |s: &PassShape| s.fragment.map_or(0.0, |c| (c.ops + c.samples) * s.share);
+        self.shapes.iter().map(ops).sum()
     }
 
     /// Reads the passes of a plan.
@@ -225,12 +253,18 @@ impl Counting {
             let costs = Cost::of(original.program(main)?);
             costs.get(main.fragment.as_deref()?).copied()
         });
+        let stage = |p: &GpuPass| p.fragment.as_deref().map(|f| cost(&p.program, f));
+        let halved = plan.passes.iter().find(|p| p.role == Role::HalfRate);
+        let halved = halved.and_then(stage).unwrap_or_default();
         let raster = plan
             .passes
             .iter()
             .filter(|p| p.phase.is_of_frame())
             .map(|pass| {
-                let fragment = pass.fragment.as_deref().map(|f| cost(&pass.program, f));
+                let mut fragment = stage(pass);
+                if let Some(cost) = fragment.as_mut().filter(|_| pass.role.shades()) {
+                    *cost = cost.without(halved);
+                }
                 PassShape {
                     key: format!("{} {}", pass.program, pass.vertex),
                     is_early: pass.phase == Phase::Depth,
@@ -242,6 +276,7 @@ impl Counting {
                     color_bytes: color_bytes(pass),
                     depth_bytes: depth_bytes(plan, pass),
                     read_bytes: read_bytes(plan, &pass.bindings),
+                    share: share(plan, pass),
                 }
             });
         let compute = plan
@@ -263,6 +298,7 @@ impl Counting {
                 color_bytes: stored_bytes(compute),
                 depth_bytes: 0.0,
                 read_bytes: read_bytes(plan, &compute.bindings),
+                share: 1.0,
             });
         Self {
             shapes: raster.chain(compute).collect(),
@@ -275,6 +311,22 @@ impl Counting {
                 * 4.0,
         }
     }
+}
+
+/// Texels of what a pass draws to, for each pixel.
+fn share(plan: &Plan, pass: &GpuPass) -> f64 {
+    let mut names = pass
+        .targets
+        .iter()
+        .flatten()
+        .filter_map(|t| t.attachment.as_deref());
+    let attachment = names.next().and_then(|name| plan.attachment(name));
+    attachment.map_or(1.0, texels)
+}
+
+/// Texels of an attachment for each pixel.
+fn texels(attachment: &Attachment) -> f64 {
+    f64::from(attachment.divisor.max(1)).powi(-2)
 }
 
 /// Whether a pass lays a material's depth before any of its main passes.
@@ -427,7 +479,7 @@ pub fn frame(
     work.add(Term::Passes, merged.passes.len() as f64);
     let attachment = |name: &str| {
         let of = merged.attachments.iter().find(|a| a.name == name);
-        of.map_or(4.0, attachment_bytes)
+        of.map_or(4.0, |a| attachment_bytes(a) * texels(a))
     };
     let scene_color = plans.iter().flat_map(|p| &p.passes).find_map(|p| {
         let bytes = color_bytes(p);
@@ -471,7 +523,8 @@ pub fn frame(
                 continue;
             }
             let fragments = if shape.is_early { fragments } else { &left };
-            work += shape.work(drawn, fragments, counted.pixels());
+            let fragments = fragments.scaled(shape.share);
+            work += shape.work(drawn, &fragments, counted.pixels() * shape.share);
         }
     }
     work.add(Term::AttachmentBytes, cleared * counted.pixels());

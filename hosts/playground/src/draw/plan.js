@@ -23,6 +23,8 @@ export function drawing(plan, files, language) {
     if (plan.vertex_buffers?.length) why.add('it needs buffers of computed vertices, which this page does not make.');
     if (plan.draw_buffers?.length) why.add('it needs buffers of computed values, which this page does not make.');
     if (plan.frame_buffers?.length) why.add('it needs buffers shared by the frame, which this page does not make.');
+    if (plan.attachments?.some(({ divisor }) => divisor > 1))
+        why.add('it draws to textures smaller than the picture, which this page does not make.');
     const passes = [];
     for (const [i, pass] of plan.passes.entries()) {
         if (!SEEN.includes(pass.phase)) {

@@ -34,6 +34,10 @@ pub enum Replacement {
         /// Along y.
         y: Handle<Expression>,
     },
+    /// The same texture sample, its implicit level moved by this number.
+    Level(Handle<Expression>),
+    /// The same value, times this number.
+    Times(Handle<Expression>),
 }
 
 /// Replacements by the author's expression.
@@ -135,10 +139,28 @@ impl<'a> CopyFunction<'a> for AuthorCopy<'a> {
                 (Replacement::Gradients { x, y } | Replacement::Footprint { x, y }, _) => {
                     SampleLevel::Gradient { x, y }
                 }
-                (Replacement::Value(_) | Replacement::Other(_), level) => level,
+                (Replacement::Level(by), SampleLevel::Auto) => SampleLevel::Bias(by),
+                (Replacement::Level(by), SampleLevel::Bias(bias)) => {
+                    SampleLevel::Bias(copying.writer.expression(Expression::Binary {
+                        op: BinaryOperator::Add,
+                        left: bias,
+                        right: by,
+                    }))
+                }
+                (_, level) => level,
             };
         }
         copying.append(e, copy);
+        if let Some(Replacement::Times(by)) = replacement {
+            copying.append(
+                e,
+                Expression::Binary {
+                    op: BinaryOperator::Multiply,
+                    left: copying.copies.mapped(e),
+                    right: *by,
+                },
+            );
+        }
     }
 
     fn result(&mut self, e: Handle<Expression>) -> Handle<Expression> {

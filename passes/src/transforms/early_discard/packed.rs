@@ -60,6 +60,7 @@ pub fn attachment(direction: DepthDirection) -> Attachment {
         samples: 1,
         sampled: true,
         clear: ClearValue::Color([f64::from(direction.clear_depth()); 4]),
+        divisor: 1,
     }
 }
 

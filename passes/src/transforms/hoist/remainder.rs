@@ -17,6 +17,7 @@ use crate::graph::rate::{At, Interpolated};
 use crate::rebuild::outline::{Failed, Wanted};
 use crate::rebuild::place::CodeBuilder;
 use crate::rebuild::remainder;
+use crate::slice::Termination;
 
 /// The remaining fragment stage in its module.
 #[derive(Clone, Debug)]
@@ -42,7 +43,8 @@ pub fn rebuild(
     slots: &[VaryingSlot],
 ) -> Result<Remainder, Failed> {
     let entry = values.entry;
-    let mut module = remainder::rebuild(program, module, values, wanted, &mut |build| {
+    let kept = Termination::Preserved;
+    let mut module = remainder::rebuild(program, module, values, wanted, kept, &mut |build| {
         from_varyings(build, wanted, slots)
     })?;
     let placed = &module.entry_points[entry].function;

@@ -155,6 +155,7 @@ impl SplitMaterial<'_> {
             sampled: false,
             // Draw numbers start at 1.
             clear: ClearValue::Depth(0.0),
+            divisor: 1,
         });
         plan.passes.push(pass);
         plan.programs

@@ -1,0 +1,297 @@
+//! The two stages: one that computes the values, and one that reads them.
+
+use naga::{
+    Binding, BuiltIn, Expression, Function, FunctionResult, Handle, Module, Scalar, ShaderStage,
+    Statement, TypeInner, UnaryOperator, VectorSize,
+};
+
+use super::{Edges, Found, derivatives, text};
+use crate::core::program::Program;
+use crate::core::reflect;
+use crate::graph::FunctionId;
+use crate::rebuild::color;
+use crate::rebuild::outline::{self, Extracted, Failed, Names};
+use crate::rebuild::place::{self, CodeBuilder, Rewrite};
+use crate::rebuild::remainder::{self, Given};
+use crate::rebuild::snippet::{Linked, ours};
+use crate::slice::Termination;
+
+const NAMES: Names = Names {
+    function: "half_rate",
+    values: "HalfRate",
+};
+
+const GUIDE: Names = Names {
+    function: "half_rate_guide",
+    values: "HalfRateGuide",
+};
+
+/// The programs of both passes.
+pub(super) struct Built {
+    pub main: Program,
+    pub half: Program,
+    /// Fragment entry point of the half-rate pass.
+    pub entry: String,
+    /// Group of the targets' bindings, and the first.
+    pub at: [u32; 2],
+    pub edges: Edges,
+}
+
+impl Found<'_, '_, '_> {
+    /// The programs of both passes.
+    ///
+    /// # Errors
+    /// [`Failed`].
+    pub(super) fn rebuild(&self) -> Result<Built, Failed> {
+        let program = self.stage.graph.program();
+        let pass = self.stage.pass;
+        let fragment = pass.fragment.as_deref().unwrap_or_default();
+        let computed = Called::new(outline::extract(
+            program,
+            self.values,
+            &self.wanted,
+            &NAMES,
+        )?);
+        let mut module = computed.module;
+        let computed = computed.part;
+        let mut guide = None;
+        if !self.guides.is_empty() {
+            let with = program.with_module(module)?;
+            let found = Called::new(outline::extract(&with, self.values, &self.guides, &GUIDE)?);
+            module = found.module;
+            guide = Some(found.part);
+        }
+        let entry = format!("{fragment}_half_rate");
+        let half = self.half(&module, &computed, guide.as_ref(), &entry)?;
+        let half = place::retain(
+            &half,
+            &[
+                (ShaderStage::Vertex, pass.vertex.as_str()),
+                (ShaderStage::Fragment, &entry),
+            ],
+        );
+        let (half, has_derivatives) = derivatives::at_full_rate(half);
+        let (group, binding) = reflect::free_binding(program.module());
+        let at = [group, binding];
+        let edges = match has_derivatives {
+            true => Edges::Blended,
+            false => self.edges,
+        };
+        let text = self.layout.reading(at, edges == Edges::Computed);
+        let Linked { module, ours: own } = Linked::new(module, &text).map_err(Failed::Built)?;
+        let read = ours(&own, text::READ).map_err(Failed::Built)?;
+        // The half-rate pass runs what the loops decided.
+        let loops = Termination::Assumed;
+        let read = &mut |build: &mut CodeBuilder<'_>| {
+            self.read(build, read, &computed, guide.as_ref(), edges)
+        };
+        let main = remainder::rebuild(program, &module, self.values, &self.wanted, loops, read)?;
+        let entries = [
+            (ShaderStage::Vertex, pass.vertex.as_str()),
+            (ShaderStage::Fragment, fragment),
+        ];
+        Ok(Built {
+            main: program.with_module(place::retain(&main, &entries))?,
+            half: program.with_module(half)?,
+            entry,
+            at,
+            edges,
+        })
+    }
+
+    /// The module with the entry point of the half-rate pass.
+    fn half(
+        &self,
+        module: &Module,
+        computed: &Part,
+        guide: Option<&Part>,
+        name: &str,
+    ) -> Result<Module, Failed> {
+        let Linked {
+            mut module,
+            ours: own,
+        } = Linked::new(module.clone(), &self.layout.storing()).map_err(Failed::Built)?;
+        let [pixel, store] = [text::PIXEL, text::STORE].map(|name| ours(&own, name));
+        let (pixel, store) = (pixel.map_err(Failed::Built)?, store.map_err(Failed::Built)?);
+        let result = module.functions[store].result.as_ref().map(|r| r.ty);
+        let ty = result.ok_or_else(|| Failed::Built("it stores nothing".to_owned()))?;
+        let binding = (self.layout.targets() == 1).then(|| color::location(0));
+        let mut entry = color::empty_fragment(name);
+        entry.function.name = Some(name.to_owned());
+        entry.function.result = Some(FunctionResult { ty, binding });
+        module.entry_points.push(entry);
+        let id = FunctionId::EntryPoint(module.entry_points.len() - 1);
+        Ok(place::rewritten(&module, id, |build| {
+            let mut at = None;
+            let mut values = computed.called(build, self.wanted.len(), Some(pixel), &mut at);
+            if let Some(guide) = guide {
+                values.extend(guide.called(build, self.guides.len(), Some(pixel), &mut at));
+            }
+            let value = build.call(store, values);
+            build.statement(Statement::Return { value });
+            Rewrite::default()
+        }))
+    }
+
+    /// Reads the values, or computes them.
+    fn read(
+        &self,
+        build: &mut CodeBuilder<'_>,
+        read: Handle<Function>,
+        computed: &Part,
+        guide: Option<&Part>,
+        edges: Edges,
+    ) -> Given {
+        let mut at = None;
+        let mut passed = vec![position(build, None, &mut at)];
+        if let Some(guide) = guide {
+            passed.extend(guide.called(build, self.guides.len(), None, &mut at));
+        }
+        let Some(found) = build.call(read, passed) else {
+            return Given::new();
+        };
+        let member = |build: &mut CodeBuilder<'_>, index: usize| {
+            build.expression(Expression::AccessIndex {
+                base: found,
+                index: index as u32,
+            })
+        };
+        let count = self.wanted.len();
+        if edges == Edges::Blended {
+            return (self.wanted.iter().enumerate())
+                .map(|(i, wanted)| {
+                    let value = member(build, i);
+                    build.name(value, &wanted.name);
+                    (i, value)
+                })
+                .collect();
+        }
+        let mut pointers = Vec::new();
+        for (i, wanted) in self.wanted.iter().enumerate() {
+            let ty = build.ty(wanted.inner.clone());
+            let pointer = build.local(&format!("half_rate_{}", wanted.name), ty);
+            let value = member(build, i);
+            build.statement(Statement::Store { pointer, value });
+            pointers.push(pointer);
+        }
+        let alike = member(build, count);
+        let unlike = build.expression(Expression::Unary {
+            op: UnaryOperator::LogicalNot,
+            expr: alike,
+        });
+        build.if_then(unlike, |build| {
+            let values = computed.called(build, count, None, &mut at);
+            for (pointer, value) in pointers.iter().zip(values) {
+                build.statement(Statement::Store {
+                    pointer: *pointer,
+                    value,
+                });
+            }
+        });
+        let loaded = pointers.iter().zip(&self.wanted).enumerate();
+        loaded
+            .map(|(i, (pointer, wanted))| {
+                let value = build.named(&wanted.name, Expression::Load { pointer: *pointer });
+                (i, value)
+            })
+            .collect()
+    }
+}
+
+/// A function cut out of the fragment stage, and its inputs.
+struct Called {
+    module: Module,
+    part: Part,
+}
+
+/// How to call it.
+struct Part {
+    function: Handle<Function>,
+    arguments: Vec<Vec<Binding>>,
+}
+
+impl Called {
+    fn new(extracted: Extracted) -> Self {
+        Self {
+            module: extracted.module,
+            part: Part {
+                function: extracted.function,
+                arguments: extracted.arguments,
+            },
+        }
+    }
+}
+
+impl Part {
+    /// The values that it returns, of the entry point's inputs. `pixel` maps the position.
+    fn called(
+        &self,
+        build: &mut CodeBuilder<'_>,
+        count: usize,
+        pixel: Option<Handle<Function>>,
+        at: &mut Option<Handle<Expression>>,
+    ) -> Vec<Handle<Expression>> {
+        let arguments = build.module().functions[self.function].arguments.clone();
+        let mut passed = Vec::new();
+        for (argument, bindings) in arguments.iter().zip(&self.arguments) {
+            let inner = build.module().types[argument.ty].inner.clone();
+            let members = match &inner {
+                TypeInner::Struct { members, .. } => members.clone(),
+                _ => Vec::new(),
+            };
+            let mut parts = Vec::new();
+            for (i, binding) in bindings.iter().enumerate() {
+                let (name, ty) = match members.get(i) {
+                    Some(m) => (m.name.as_deref(), m.ty),
+                    None => (argument.name.as_deref(), argument.ty),
+                };
+                parts.push(match binding {
+                    Binding::BuiltIn(BuiltIn::Position { .. }) => position(build, pixel, at),
+                    _ => build.input(name.unwrap_or("varying"), ty, binding),
+                });
+            }
+            passed.push(match (members.is_empty(), parts.as_slice()) {
+                (true, [one]) => *one,
+                _ => build.expression(Expression::Compose {
+                    ty: argument.ty,
+                    components: parts,
+                }),
+            });
+        }
+        let Some(result) = build.call(self.function, passed) else {
+            return Vec::new();
+        };
+        match count {
+            1 => vec![result],
+            _ => (0..count as u32)
+                .map(|index| {
+                    build.expression(Expression::AccessIndex {
+                        base: result,
+                        index,
+                    })
+                })
+                .collect(),
+        }
+    }
+}
+
+/// The pixel's position, mapped by `pixel` once.
+fn position(
+    build: &mut CodeBuilder<'_>,
+    pixel: Option<Handle<Function>>,
+    at: &mut Option<Handle<Expression>>,
+) -> Handle<Expression> {
+    if let Some(known) = *at {
+        return known;
+    }
+    let ty = build.ty(TypeInner::Vector {
+        size: VectorSize::Quad,
+        scalar: Scalar::F32,
+    });
+    let binding = Binding::BuiltIn(BuiltIn::Position { invariant: false });
+    let given = build.input("position", ty, &binding);
+    let mapped = pixel.and_then(|pixel| build.call(pixel, vec![given]));
+    let found = mapped.unwrap_or(given);
+    *at = Some(found);
+    found
+}

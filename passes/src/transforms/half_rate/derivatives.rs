@@ -1,0 +1,50 @@
+//! Derivatives of neighbouring pixels, in a pass whose quads span twice as many.
+
+use naga::{Expression, Handle, Literal, Module, SampleLevel};
+
+use crate::graph::FunctionId;
+use crate::rebuild::place::{self, Replacement, Rewrite};
+
+/// The half-rate module with the derivatives and implicit levels of neighbouring pixels, and whether
+/// there are any.
+pub fn at_full_rate(mut module: Module) -> (Module, bool) {
+    let functions = module
+        .functions
+        .iter()
+        .map(|(h, _)| FunctionId::Function(h));
+    let entries = 0..module.entry_points.len();
+    let all: Vec<FunctionId> = functions
+        .chain(entries.map(FunctionId::EntryPoint))
+        .collect();
+    let mut any = false;
+    for id in all {
+        let function = place::function_mut(&mut module, id);
+        let of = |wanted: fn(&Expression) -> bool| -> Vec<Handle<Expression>> {
+            let all = function.expressions.iter();
+            all.filter(|(_, e)| wanted(e)).map(|(h, _)| h).collect()
+        };
+        let derivatives = of(|e| matches!(e, Expression::Derivative { .. }));
+        let samples = of(|e| {
+            let level = match e {
+                Expression::ImageSample { level, .. } => level,
+                _ => return false,
+            };
+            matches!(level, SampleLevel::Auto | SampleLevel::Bias(_))
+        });
+        if derivatives.is_empty() && samples.is_empty() {
+            continue;
+        }
+        any = true;
+        module = place::rewritten(&module, id, |build| {
+            let half = build.literal(Literal::F32(0.5));
+            let finer = build.literal(Literal::F32(-1.0));
+            let derivatives = derivatives.iter().map(|e| (*e, Replacement::Times(half)));
+            let samples = samples.iter().map(|e| (*e, Replacement::Level(finer)));
+            Rewrite {
+                replacements: derivatives.chain(samples).collect(),
+                ..Rewrite::default()
+            }
+        });
+    }
+    (module, any)
+}

@@ -1,0 +1,154 @@
+//! The plan with both passes, and the words for it.
+
+use super::build::Built;
+use super::{Edges, Found, HalfRate, Params};
+use crate::analysis::half_rate;
+use crate::analysis::named::span;
+use crate::core::budget::Budget;
+use crate::core::contract::Contract;
+use crate::core::pass::{Change, Outcome, Pass, Site, SiteCost};
+use crate::core::plan::{
+    Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ClearValue, Draws,
+    GpuPass, ORIGINAL, Phase, Plan, Role, Step, Visibility,
+};
+use crate::core::reflect;
+use crate::core::state::ColorTarget;
+use crate::rebuild::outline;
+
+/// Format of the targets: words, which no driver rounds.
+const FORMAT: &str = "rgba32uint";
+
+impl Found<'_, '_, '_> {
+    pub(super) fn outcome(
+        self,
+        plan: &Plan,
+        built: Built,
+        params: &Params,
+        budget: Budget,
+    ) -> Outcome {
+        let mut next = plan.clone();
+        let main = self.stage.pass;
+        let names: Vec<String> = (0..self.layout.targets())
+            .map(|i| match i {
+                0 => format!("half-rate-{}", plan.material),
+                _ => format!("half-rate-{}-more", plan.material),
+            })
+            .collect();
+        next.attachments.extend(names.iter().map(|name| Attachment {
+            name: name.clone(),
+            format: AttachmentFormat::Color(FORMAT.to_owned()),
+            samples: 1,
+            sampled: true,
+            clear: ClearValue::Color([0.0; 4]),
+            divisor: 2,
+        }));
+        let mut half = GpuPass {
+            role: Role::HalfRate,
+            phase: Phase::HalfRate,
+            program: Role::HalfRate.name().to_owned(),
+            fragment: Some(built.entry.clone()),
+            depth: None,
+            targets: names
+                .iter()
+                .map(|name| {
+                    Some(ColorTarget {
+                        attachment: Some(name.clone()),
+                        ..ColorTarget::opaque(FORMAT)
+                    })
+                })
+                .collect(),
+            draws: Draws::All,
+            ..main.clone()
+        };
+        reflect::fill(&mut half, &built.half);
+        for pass in &mut next.passes {
+            pass.bindings.extend(built.bindings(&names));
+            reflect::fill(pass, &built.main);
+        }
+        next.passes.insert(0, half);
+        next.programs.insert(main.program.clone(), built.main);
+        next.programs
+            .insert(Role::HalfRate.name().to_owned(), built.half);
+        let contract = Contract::Approximate {
+            budget,
+            given: self.stage.given.clone(),
+        };
+        let change = self.change(built.edges);
+        next.steps.push(Step {
+            pass: HalfRate::INFO.name.to_owned(),
+            site: change.key.clone(),
+            params: serde_json::to_value(params).unwrap_or_default(),
+            contract: contract.clone(),
+        });
+        next.contract = next.contract.and(contract);
+        next.fallback = Some(ORIGINAL.to_owned());
+        next.notes.push(change.what.clone());
+        Outcome {
+            plan: next,
+            change,
+            left: self.left,
+        }
+    }
+
+    fn change(&self, edges: Edges) -> Change {
+        let moved = || self.choice.moved.iter().copied();
+        let sources = self.stage.graph.program().sources();
+        let names = self.wanted.iter().map(|w| format!("`{}`", w.name));
+        let names: Vec<String> = names.collect();
+        let guides = self.choice.guides.iter();
+        let guides: Vec<String> = guides
+            .map(|id| format!("`{}`", half_rate::guide_name(self.values, *id)))
+            .collect();
+        let guided = match guides.is_empty() {
+            true => "no value tells edges".to_owned(),
+            false => format!("edges are those of {}", guides.join(", ")),
+        };
+        let alone = match (edges, self.edges) {
+            (Edges::Computed, _) => "a pixel unlike its neighbours computes them itself",
+            (Edges::Blended, Edges::Blended) => "a pixel unlike its neighbours takes their mean",
+            (Edges::Blended, Edges::Computed) => {
+                "a pixel unlike its neighbours takes their mean, for they need derivatives"
+            }
+        };
+        Change {
+            key: Site {
+                role: Role::Main,
+                entry_point: self.stage.pass.fragment.clone().unwrap_or_default(),
+                slice: outline::hash(self.values, moved()),
+            },
+            what: format!(
+                "computes {} for one pixel of each 2x2 ({:.0} ops); {guided}, and {alone}; a pixel \
+                 costs {:.0} ops instead of {:.0}",
+                names.join(", "),
+                self.choice.half,
+                self.choice.after,
+                self.choice.before
+            ),
+            location: moved()
+                .filter_map(|id| span(self.values, id))
+                .find_map(|span| sources.locate(span)),
+            cost: SiteCost {
+                slice: self.choice.before - self.choice.after,
+                whole: self.choice.before,
+            },
+        }
+    }
+}
+
+impl Built {
+    /// The targets' bindings with their sources, for [`reflect::fill`].
+    fn bindings(&self, names: &[String]) -> Vec<BindingUse> {
+        let [group, first] = self.at;
+        let all = names.iter().enumerate();
+        all.map(|(i, name)| BindingUse {
+            group,
+            binding: first + i as u32,
+            name: String::new(),
+            kind: BindingKind::Texture,
+            visibility: Visibility::default(),
+            source: BindingSource::Attachment { name: name.clone() },
+            layout: None,
+        })
+        .collect()
+    }
+}
