@@ -336,14 +336,18 @@ impl Uploads {
             let (view, layout) = self.textures.view(gpu, t, name)?;
             resources.insert((t.group, t.binding), Resource::Texture(view, layout));
         }
+        // A shader may read depths and wide floats by a sampler only if it filters nothing.
+        let is_unfiltered = resources.values().any(is_unfiltered);
         for s in &bound.samplers {
+            let of = sampler(&s.sampler, anisotropy_limit(gpu));
             let layout = wgpu::BindingType::Sampler(match s.sampler.compare {
                 Some(_) => wgpu::SamplerBindingType::Comparison,
+                None if is_unfiltered && filters_nothing(&of) => {
+                    wgpu::SamplerBindingType::NonFiltering
+                }
                 None => wgpu::SamplerBindingType::Filtering,
             });
-            let sampler = gpu
-                .device
-                .create_sampler(&sampler(&s.sampler, anisotropy_limit(gpu)));
+            let sampler = gpu.device.create_sampler(&of);
             resources.insert((s.group, s.binding), Resource::Sampler(sampler, layout));
         }
         let vertex_buffers = bound
@@ -416,6 +420,23 @@ fn anisotropy_limit(gpu: &Gpu) -> u16 {
         "software" => 1,
         _ => 16,
     }
+}
+
+/// Whether it is a texture that no sampler can filter.
+fn is_unfiltered(resource: &Resource) -> bool {
+    let Resource::Texture(_, wgpu::BindingType::Texture { sample_type, .. }) = resource else {
+        return false;
+    };
+    matches!(
+        sample_type,
+        wgpu::TextureSampleType::Depth | wgpu::TextureSampleType::Float { filterable: false }
+    )
+}
+
+fn filters_nothing(sampler: &wgpu::SamplerDescriptor<'_>) -> bool {
+    sampler.mag_filter == wgpu::FilterMode::Nearest
+        && sampler.min_filter == wgpu::FilterMode::Nearest
+        && sampler.mipmap_filter == wgpu::MipmapFilterMode::Nearest
 }
 
 fn sampler(s: &crate::scene::Sampler, anisotropy_limit: u16) -> wgpu::SamplerDescriptor<'static> {
