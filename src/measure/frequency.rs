@@ -96,7 +96,8 @@ fn measured(
         for (material, plan) in &alone {
             changed[*material].clone_from(plan);
         }
-        let Ok(drawn) = session.pictures(&changed, &frames, DrawOrder::AsGiven) else {
+        let drawn = session.pictures(&changed, &frames, DrawOrder::AsGiven);
+        let Some(drawn) = Error::unless_of_the_machine(drawn)? else {
             continue;
         };
         let worst = worst(&references, &drawn)?;
@@ -105,7 +106,8 @@ fn measured(
             Detail::Choice => Points::Few,
             Detail::Table => Points::Many,
         };
-        let interpolation = interpolation(session, &alone, points).unwrap_or_default();
+        let interpolation = interpolation(session, &alone, points);
+        let interpolation = Error::unless_of_the_machine(interpolation)?.flatten();
         let is_finite = interpolation.is_none_or(|i| i.not_finite == 0);
         let bound = match detail {
             // Nothing bounds a value that was seen to be NaN.

@@ -96,6 +96,22 @@ impl Error {
     pub fn is_lost(&self) -> bool {
         matches!(self, Self::Render(crate::render::Error::Lost(_)))
     }
+
+    /// As [`crate::render::Error::is_of_the_machine`].
+    pub fn is_of_the_machine(&self) -> bool {
+        matches!(self, Self::Render(error) if error.is_of_the_machine())
+    }
+
+    /// What was measured, or nothing if it cannot be.
+    pub(crate) fn unless_of_the_machine<T, E: Into<Self>>(
+        found: Result<T, E>,
+    ) -> Result<Option<T>, Self> {
+        match found.map_err(Into::into) {
+            Ok(found) => Ok(Some(found)),
+            Err(error) if error.is_of_the_machine() => Err(error),
+            Err(_) => Ok(None),
+        }
+    }
 }
 
 /// The facts that a scene's files give without drawing. Values that do not fit are skipped. A

@@ -276,7 +276,7 @@ impl<'s> Frames<'s> {
                 prepared.aim(self.frame, self.view.order);
                 Some(prepared)
             }
-            Err(error) if is_first || matches!(error, crate::render::Error::Lost(_)) => {
+            Err(error) if is_first || error.is_of_the_machine() => {
                 return Err(error.into());
             }
             Err(_) => None,

@@ -127,6 +127,12 @@ pub enum Error {
 }
 
 impl Error {
+    /// Whether another try may go well: the device is lost, busy or full, whatever is drawn. A measurement that skips
+    /// what it cannot draw must not skip this.
+    pub fn is_of_the_machine(&self) -> bool {
+        matches!(self, Self::Lost(_) | Self::Shared(_) | Self::OutOfMemory(_))
+    }
+
     /// The stable error code.
     pub fn code(&self) -> &'static str {
         match self {

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use preshade::unstable::measure::record::Unfinished;
-use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings, verify};
+use preshade::unstable::measure::{self, Detail, Session, Settings, Timed, TimingSettings, verify};
 use preshade::unstable::passes::budget::Metric;
 use preshade::unstable::passes::contract::Verdict;
 use preshade::unstable::passes::pass::Facts;
@@ -150,4 +150,25 @@ fn explore_keeps_what_it_drew_and_goes_on_with_another_device() {
     assert!(exploration.points[1..].iter().all(|p| p.error.is_some()));
     assert!(journal.missing().is_empty(), "{:?}", journal.missing());
     std::fs::remove_dir_all(&dir).unwrap();
+}
+
+#[test]
+fn a_loss_while_values_are_measured_is_no_value_without_measurement() {
+    let gpu = gpu();
+    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/teapot-specular.toml");
+    let scene = preshade::unstable::scene::load(&path)
+        .unwrap()
+        .resized([64, 48]);
+    let session = Session::new(&gpu, &scene, ShaderForm::Text).unwrap();
+    let facts = Facts::without_ties();
+    let mut asked = 0;
+    let found = measure::frequencies(&session, &facts, Detail::Choice, &mut |_| {
+        asked += 1;
+        if asked == 2 {
+            gpu.pretend_lost(LOST);
+        }
+        ControlFlow::Continue(())
+    });
+    assert!(found.is_err_and(|error| error.is_lost()));
+    assert_eq!(asked, 2);
 }

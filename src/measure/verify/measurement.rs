@@ -396,9 +396,9 @@ impl<'a> Measurement<'a> {
         self.subject.quit(error);
     }
 
-    /// Draws it no more, unless the adapter is lost.
+    /// Draws it no more, unless the adapter is lost or cannot be shared.
     fn give_up(&mut self, error: Error) -> Result<(), Error> {
-        if error.is_lost() {
+        if error.is_lost() || matches!(error, Error::Render(crate::render::Error::Shared(_))) {
             return Err(error);
         }
         self.quit(&error);
