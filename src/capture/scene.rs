@@ -149,7 +149,7 @@ fn told(shares: &[Share], own: usize) -> String {
     let dearest = dearest.max_by(|a, b| a.1.part.total_cmp(&b.1.part));
     let other = match dearest {
         Some((index, share)) if index != own && share.part > shares[own].part => {
-            format!(". `--render-pass {index}` is about the one that takes longest")
+            format!(". For the one that takes longest, give `--render-pass {index}`")
         }
         _ => String::new(),
     };

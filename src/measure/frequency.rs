@@ -97,7 +97,7 @@ fn measured(
             changed[*material].clone_from(plan);
         }
         let drawn = session.pictures(&changed, &frames, DrawOrder::AsGiven);
-        let Some(drawn) = Error::unless_of_the_machine(drawn)? else {
+        let Some(drawn) = Error::unless_lost(drawn)? else {
             continue;
         };
         let worst = worst(&references, &drawn)?;
@@ -107,7 +107,7 @@ fn measured(
             Detail::Table => Points::Many,
         };
         let interpolation = interpolation(session, &alone, points);
-        let interpolation = Error::unless_of_the_machine(interpolation)?.flatten();
+        let interpolation = Error::unless_lost(interpolation)?.flatten();
         let is_finite = interpolation.is_none_or(|i| i.not_finite == 0);
         let bound = match detail {
             // Nothing bounds a value that was seen to be NaN.

@@ -92,23 +92,16 @@ pub enum Error {
 }
 
 impl Error {
-    /// Whether the adapter is lost, so that nothing more can be drawn.
+    /// As [`crate::render::Error::is_lost`].
     pub fn is_lost(&self) -> bool {
-        matches!(self, Self::Render(crate::render::Error::Lost(_)))
-    }
-
-    /// As [`crate::render::Error::is_of_the_machine`].
-    pub fn is_of_the_machine(&self) -> bool {
-        matches!(self, Self::Render(error) if error.is_of_the_machine())
+        matches!(self, Self::Render(error) if error.is_lost())
     }
 
     /// What was measured, or nothing if it cannot be.
-    pub(crate) fn unless_of_the_machine<T, E: Into<Self>>(
-        found: Result<T, E>,
-    ) -> Result<Option<T>, Self> {
+    pub(crate) fn unless_lost<T, E: Into<Self>>(found: Result<T, E>) -> Result<Option<T>, Self> {
         match found.map_err(Into::into) {
             Ok(found) => Ok(Some(found)),
-            Err(error) if error.is_of_the_machine() => Err(error),
+            Err(error) if error.is_lost() => Err(error),
             Err(_) => Ok(None),
         }
     }

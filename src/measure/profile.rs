@@ -276,7 +276,7 @@ impl<'s> Frames<'s> {
                 prepared.aim(self.frame, self.view.order);
                 Some(prepared)
             }
-            Err(error) if is_first || error.is_of_the_machine() => {
+            Err(error) if is_first || error.is_lost() => {
                 return Err(error.into());
             }
             Err(_) => None,

@@ -251,7 +251,7 @@ pub fn facts(session: &Session<'_>) -> Result<Facts, Error> {
         near_plane_pixels: near_plane_pixels(session)?.filter(evidence),
         vertices_per_fragment: vertices_per_fragment(session)?,
         // Of an adapter that does not show it the usual is taken.
-        rasterizer: Error::unless_of_the_machine(super::rasterizer(session.gpu()))?,
+        rasterizer: Error::unless_lost(super::rasterizer(session.gpu()))?,
         ..super::known(session.scene())
     })
 }

@@ -698,10 +698,12 @@ impl FrameBuilder<'_, '_> {
                 if found.pass.draws == Draws::Opaque && material.state.is_blended() {
                     continue;
                 }
-                if found.pass.phase == Phase::HalfRate && !pass.items.is_empty() {
+                let is_one = pass.items.is_empty() && draw.instances <= 1;
+                if found.pass.phase == Phase::HalfRate && !is_one {
                     return Err(found.failed(
                         "the values of one draw fit into its attachments of half the size, and the \
-                         scene draws it several times: give each draw a material of its own"
+                         scene draws it several times, or several instances: give each draw a \
+                         material of its own"
                             .to_owned(),
                     ));
                 }

@@ -127,10 +127,10 @@ pub enum Error {
 }
 
 impl Error {
-    /// Whether another try may go well: the device is lost, busy or full, whatever is drawn. A measurement that skips
-    /// what it cannot draw must not skip this.
-    pub fn is_of_the_machine(&self) -> bool {
-        matches!(self, Self::Lost(_) | Self::Shared(_) | Self::OutOfMemory(_))
+    /// Whether the device is lost, or the lock of an adapter that processes share failed: nothing more can be drawn,
+    /// whatever it is. A measurement that skips what cannot be drawn must not skip this.
+    pub fn is_lost(&self) -> bool {
+        matches!(self, Self::Lost(_) | Self::Shared(_))
     }
 
     /// The stable error code.

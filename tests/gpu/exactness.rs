@@ -135,11 +135,13 @@ fn broken(gpu: &Gpu, label: &str, scene: &Scene, form: ShaderForm) -> Vec<String
                 "fragment-store",
                 "[compare]",
             ];
-            // What two scenes are made for.
+            // What three scenes are made for.
             let made_for = if label.starts_with("color-mask") {
                 "[color-mask]"
             } else if label.starts_with("depth-bands") {
                 "[biased-position]"
+            } else if label.starts_with("deferred") {
+                "[depth-write-off]"
             } else {
                 "[]"
             };

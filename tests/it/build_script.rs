@@ -849,9 +849,9 @@ fn what_the_host_says_is_in_the_layouts_and_constants_are_listed() {
     }
 }
 
-/// Its pass needs a viewport, which the module does not set: the original is shipped.
+/// A budget is shown by a scene, and its pass needs a viewport, which the module does not set: the original is shipped.
 #[test]
-fn attachments_of_half_the_size_are_refused() {
+fn half_rate_is_left_out() {
     let package = Package::new("half-rate");
     let text = include_str!("../../fixtures/shaders/deferred.wgsl");
     fs::write(package.0.join("toon.wgsl"), text).unwrap();
@@ -863,7 +863,7 @@ fn attachments_of_half_the_size_are_refused() {
     let recipe = ["half-rate:budget=0.01"];
     let built = package.build(configure().state(state).variant("halved", recipe));
     let warnings = built.unwrap().warnings;
-    let told = |w: &String| w.contains("smaller than the scene's colour");
+    let told = |w: &String| w.contains("`half-rate:budget=0.01` is left out of `halved`");
     assert!(warnings.iter().any(told), "{warnings:?}");
 }
 

@@ -4,6 +4,7 @@
 use preshade::unstable::passes::examples;
 use preshade::unstable::passes::pass::Use;
 use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::CompareFunction;
 use preshade::unstable::passes::validate::Effort;
 
 use crate::combinations_support::combinations;
@@ -23,14 +24,21 @@ fn random_recipes_compose_or_refuse() {
         ]),
         _ => None,
     });
-    let originals: Vec<Plan> = materials()
-        .into_iter()
-        .chain(pages)
-        .map(|files| {
-            let files: Vec<_> = files.iter().map(std::path::PathBuf::as_path).collect();
-            original(&files)
-        })
-        .collect();
+    let pages: Vec<Vec<std::path::PathBuf>> = pages.collect();
+    let of = |files: Vec<std::path::PathBuf>| {
+        let files: Vec<_> = files.iter().map(std::path::PathBuf::as_path).collect();
+        original(&files)
+    };
+    // `half-rate` wants a draw that no depth decides.
+    let full_screen = pages.clone().into_iter().map(of).map(|mut plan| {
+        for depth in plan.passes.iter_mut().filter_map(|p| p.depth.as_mut()) {
+            depth.compare = CompareFunction::Always;
+            depth.write = false;
+        }
+        plan
+    });
+    let drawn = materials().into_iter().chain(pages).map(of);
+    let originals: Vec<Plan> = drawn.chain(full_screen).collect();
     let effort = Effort {
         inputs: 6,
         steps: 40_000,

@@ -111,8 +111,9 @@ impl Pass for HalfRate {
                  Geometry-Aware Framebuffer Level of Detail (2008)",
         when: "a full-screen draw computes something slow that changes little from pixel to pixel: \
                ambient occlusion, light of many lamps, fog, reflections",
-        hurts: "where neighbouring pixels have little in common (foliage, noise), because most \
-                compute the values themselves; and on cheap draws, which read four texels instead",
+        hurts: "where neighbouring pixels have little in common (foliage, noise), because they blur; \
+                where the draw leaves parts of the screen out; and on cheap draws, which read four \
+                texels instead",
         reads_scene: false,
     };
 
@@ -226,6 +227,10 @@ fn examine(plan: &Plan) -> Result<FragmentStage<'_>, Refused> {
             "the material tests or writes stencil",
             remedy,
         );
+    }
+    if !pass.primitive.topology.is_triangles() {
+        let reason = "a point or a line of one pixel may lie between the texels";
+        told(&shared::TOPOLOGY, reason, "draw triangles");
     }
     if pass.multisample.count > 1 {
         let reason = "the material is drawn with several samples a pixel";

@@ -396,9 +396,9 @@ impl<'a> Measurement<'a> {
         self.subject.quit(error);
     }
 
-    /// Draws it no more, unless the adapter is lost or cannot be shared.
+    /// Draws it no more, unless the adapter is lost.
     fn give_up(&mut self, error: Error) -> Result<(), Error> {
-        if error.is_lost() || matches!(error, Error::Render(crate::render::Error::Shared(_))) {
+        if error.is_lost() {
             return Err(error);
         }
         self.quit(&error);

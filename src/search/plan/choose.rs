@@ -17,8 +17,9 @@ pub struct Table {
     /// Speedups by plan, then by view. `None`: not drawn, or its contract is broken. The first plan
     /// is the original with 1 everywhere.
     pub rows: Vec<Vec<Option<Speedup>>>,
-    /// The plans whose contract assumes that no depths tie. A tie that no view showed breaks them.
-    pub needs_no_ties: BTreeSet<usize>,
+    /// The plans whose contract assumes that no depths tie, which a tie breaks that no view showed, and those that
+    /// change the picture within a budget.
+    pub weaker: BTreeSet<usize>,
 }
 
 impl Table {
@@ -26,7 +27,7 @@ impl Table {
     pub fn new(rows: Vec<Vec<Option<Speedup>>>) -> Self {
         Self {
             rows,
-            needs_no_ties: BTreeSet::new(),
+            weaker: BTreeSet::new(),
         }
     }
 
@@ -78,7 +79,7 @@ impl Table {
         let all = || (0..self.rows.len()).filter(sound);
         let least = |a: &usize, b: &usize| time(*a).total_cmp(&time(*b));
         let best = all().min_by(least).unwrap_or(0);
-        let robust = all().filter(|plan| !self.needs_no_ties.contains(plan));
+        let robust = all().filter(|plan| !self.weaker.contains(plan));
         match robust.min_by(least) {
             Some(robust) if robust != 0 && !views.iter().any(|v| self.wins(best, robust, *v)) => {
                 robust
@@ -141,11 +142,11 @@ mod tests {
     }
 
     #[test]
-    fn a_plan_that_needs_no_ties_has_to_win_beyond_noise() {
+    fn a_plan_that_weaker_has_to_win_beyond_noise() {
         let rows = |fragile: f64| vec![vec![one()], vec![about(fragile)], vec![about(1.50)]];
         let best = |fragile: f64| {
             let table = Table {
-                needs_no_ties: BTreeSet::from([1]),
+                weaker: BTreeSet::from([1]),
                 ..Table::new(rows(fragile))
             };
             table.best()

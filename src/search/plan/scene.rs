@@ -152,7 +152,7 @@ pub fn decide(
             let original = frames.first().map_or(&[][..], |f| &f.predicted);
             let rows = frames.iter().map(|f| predicted_row(original, f));
             measured.table = Table::new(rows.collect());
-            measured.table.needs_no_ties = needing_no_ties(&frames, &scouted.choices);
+            measured.table.weaker = weaker(&frames, &scouted.choices);
             measured.times = vec![vec![None; scouted.views.len()]; frames.len()];
         }
         Timed::Yes => {
@@ -212,9 +212,13 @@ pub fn decide(
     Ok(decision)
 }
 
-/// The frames with a plan whose contract assumes that no depths tie.
-fn needing_no_ties(frames: &[Considered], choices: &[Choices]) -> BTreeSet<usize> {
-    let needs = |plan: &Plan| plan.contract.given().contains(&Assumption::NoDepthTies);
+/// The frames with a plan whose contract assumes that no depths tie, or that changes the picture within a budget: they
+/// have to win beyond noise.
+fn weaker(frames: &[Considered], choices: &[Choices]) -> BTreeSet<usize> {
+    let needs = |plan: &Plan| {
+        plan.contract.given().contains(&Assumption::NoDepthTies)
+            || matches!(plan.contract, Contract::Approximate { .. })
+    };
     let frames = frames.iter().enumerate();
     frames
         .filter(|(_, f)| f.assignment.plans(choices).iter().any(needs))
@@ -292,11 +296,16 @@ fn first<'a>(
     measured: &mut Measured,
     progress: &mut dyn FnMut(PlanProgress<'_>),
 ) -> Result<(), PlanError> {
-    let all = seen.frames();
+    // The original is the first of all.
+    let is_new = |c: &Considered| !drawing.0.iter().any(|f| f.assignment == c.assignment);
+    let all = seen.frames().into_iter().enumerate();
+    let all: Vec<Considered> = all
+        .filter(|(i, c)| *i == 0 || is_new(c))
+        .map(|(_, c)| c)
+        .collect();
     let predicted: Vec<&[f64]> = all.iter().map(|f| f.predicted.as_slice()).collect();
     let finalists = finalists(&predicted, settings.runners, settings.model.error());
-    let is_new = |c: &&Considered| !drawing.0.iter().any(|f| f.assignment == c.assignment);
-    let new = finalists.into_iter().map(|i| &all[i]).filter(is_new);
+    let new = finalists.into_iter().map(|i| &all[i]).filter(|c| is_new(c));
     let new: Vec<Considered> = new.cloned().collect();
     measure_more(
         session,
@@ -400,7 +409,7 @@ fn measure_more<'a>(
     measured.times.extend(more.times.into_iter().skip(again));
     let rows = more.table.rows.into_iter().skip(again);
     measured.table.rows.extend(rows);
-    measured.table.needs_no_ties = needing_no_ties(frames, &scouted.choices);
+    measured.table.weaker = weaker(frames, &scouted.choices);
     Ok(())
 }
 

@@ -43,7 +43,7 @@ fn ahead() -> impl Iterator<Item = (&'static str, usize)> {
 
 fn step(module: &Module, random: &mut Random) -> Step {
     // What is refused most often is tried most often.
-    let few_fit = ["early-alpha", "preamble"];
+    let few_fit = ["early-alpha", "half-rate", "preamble"];
     let often: Vec<&str> = ahead().map(|(pass, _)| pass).chain(few_fit).collect();
     let pass = PASSES[random.below(PASSES.len())];
     let pass = match random.below(3) {

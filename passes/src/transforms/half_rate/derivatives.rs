@@ -1,6 +1,8 @@
 //! Derivatives of neighbouring pixels, in a pass whose quads span twice as many.
 
-use naga::{Expression, Handle, Literal, Module, SampleLevel};
+use naga::{
+    Expression, Handle, ImageClass, ImageDimension, Literal, Module, SampleLevel, TypeInner,
+};
 
 use crate::graph::FunctionId;
 use crate::rebuild::place::{self, Replacement, Rewrite};
@@ -24,17 +26,21 @@ pub fn at_full_rate(mut module: Module) -> (Module, bool) {
             all.filter(|(_, e)| wanted(e)).map(|(h, _)| h).collect()
         };
         let derivatives = of(|e| matches!(e, Expression::Derivative { .. }));
-        let samples = of(|e| {
+        let implicit = of(|e| {
             let level = match e {
                 Expression::ImageSample { level, .. } => level,
                 _ => return false,
             };
             matches!(level, SampleLevel::Auto | SampleLevel::Bias(_))
         });
-        if derivatives.is_empty() && samples.is_empty() {
+        if derivatives.is_empty() && implicit.is_empty() {
             continue;
         }
         any = true;
+        let samples: Vec<_> = implicit
+            .into_iter()
+            .filter(|e| takes_bias(&module, id, *e))
+            .collect();
         module = place::rewritten(&module, id, |build| {
             let half = build.literal(Literal::F32(0.5));
             let finer = build.literal(Literal::F32(-1.0));
@@ -47,4 +53,29 @@ pub fn at_full_rate(mut module: Module) -> (Module, bool) {
         });
     }
     (module, any)
+}
+
+/// Whether WGSL has a sample of the same image with a bias: not of depths, nor in one dimension. Those keep their level.
+fn takes_bias(module: &Module, id: FunctionId, sample: Handle<Expression>) -> bool {
+    let function = match id {
+        FunctionId::Function(function) => &module.functions[function],
+        FunctionId::EntryPoint(entry) => &module.entry_points[entry].function,
+    };
+    let Expression::ImageSample { image, .. } = function.expressions[sample] else {
+        return false;
+    };
+    let ty = match function.expressions[image] {
+        Expression::GlobalVariable(global) => module.global_variables[global].ty,
+        Expression::FunctionArgument(argument) => function.arguments[argument as usize].ty,
+        // An element of an array of bindings.
+        _ => return false,
+    };
+    matches!(
+        module.types[ty].inner,
+        TypeInner::Image {
+            dim: ImageDimension::D2 | ImageDimension::D3 | ImageDimension::Cube,
+            class: ImageClass::Sampled { .. },
+            ..
+        }
+    )
 }

@@ -48,6 +48,7 @@ impl Found<'_, '_, '_> {
             program: Role::HalfRate.name().to_owned(),
             fragment: Some(built.entry.clone()),
             depth: None,
+            stencil: None,
             targets: names
                 .iter()
                 .map(|name| {

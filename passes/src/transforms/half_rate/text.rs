@@ -280,7 +280,10 @@ fn {STORE}({parameters}) -> {result} {{
                 },
             );
             if with_alike {
-                let of = |f: &str| format!("{f}({f}(a.g{i}, b.g{i}), {f}(c.g{i}, d.g{i}))");
+                // A neighbour that is not covered has no say.
+                let [a, b, c, d] = [("a", "x"), ("b", "y"), ("c", "z"), ("d", "w")]
+                    .map(|(t, at)| format!("select(g{i}, {t}.g{i}, is_covered.{at})"));
+                let of = |f: &str| format!("{f}({f}({a}, {b}), {f}({c}, {d}))");
                 let _ = writeln!(
                     text,
                     "    let span{i} = {} - {};
