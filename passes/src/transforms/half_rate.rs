@@ -11,17 +11,19 @@
 //!          main       fs(at):  ao = mean of the four nearest texels, those of like depth;  color = albedo[at] * ao
 //! ```
 //!
-//! [`crate::analysis::half_rate`] chooses the values and their guides; [`text`] has the arithmetic. A
-//! texel stands for the pixel at twice its coordinates, exactly: the half-rate pass has a viewport that
-//! puts its fragments' centres on those of these pixels ([`crate::core::plan::Attachment`]), so varyings are
-//! interpolated there, and `position.xy` is replaced by the pixel's. Loads at the pixel's coordinates
-//! and noise from them are those of a real pixel. Only derivatives are twice as large, because a quad
+//! A texel stands for the pixel at twice its coordinates, exactly: the half-rate pass has a viewport that
+//! puts its fragments' centres on those of these pixels, so varyings are interpolated there, and
+//! `position.xy` is replaced by the pixel's. Loads at the pixel's coordinates and noise from them are those
+//! of a real pixel. Only derivatives are twice as large, because a quad
 //! spans twice as many pixels: they are halved, and implicit levels are one lower.
 //!
 //! The same geometry is drawn at half the rate, and a texel that it does not cover has no weight. A pixel
 //! that is like none of its neighbours takes their mean. With `edges=computed` it computes the values
 //! itself, unless they need derivatives, which a branch must not take. On a GPU that skips a branch only
 //! where none of dozens of lanes takes it, few such pixels cost much; llvmpipe skips none.
+//!
+//! The values of one draw fill the attachments: draw the material once a frame, over the whole screen, as one instance.
+//! The viewport has fractions of a pixel, which OpenGL and WebGL do not have: there, draw the original.
 //!
 //! The contract is your budget.
 
