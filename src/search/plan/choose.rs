@@ -23,7 +23,7 @@ pub struct Table {
 }
 
 impl Table {
-    /// A table of plans that assume nothing of depth ties.
+    /// A table without weaker plans.
     pub fn new(rows: Vec<Vec<Option<Speedup>>>) -> Self {
         Self {
             rows,
@@ -142,7 +142,7 @@ mod tests {
     }
 
     #[test]
-    fn a_plan_that_weaker_has_to_win_beyond_noise() {
+    fn a_weaker_plan_has_to_win_beyond_noise() {
         let rows = |fragile: f64| vec![vec![one()], vec![about(fragile)], vec![about(1.50)]];
         let best = |fragile: f64| {
             let table = Table {
