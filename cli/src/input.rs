@@ -181,6 +181,8 @@ pub struct Materials {
     pub known: Facts,
     /// Files that were read.
     pub files: Vec<PathBuf>,
+    /// The scene they are of; `None` for a shader.
+    pub scene: Option<Box<Scene>>,
 }
 
 impl ShaderArgs {
@@ -201,7 +203,7 @@ impl ShaderArgs {
 
     fn plans_of(&self, input: Input, recipe: &Recipe) -> Result<Materials, Failure> {
         let mut files = self.given();
-        let (plans, known) = match input {
+        let scene = match input {
             Input::Shader(parsed, state) => {
                 files.extend(self.included(&parsed));
                 let plan = parsed.plan(&self.material_name(), &state);
@@ -211,16 +213,14 @@ impl ShaderArgs {
                     frame: vec![plan],
                     known: Facts::default(),
                     files,
+                    scene: None,
                 });
             }
-            Input::Scene(scene) => {
-                files.extend(scene.files.iter().cloned());
-                (
-                    measure::originals(&scene),
-                    measure::known_for(&scene, recipe),
-                )
-            }
+            Input::Scene(scene) => scene,
         };
+        files.extend(scene.files.iter().cloned());
+        let plans = measure::originals(&scene);
+        let known = measure::known_for(&scene, recipe);
         let asked = match self.chosen() {
             None => plans.clone(),
             Some(name) => match plans.iter().find(|p| p.material == *name) {
@@ -237,6 +237,7 @@ impl ShaderArgs {
             frame: plans,
             known,
             files,
+            scene: Some(scene),
         })
     }
 

@@ -634,9 +634,13 @@ impl Planned<'_> {
         let (authored, target) = (self.authored()?, self.shader.target());
         for (folder, plan) in self.decision.folders() {
             let mut files = Vec::new();
-            for plan in self.of(plan, &authored)? {
-                files.extend(emit::emit(&plan, &[target], &emit::Options::default())?);
+            let plans = self.of(plan, &authored)?;
+            for plan in &plans {
+                files.extend(emit::emit(plan, &[target], &emit::Options::default())?);
             }
+            let plans: Vec<&Plan> = plans.iter().collect();
+            let versions = measure::versions(self.session.scene(), &plans);
+            files.extend(versions.iter().map(emit::versions));
             written += files.len();
             emit::write(&dir.join(folder), &files).map_err(|e| Failure(format!("error: {e}")))?;
         }

@@ -10,7 +10,7 @@ use preshade::unstable::command::material::assumed;
 use preshade::unstable::command::refusal;
 use preshade::unstable::command::rewrite::{self, OnAdapter, Report, Rewritten};
 use preshade::unstable::emit::{self, File, Target};
-use preshade::unstable::measure::validate_on;
+use preshade::unstable::measure::{self, validate_on};
 use preshade::unstable::passes::pass::Refusal;
 use preshade::unstable::passes::plan::{Plan, Role};
 use preshade::unstable::passes::validate::{By, Effort, validate_by};
@@ -252,7 +252,10 @@ impl<'a> Run<'a> {
         }
         self.times.push(std::mem::take(&mut made.times));
         let files = made.materials.iter().flat_map(|(_, files)| files);
-        let files: Vec<File> = files.cloned().collect();
+        let mut files: Vec<File> = files.cloned().collect();
+        if !files.is_empty() {
+            files.append(&mut made.versions);
+        }
         if let Some(folder) = job.folder.as_ref().filter(|_| !files.is_empty()) {
             // The files of a job are written all or none. Other jobs are unaffected.
             if let Err(Failure(why)) = self.write(job, folder, files, &mut made) {
@@ -397,6 +400,11 @@ fn make(
         .iter()
         .filter_map(|(plan, ..)| rewrite::removed_discard(plan));
     made.messages.extend(removed);
+    let versions = materials.scene.iter().flat_map(|scene| {
+        let plans: Vec<&Plan> = applied.iter().map(|(plan, ..)| plan).collect();
+        measure::versions(scene, &plans)
+    });
+    made.versions = versions.map(|v| emit::versions(&v)).collect();
     for (original, (plan, messages, refusals)) in materials.asked.iter().zip(applied) {
         made.messages.extend(rewrite::draws_depth_alone(original));
         made.messages.extend(messages);

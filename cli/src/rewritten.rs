@@ -11,6 +11,8 @@ use preshade::unstable::emit;
 #[derive(Default)]
 pub struct Made {
     pub materials: Vec<(Rewritten, Vec<emit::File>)>,
+    /// The versions of materials that serve several draws.
+    pub versions: Vec<emit::File>,
     pub read: Vec<PathBuf>,
     pub messages: Vec<String>,
     /// Notes about pipeline state that preshade assumed.

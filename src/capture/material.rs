@@ -171,6 +171,7 @@ pub(super) fn read(
         textures: BTreeMap::new(),
         samplers: BTreeMap::new(),
         attributes: BTreeMap::new(),
+        part_of: None,
     })
 }
 

@@ -58,7 +58,7 @@ use crate::panics;
 pub use output::{is_material_name, write, write_file};
 pub use plan_json::{
     Fallback, GlslAttribute, GlslBlock, GlslTexture, GlslUniform, PassFiles, PlanFile,
-    SpecConstant, StageFile, TessellationFiles, WeakerPromise,
+    SpecConstant, StageFile, TessellationFiles, WeakerPromise, versions,
 };
 
 /// An output language.

@@ -7,6 +7,7 @@ use preshade_passes::contract::Contract;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 use preshade_passes::declared::LengthConstant;
 use preshade_passes::plan::{Attachment, GpuPass, Plan};
+use preshade_passes::specialize::dispatch::Versions;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -364,6 +365,15 @@ pub(super) fn file(plan: &Plan, written: &WrittenFiles, original: Option<Fallbac
     let name = format!("{}.plan.json", content.plan.material);
     // A plan is plain data with string keys, so serialising it cannot fail.
     let mut bytes = serde_json::to_vec_pretty(&content).unwrap_or_default();
+    bytes.push(b'\n');
+    File { name, bytes }
+}
+
+/// `MATERIAL.versions.json`: which version of a material a draw takes.
+pub fn versions(versions: &Versions) -> File {
+    let name = format!("{}.versions.json", versions.material);
+    // As above.
+    let mut bytes = serde_json::to_vec_pretty(versions).unwrap_or_default();
     bytes.push(b'\n');
     File { name, bytes }
 }

@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use preshade_passes::guard::{Assumed, Place};
 use preshade_passes::pass::Pass;
 use preshade_passes::plan::Plan;
+use preshade_passes::specialize::dispatch::Versions;
 use preshade_passes::specialize::{Params, Specialize, Specialized};
 
 use super::constants::{Looked, as_facts};
@@ -90,6 +91,7 @@ pub fn grouped(scene: &Scene, params: &Params, most: usize) -> Result<Scene, Sce
         let mut number = 0;
         for (i, group) in groups.iter().enumerate() {
             let mut material = scene.materials[index].clone();
+            material.part_of = Some(material.name.clone());
             loop {
                 number += 1;
                 material.name = format!("{}-{number}", scene.materials[index].name);
@@ -111,6 +113,30 @@ pub fn grouped(scene: &Scene, params: &Params, most: usize) -> Result<Scene, Sce
         }
     }
     Ok(out)
+}
+
+/// The versions of each material that [`grouped`] split, from the plans of its groups. Materials whose plans have no
+/// guard are left out.
+pub fn versions(scene: &Scene, plans: &[&Plan]) -> Vec<Versions> {
+    let of = |name: &str| scene.materials.iter().position(|m| m.name == name);
+    let mut parts: BTreeMap<&str, Vec<(&Plan, Vec<usize>)>> = BTreeMap::new();
+    for plan in plans {
+        let Some((index, whole)) =
+            of(&plan.material).and_then(|i| Some((i, scene.materials[i].part_of.as_deref()?)))
+        else {
+            continue;
+        };
+        let draws = scene.draws.iter().enumerate();
+        let draws = draws.filter(|(_, d)| d.material == index).map(|(i, _)| i);
+        parts
+            .entry(whole)
+            .or_default()
+            .push((*plan, draws.collect()));
+    }
+    let each = parts.into_iter();
+    each.map(|(material, plans)| Versions::of(material, plans))
+        .filter(|v| !v.versions.is_empty())
+        .collect()
 }
 
 /// Draws that want the same version.

@@ -55,7 +55,7 @@ pub use constants::constants;
 pub use effects::effects;
 pub use error::{ErrorLadder, compare};
 pub use frequency::{Detail, frequencies, leaves_a_choice, promised, within_budget, written_out};
-pub use groups::{MOST_GROUPS, grouped, grouped_for};
+pub use groups::{MOST_GROUPS, grouped, grouped_for, versions};
 pub use interpolation::interpolation;
 pub use junctions::{Junction, junctions};
 pub use on_adapter::validate_on;

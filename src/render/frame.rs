@@ -243,6 +243,16 @@ impl<'a> Prepared<'a> {
         }
     }
 
+    /// Draws only these ahead of the main passes, in what [`Self::aim`] set.
+    pub(crate) fn keep_ahead(&mut self, draws: &[usize]) {
+        for pass in &mut self.passes {
+            if pass.frame.phase == Phase::Depth {
+                let items = &pass.items;
+                pass.sequence.retain(|i| draws.contains(&items[*i].draw));
+            }
+        }
+    }
+
     /// Runs the compute passes and reads back the vertices that they store for each draw.
     ///
     /// # Errors

@@ -119,6 +119,7 @@ pub(crate) fn policy(decision: &Decision) -> Vec<String> {
         lines
     });
     told.chain(decision.views.iter().filter_map(sorted))
+        .chain(decision.views.iter().filter_map(ahead))
         .collect()
 }
 
@@ -131,6 +132,19 @@ fn sorted(view: &ViewReport) -> Option<String> {
         sorted.moved.len(),
         sorted.draws.len(),
         ratio(&sorted.speedup),
+    ))
+}
+
+/// What a pre-pass of some draws gains in a view, if it pays.
+fn ahead(view: &ViewReport) -> Option<String> {
+    let ahead = view.ahead.as_ref().filter(|a| a.pays())?;
+    Some(format!(
+        "{}: draw {} of {} draws ahead in `{}`: {} as written; no pixel changes",
+        view.view,
+        ahead.draws.len(),
+        ahead.of,
+        ahead.recipe,
+        ratio(&ahead.speedup),
     ))
 }
 

@@ -486,6 +486,7 @@ impl Loader<'_> {
                 .iter()
                 .map(|(n, s)| (n.clone(), s.get_ref().clone()))
                 .collect(),
+            part_of: None,
         };
         self.state(&mut material, entry, samples);
         for (texture, recipe) in &entry.textures {

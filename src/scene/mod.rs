@@ -160,6 +160,8 @@ pub struct Material {
     pub samplers: BTreeMap<String, Sampler>,
     /// Mesh stream by attribute name, where the names differ.
     pub attributes: BTreeMap<String, String>,
+    /// The material as the scene names it, if this one is for some of its draws.
+    pub part_of: Option<String>,
 }
 
 /// A value for a uniform, a member of one, or a storage buffer.

@@ -81,6 +81,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
             textures: roles.textures,
             samplers: BTreeMap::new(),
             attributes: roles.attributes,
+            part_of: None,
         }],
         meshes,
         draws,

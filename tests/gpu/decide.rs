@@ -15,12 +15,13 @@ use preshade::unstable::scene::{DrawOrder, Scene};
 use preshade::unstable::search::plan::assign::{Assignment, FramePredictor, Taken};
 use preshade::unstable::search::plan::choose::WORTHWHILE;
 use preshade::unstable::search::plan::count::FragmentCounter;
+use preshade::unstable::search::plan::layers::Layers;
 use preshade::unstable::search::plan::model::Model;
 use preshade::unstable::search::plan::policy::{Hold, Rule};
 use preshade::unstable::search::plan::terms::{Term, Work};
 use preshade::unstable::search::plan::work::{Counted, DrawCounts, Fragments, drawn};
 use preshade::unstable::search::plan::{
-    Choices, Settings, Timed, choices, decide, recipes, sorting,
+    Choices, Settings, Timed, ahead, choices, decide, recipes, sorting,
 };
 
 use crate::render_support::*;
@@ -349,6 +350,37 @@ fn without_a_clock_the_choice_is_a_prediction() {
 }
 
 #[test]
+fn a_prepass_has_the_draws_that_hide_most() {
+    for direction in [DepthDirection::Forward, DepthDirection::Reversed] {
+        // The last plane is the nearest, and hides all others.
+        let mut scene = with_depth(planes([32, 32], 5), DepthFormat::Depth32float, direction);
+        scene.orders = vec![DrawOrder::AsGiven];
+        scene.draws.reverse();
+        let measured = |scene: &Scene| {
+            let session = Session::new(gpu(), scene, ShaderForm::Text).unwrap();
+            let frame = &scene.cameras[0].frames[0];
+            session.inputs().set_frame(frame).unwrap();
+            let layers = Layers::draw(&session, frame).unwrap();
+            let choices = weighed(scene, &[ahead::RECIPE]);
+            let plans = with(&choices, ahead::RECIPE).plans(&choices);
+            let timing = settings(&Model::nominal(), Timed::Yes).timing;
+            ahead::measured(&session, frame, (&layers, &plans), &timing).unwrap()
+        };
+        let found = measured(&scene).unwrap();
+        assert_eq!(
+            (found.draws, found.of, found.changed_pixels),
+            (vec![4], 5, 0)
+        );
+        // In front of everything else, nothing is shaded in vain.
+        scene.draws.reverse();
+        assert_eq!(measured(&scene), None);
+        // A single draw is no part of the draws.
+        scene.draws.truncate(1);
+        assert_eq!(measured(&scene), None);
+    }
+}
+
+#[test]
 fn draws_are_sorted_by_what_they_hide() {
     for direction in [DepthDirection::Forward, DepthDirection::Reversed] {
         // The first plane is the nearest.
@@ -359,7 +391,8 @@ fn draws_are_sorted_by_what_they_hide() {
             let frame = &scene.cameras[0].frames[0];
             session.inputs().set_frame(frame).unwrap();
             let timing = settings(&Model::nominal(), Timed::Yes).timing;
-            sorting::measured(&session, frame, &timing).unwrap()
+            let layers = Layers::draw(&session, frame).unwrap();
+            sorting::measured(&session, frame, &layers, &timing).unwrap()
         };
         assert_eq!(sorted(&scene), None);
         scene.draws.reverse();

@@ -9,14 +9,17 @@ use preshade::unstable::measure::record::VariantReport;
 use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade::unstable::passes::contract::Verdict;
 use preshade::unstable::passes::graph::Graph;
+use preshade::unstable::passes::guard::Assumed;
 use preshade::unstable::passes::naga;
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::specialize::Params;
+use preshade::unstable::passes::specialize::dispatch::Dispatch;
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::{
     FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
 };
+use preshade::unstable::scene::bind::{self, BufferBinding};
 use preshade::unstable::scene::{Scene, Value};
 
 use crate::render_support::gpu;
@@ -102,6 +105,50 @@ fn a_museum_takes_eight_versions_and_changes_no_pixel() {
         drawn(&scene, &specialized(&scene, "specialize").plans),
     );
     assert_eq!(before, after);
+}
+
+/// A host that looks at a draw's values alone takes the version that was made for the draw.
+#[test]
+fn a_draw_finds_its_version() {
+    let mut scene = museum();
+    scene = measure::grouped(&scene, &Params::default(), measure::MOST_GROUPS).unwrap();
+    let frame = scene.cameras[0].frames[0];
+    let (plans, originals) = (
+        specialized(&scene, "specialize").plans,
+        measure::originals(&scene),
+    );
+    let plans: Vec<&Plan> = plans.iter().collect();
+    let found = measure::versions(&scene, &plans);
+    let [versions] = &found[..] else {
+        panic!("{found:?}");
+    };
+    assert_eq!(
+        (versions.material.as_str(), versions.versions.len()),
+        ("museum", 8)
+    );
+    let costs = versions.versions.windows(2);
+    assert!(
+        costs
+            .into_iter()
+            .all(|v| v[0].operations <= v[1].operations)
+    );
+    let mut dispatch = Dispatch::new(versions.clone());
+    for (index, draw) in scene.draws.iter().enumerate() {
+        let (material, pass) = (
+            &scene.materials[draw.material],
+            originals[draw.material].main().unwrap(),
+        );
+        let bound = bind::uniform_buffers(&scene, material, pass, draw, &frame).unwrap();
+        let bytes = |group, binding| {
+            let at = |b: &&BufferBinding| (b.group, b.binding) == (group, binding);
+            bound.iter().find(at).map(|b| &b.data.bytes[..])
+        };
+        let mut own = versions.versions.iter();
+        let own = own.find(|v| v.draws.contains(&index)).unwrap();
+        let is_kept = |value: &Assumed| own.guard.values.contains(value);
+        let chosen = dispatch.choose(bytes, is_kept).unwrap();
+        assert_eq!(chosen.name, own.name, "{}", draw.name);
+    }
 }
 
 /// What is left of a material goes through every other pass, and keeps what both promise; what

@@ -53,9 +53,13 @@ pub fn undefined(
             {
                 Some("pow")
             }
-            MathFunction::Normalize => Some("normalize"),
-            MathFunction::Acos => Some("acos"),
-            MathFunction::Asin => Some("asin"),
+            MathFunction::Normalize
+                if shortest(values, ranges, context, *arg) < SMALLEST_LENGTH =>
+            {
+                Some("normalize")
+            }
+            MathFunction::Acos if of(*arg).magnitude() > 1.0 => Some("acos"),
+            MathFunction::Asin if of(*arg).magnitude() > 1.0 => Some("asin"),
             MathFunction::Acosh => Some("acosh"),
             MathFunction::Atanh => Some("atanh"),
             MathFunction::Tan => Some("tan"),
@@ -69,6 +73,31 @@ pub fn undefined(
 
 /// Smallest safe divisor: its inverse is far from overflow.
 const SMALLEST: f64 = 1e-30;
+
+/// Smallest safe length of a vector: its square is far from the numbers that adapters flush to 0.
+const SMALLEST_LENGTH: f64 = 1e-15;
+
+/// A length that a vector is never shorter than: one component that stays away from 0 suffices.
+fn shortest(
+    values: &Values<'_, '_>,
+    ranges: &AllRanges,
+    context: usize,
+    e: Handle<Expression>,
+) -> f64 {
+    let least = ranges.operand(values, context, e).least();
+    let made = values
+        .named(context, e)
+        .and_then(|id| values.expression(id));
+    let (context, e) = made.map_or((context, e), |(context, e, _)| (context, e));
+    match &values.function(context).function.expressions[e] {
+        Expression::Compose { components, .. } => components
+            .iter()
+            .map(|c| shortest(values, ranges, context, *c))
+            .fold(least, f64::max),
+        Expression::Literal(Literal::F32(x)) => f64::from(x.abs()),
+        _ => least,
+    }
+}
 
 /// Whether a value is a literal other than 0.
 fn is_nonzero(values: &Values<'_, '_>, context: usize, e: Handle<Expression>) -> bool {
@@ -102,7 +131,9 @@ pub fn overflow(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Opt
     // Some operations compute a larger number than their result.
     let steps_fit = match expression {
         Expression::Math { fun, arg, arg1, .. } => match (fun, arg1) {
-            (MathFunction::Length | MathFunction::Asinh, _) => squares_fit(of(*arg)),
+            (MathFunction::Length | MathFunction::Normalize | MathFunction::Asinh, _) => {
+                squares_fit(of(*arg))
+            }
             (MathFunction::Distance, Some(other)) => squares_fit(of(*arg) + of(*other)),
             (MathFunction::Tanh, _) => of(*arg) < LARGEST_TANH,
             _ => true,

@@ -59,6 +59,7 @@ pub mod assume;
 pub mod branches;
 mod control;
 pub mod decision;
+pub mod dispatch;
 pub mod effects;
 mod expressions;
 pub mod fold;

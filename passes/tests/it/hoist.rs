@@ -527,6 +527,34 @@ fn values_that_are_not_there_are_named() {
     );
 }
 
+/// A normal of a height field has a component that stays away from 0, so it is finite at every vertex.
+#[test]
+fn normalize_moves_if_the_length_is_above_zero() {
+    let moves = |vector: &str| {
+        let body = format!("return vec4(normalize({vector}) * cos(in.world.x * in.world.y), 1.0);");
+        let params = Params {
+            budget: Some(0.02),
+            ..Params::default()
+        };
+        let plan = outcome(&original(&material("", &body)), &params)
+            .unwrap()
+            .plan;
+        let main = plan.main().unwrap();
+        let module = plan.program(main).unwrap().module();
+        let is_fragment = |e: &&naga::EntryPoint| e.stage == naga::ShaderStage::Fragment;
+        let fragment = module.entry_points.iter().find(is_fragment).unwrap();
+        let is_normalize = |(_, e): (_, &naga::Expression)| {
+            let fun = naga::MathFunction::Normalize;
+            matches!(e, naga::Expression::Math { fun: f, .. } if *f == fun)
+        };
+        !fragment.function.expressions.iter().any(is_normalize)
+    };
+    assert!(moves("vec3(in.world.xy, 1.0)"));
+    assert!(moves("vec3(in.world.xy, 2.0 + sin(in.world.z))"));
+    assert!(!moves("in.world"));
+    assert!(!moves("vec3(in.world.xy, 1.0 + sin(in.world.z))"));
+}
+
 /// Whoever does what a refusal says gets there, or is told that there is nothing.
 #[test]
 fn advice_comes_to_an_end() {

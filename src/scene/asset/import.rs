@@ -518,6 +518,7 @@ impl Loader<'_> {
                     textures: BTreeMap::new(),
                     samplers: BTreeMap::new(),
                     attributes: BTreeMap::new(),
+                    part_of: None,
                 }
             }
         };

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use preshade_passes::contract::{Contract, Verdict};
 use serde::Serialize;
 
+use super::ahead::Ahead;
 use super::choices::Refused;
 use super::model::Model;
 use super::policy::{Policy, Rule};
@@ -140,6 +141,9 @@ pub struct ViewReport {
     /// Another order of the draws, if the scene has one of its own and another one hides more.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sorted: Option<Sorting>,
+    /// The draws that a pre-pass needs, if some of them hide much.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub ahead: Option<Ahead>,
 }
 
 /// Costs of a second set of pipelines.

@@ -4,19 +4,22 @@
 //! from its plans and a few counts ([`count`]). [`model`] turns work into milliseconds and is
 //! fitted to the built-in frames of [`probes`]. [`assign`] ranks whole frames by prediction.
 //! [`stage`] draws and times the best beside the original. [`choose`] and [`mod@policy`] decide
-//! from measurements alone. [`scene`] does all of it for one scene, [`so_far`] has the results on
+//! from measurements alone. [`layers`] draws each opaque draw alone, so that [`sorting`] finds a
+//! better order of the draws and [`ahead`] the draws that a pre-pass needs. [`scene`] does all of it for one scene, [`so_far`] has the results on
 //! the way, and [`decision`] is the result. [`regret`] evaluates the choices where everything was
 //! measured ([`mod@exhaust`]).
 //!
 //! A prediction decides only which plans are measured. A plan is chosen only if it was faster than
 //! the original on this adapter, beyond the noise of the clock.
 
+pub mod ahead;
 pub mod assign;
 pub mod choices;
 pub mod choose;
 pub mod count;
 pub mod decision;
 pub mod exhaust;
+pub mod layers;
 pub mod model;
 pub mod policy;
 pub mod probes;

@@ -6,6 +6,7 @@ use preshade_passes::contract::{Assumption, Contract, Verdict};
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::Plan;
 
+use super::ahead;
 use super::assign::{Assignment, Considered, FramePredictor, Taken, finalists};
 use super::choices::{Choices, choices};
 use super::choose::Table;
@@ -14,6 +15,7 @@ use super::decision::{
     Decision, MaterialDecision, PlanReport, PlanView, PredictedRecipe, SCHEMA, SwitchCost,
     ViewReport,
 };
+use super::layers::Layers;
 use super::model::Model;
 use super::policy::{Hold, Measure, Rule, policy};
 use super::so_far::{PlanProgress, SceneSoFar};
@@ -101,6 +103,13 @@ pub fn scout(
 }
 
 impl Scouted {
+    /// The plans of the frame with a pre-pass for each material that takes it.
+    fn prepasses(&self) -> Vec<Plan> {
+        let of = |c: &Choices| c.position(ahead::RECIPE).unwrap_or(0);
+        let all = Assignment(self.choices.iter().map(of).collect());
+        all.mended(&self.choices).0.plans(&self.choices)
+    }
+
     /// The views as `model` sees them.
     pub fn seen<'a>(&'a self, model: &'a Model) -> FramePredictor<'a> {
         FramePredictor {
@@ -204,7 +213,10 @@ pub fn decide(
                     format!("sorting the draws of {view}"),
                 ));
                 session.inputs().set_frame(frame)?;
-                of.sorted = sorting::measured(session, frame, &settings.timing)?;
+                let layers = Layers::draw(session, frame)?;
+                of.sorted = sorting::measured(session, frame, &layers, &settings.timing)?;
+                let plans = scouted.prepasses();
+                of.ahead = ahead::measured(session, frame, (&layers, &plans), &settings.timing)?;
             }
         }
     }
@@ -451,6 +463,7 @@ fn report(
             plan: policy.plan(measures[i].order, measures[i].shaded),
             alone: measured.table.best_in(i),
             sorted: None,
+            ahead: None,
         })
         .collect();
     let mut decision = Decision {

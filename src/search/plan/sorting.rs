@@ -1,20 +1,16 @@
 //! Whether another order of the draws is faster: sorting them is cheaper to have than any pass.
 //!
-//! Each opaque draw is drawn alone. Its depths say which fragments of which other draws it hides. A
-//! draw goes ahead of another one if it hides more of it than the other way round, in operations of
+//! A draw goes ahead of another one if it hides more of it than the other way round, in operations of
 //! their fragment stages. Blended draws and those that depend on their place, by the depth test or
 //! the stencil, stay where they are, and no draw moves past them. Draws that tie in depth keep their order.
 
-use preshade_passes::plan::{Phase, Plan};
-use preshade_passes::state::{ColorTarget, CompareFunction, DepthDirection};
 use serde::Serialize;
 
 use super::PlanError;
 use super::choose::WORTHWHILE;
-use super::work::Counting;
+use super::layers::{Layer, Layers};
 use crate::measure::{self, Estimate, Session, TimingSettings, compare};
-use crate::render::Prepared;
-use crate::scene::{DrawOrder, Frame, Scene};
+use crate::scene::{DrawOrder, Frame};
 
 /// Another order of the draws, measured beside the scene's own.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -36,9 +32,6 @@ impl Sorting {
     }
 }
 
-/// Most draws to look at. The others stay.
-const MOST: usize = 256;
-
 /// The least part of the frame's fragment operations that an order must save to be measured.
 const LEAST: f64 = 0.01;
 
@@ -50,12 +43,13 @@ const LEAST: f64 = 0.01;
 pub fn measured(
     session: &Session<'_>,
     frame: &Frame,
+    layers: &Layers,
     timing: &TimingSettings,
 ) -> Result<Option<Sorting>, PlanError> {
-    let mut given = session.prepare(session.originals())?;
-    let Some(draws) = sorted(session, &mut given, frame)? else {
+    let Some(draws) = sorted(layers) else {
         return Ok(None);
     };
+    let mut given = session.prepare(session.originals())?;
     given.aim(frame, DrawOrder::AsGiven);
     let mut sorted = session.prepare(session.originals())?;
     sorted.arrange(frame, &draws);
@@ -70,31 +64,12 @@ pub fn measured(
 }
 
 /// The order in which most is hidden, or `None` if it is the scene's own.
-fn sorted(
-    session: &Session<'_>,
-    prepared: &mut Prepared<'_>,
-    frame: &Frame,
-) -> Result<Option<Vec<usize>>, PlanError> {
-    let runs = runs(session, frame)?;
-    if runs.is_empty() {
-        return Ok(None);
-    }
-    let originals = session.originals();
-    let costs: Vec<f64> = originals
-        .iter()
-        .map(|plan| Counting::of(plan).fragment_ops().max(1.0))
-        .collect();
-    let scene = session.scene();
-    let mut order: Vec<usize> = (0..scene.draws.len()).collect();
+fn sorted(layers: &Layers) -> Option<Vec<usize>> {
+    let mut order: Vec<usize> = (0..layers.costs.len()).collect();
     let (mut saved, mut all) = (0.0, 0.0);
-    for run in runs {
-        let layers = layers(prepared, frame, &run)?;
-        let cost_of = |i: usize| costs[scene.draws[run[i]].material];
-        let is_nearer = match scene.depth_direction {
-            DepthDirection::Forward => |a: f32, b: f32| a < b,
-            DepthDirection::Reversed => |a: f32, b: f32| a > b,
-        };
-        let hidden = Hidden::of(&layers, cost_of, is_nearer);
+    for (run, drawn) in layers.runs.iter().zip(&layers.drawn) {
+        let cost_of = |i: usize| layers.costs[run[i]];
+        let hidden = Hidden::of(drawn, cost_of, |a, b| layers.is_nearer(a, b));
         let own: Vec<usize> = (0..run.len()).collect();
         let best = hidden.best(&own);
         saved += hidden.lost(&own) - hidden.lost(&best);
@@ -103,94 +78,7 @@ fn sorted(
             order[*place] = run[*draw];
         }
     }
-    Ok((saved > LEAST * all).then_some(order))
-}
-
-/// Runs of draws that may change places, each with at least two.
-fn runs(session: &Session<'_>, frame: &Frame) -> Result<Vec<Vec<usize>>, PlanError> {
-    let (scene, originals) = (session.scene(), session.originals());
-    let movable: Vec<Option<Vec<u8>>> = originals.iter().map(|p| movable(p, scene)).collect();
-    if movable.iter().all(Option::is_none) {
-        return Ok(Vec::new());
-    }
-    // A draw at the depth of the cleared buffer leaves no trace there.
-    let mut equal = originals.to_vec();
-    for depth in equal
-        .iter_mut()
-        .flat_map(|p| &mut p.passes)
-        .filter_map(|p| p.depth.as_mut())
-    {
-        depth.compare = CompareFunction::Equal;
-        depth.write = false;
-    }
-    let mut at_clear = session.prepare(&equal)?;
-    let mut runs: Vec<Vec<usize>> = vec![Vec::new()];
-    let mut masks = None;
-    let mut left = MOST;
-    for (i, draw) in scene.draws.iter().enumerate() {
-        let own = movable[draw.material].as_ref().filter(|_| left > 0);
-        let is_movable = match own {
-            Some(_) => {
-                at_clear.arrange(frame, &[i]);
-                let at_clear = at_clear.draw_occluded()?;
-                at_clear.iter().all(|samples| *samples == 0)
-            }
-            None => false,
-        };
-        let own = own.filter(|_| is_movable);
-        // What a mask leaves of a hidden draw would show, if the draw that hides it wrote those channels before.
-        if own.is_none() || own != masks {
-            runs.push(Vec::new());
-            masks = own;
-        }
-        if let (Some(_), Some(run)) = (own, runs.last_mut()) {
-            run.push(i);
-            left -= 1;
-        }
-    }
-    runs.retain(|run| run.len() > 1);
-    Ok(runs)
-}
-
-/// The channels that a material's draws write in each target, if the picture does not depend on their place unless
-/// depths tie or other draws write other channels.
-fn movable(plan: &Plan, scene: &Scene) -> Option<Vec<u8>> {
-    let main = plan.main()?;
-    let is_tested = main
-        .depth
-        .as_ref()
-        .is_some_and(|d| d.write && d.compare.direction() == Some(scene.depth_direction));
-    let replaces = |t: &Option<ColorTarget>| {
-        let target = t.as_ref()?;
-        target.blend.is_none().then_some(target.write_mask)
-    };
-    let masks = main.targets.iter().map(replaces).collect::<Option<_>>()?;
-    let stencil = main.stencil.as_ref().is_some_and(|s| s.writes());
-    let stores = main.bindings.iter().any(|b| b.kind.is_writable());
-    let is_movable = is_tested && main.fragment.is_some() && !stencil && !stores;
-    (is_movable && main.phase == Phase::Opaque).then_some(masks)
-}
-
-/// The samples and depths of a draw alone.
-type Layer = Vec<(u32, f32)>;
-
-fn layers(
-    prepared: &mut Prepared<'_>,
-    frame: &Frame,
-    draws: &[usize],
-) -> Result<Vec<Layer>, PlanError> {
-    let mut depths = |draws: &[usize]| -> Result<Vec<f32>, PlanError> {
-        prepared.arrange(frame, draws);
-        Ok(prepared.depth()?.map_or(Vec::new(), |depth| depth.values))
-    };
-    let empty = depths(&[])?;
-    let layer = |draw: &usize| {
-        let drawn = depths(&[*draw])?;
-        let samples = drawn.into_iter().zip(&empty).enumerate();
-        let samples = samples.filter(|(_, (drawn, empty))| drawn != *empty);
-        Ok(samples.map(|(at, (depth, _))| (at as u32, depth)).collect())
-    };
-    draws.iter().map(layer).collect()
+    (saved > LEAST * all).then_some(order)
 }
 
 /// What some draws hide of each other.
@@ -208,7 +96,7 @@ impl Hidden {
     fn of(
         layers: &[Layer],
         cost_of: impl Fn(usize) -> f64,
-        is_nearer: fn(f32, f32) -> bool,
+        is_nearer: impl Fn(f32, f32) -> bool,
     ) -> Self {
         let count = layers.len();
         let mut pixels: Vec<(u32, usize, f32)> = Vec::new();

@@ -39,34 +39,44 @@ pub struct DrawCounts {
 /// The draws of each material, in the scene's order.
 pub fn drawn(scene: &Scene) -> Vec<DrawCounts> {
     let mut all = vec![DrawCounts::default(); scene.materials.len()];
-    for draw in &scene.draws {
-        let (Some(of), Some(mesh)) = (all.get_mut(draw.material), scene.meshes.get(draw.mesh))
-        else {
+    for (index, draw) in scene.draws.iter().enumerate() {
+        let (Some(of), Some(counts)) = (all.get_mut(draw.material), of_draw(scene, index)) else {
             continue;
         };
-        let all = mesh
-            .indices
-            .as_ref()
-            .map_or(mesh.vertex_count, |i| i.len() as u32);
-        let corners = draw
-            .range
-            .count
-            .unwrap_or(all.saturating_sub(draw.range.first));
-        let vertices = mesh.vertex_count.min(corners);
-        let corners = f64::from(corners);
-        let strip =
-            scene.materials[draw.material].state.primitive.topology == Topology::TriangleStrip;
-        let triangles = match strip {
-            true => (corners - 2.0).max(0.0),
-            false => corners / 3.0,
-        };
-        let instances = f64::from(draw.instances);
-        of.draws += 1.0;
-        of.vertices += f64::from(vertices) * instances;
-        of.triangles += triangles * instances;
-        of.instances += instances;
+        of.draws += counts.draws;
+        of.vertices += counts.vertices;
+        of.triangles += counts.triangles;
+        of.instances += counts.instances;
     }
     all
+}
+
+/// One draw of a scene. `None`: it has no mesh or material.
+pub fn of_draw(scene: &Scene, draw: usize) -> Option<DrawCounts> {
+    let draw = scene.draws.get(draw)?;
+    let mesh = scene.meshes.get(draw.mesh)?;
+    let all = mesh
+        .indices
+        .as_ref()
+        .map_or(mesh.vertex_count, |i| i.len() as u32);
+    let corners = draw
+        .range
+        .count
+        .unwrap_or(all.saturating_sub(draw.range.first));
+    let vertices = mesh.vertex_count.min(corners);
+    let corners = f64::from(corners);
+    let material = scene.materials.get(draw.material)?;
+    let triangles = match material.state.primitive.topology {
+        Topology::TriangleStrip => (corners - 2.0).max(0.0),
+        _ => corners / 3.0,
+    };
+    let instances = f64::from(draw.instances);
+    Some(DrawCounts {
+        draws: 1.0,
+        vertices: f64::from(vertices) * instances,
+        triangles: triangles * instances,
+        instances,
+    })
 }
 
 /// Fragments of one material in one view, in pixels. With multisampling these are fractions.
@@ -235,6 +245,15 @@ impl Counting {
     pub fn fragment_ops(&self) -> f64 {
         let ops = |s: &PassShape| s.fragment.map_or(0.0, |c| (c.ops + c.samples) * s.share);
         self.shapes.iter().map(ops).sum()
+    }
+
+    /// Operations of a vertex and of a fragment in what is drawn ahead of every main pass. `None`: nothing is.
+    pub fn ahead_ops(&self) -> Option<[f64; 2]> {
+        let early: Vec<&PassShape> = self.shapes.iter().filter(|s| s.is_early).collect();
+        let ops = |cost: Cost| cost.ops + cost.samples;
+        let vertex = early.iter().map(|s| ops(s.vertex)).sum();
+        let fragment = early.iter().filter_map(|s| s.fragment).map(ops).sum();
+        (!early.is_empty()).then_some([vertex, fragment])
     }
 
     /// Reads the passes of a plan.

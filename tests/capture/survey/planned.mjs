@@ -1,10 +1,10 @@
 // What the plans of a pass gain, from the decision that `plan --budget` prints.
 
 /**
- * What a plan gains: the fastest that changes nothing, another order of the draws included, and the one that is chosen
- * within the budget. A gain counts if its interval does.
+ * What a plan gains: the fastest that changes nothing, another order of the draws and a pre-pass of some of them
+ * included, and the one that is chosen within the budget. A gain counts if its interval does.
  */
-export function planned({ plans, views: [{ plan, sorted }] }) {
+export function planned({ plans, views: [{ plan, sorted, ahead }] }) {
     const one = ({ name, by_view, error, verdict, contract }, index) => ({
         index,
         contract: contract.kind,
@@ -25,6 +25,10 @@ export function planned({ plans, views: [{ plan, sorted }] }) {
     if (sorted && sorted.changed_pixels === 0 && sorted.speedup.low > 1) {
         const plan = `sorted: ${sorted.moved.length} of ${sorted.draws.length} draws move`;
         kept.push({ plan, speedup: sorted.speedup, pixels: 0, flip: 0, holds: true });
+    }
+    if (ahead && ahead.changed_pixels === 0 && ahead.speedup.low > 1) {
+        const plan = `${ahead.recipe}: ${ahead.draws.length} of ${ahead.of} draws ahead`;
+        kept.push({ plan, speedup: ahead.speedup, pixels: 0, flip: 0, holds: true });
     }
     found.same = kept.sort((a, b) => b.speedup.median - a.speedup.median)[0];
     const best = plan > 0 && one(plans[plan], plan);
