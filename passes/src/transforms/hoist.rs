@@ -44,7 +44,7 @@ use crate::core::pass::{
     Change, Example, Expected, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site,
     SiteCost, Source, Use,
 };
-use crate::core::plan::{GpuPass, HOIST, Plan, Role, Step};
+use crate::core::plan::{GpuPass, HOIST, Plan, Role};
 use crate::core::program::Program;
 use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
@@ -546,15 +546,9 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             }
             Some(Class::Smooth) => Contract::Approximate { budget, given },
         };
-        next.steps.push(Step {
-            pass: Hoist::INFO.name.to_owned(),
-            site: self.key.clone(),
-            params: serde_json::to_value(params).unwrap_or_default(),
-            contract: contract.clone(),
-        });
-        next.contract = next.contract.and(contract);
+        let change = self.change(material);
+        next.add_step(Hoist::INFO.name, params, &change, contract);
         next.fallback = Some("original".to_owned());
-        next.notes.push(self.describe());
         next.notes.extend(moved);
         if !self.unknown.is_empty() {
             next.notes.push(not_here(&self.unknown));

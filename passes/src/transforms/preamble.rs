@@ -49,7 +49,7 @@ use crate::core::pass::{
 };
 use crate::core::plan::{
     BindingKind, BindingSource, BindingUse, ComputePass, DrawBuffer, Draws, GeometryPart, ORIGINAL,
-    Plan, Role, Step, Visibility, When,
+    Plan, Role, Visibility, When,
 };
 use crate::core::program::Program;
 use crate::core::reflect;
@@ -337,15 +337,8 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         next.programs.insert(COMPUTE.to_owned(), built.compute);
         let contract = self.contract();
         let change = self.change();
-        next.steps.push(Step {
-            pass: Preamble::INFO.name.to_owned(),
-            site: change.key.clone(),
-            params: serde_json::to_value(params).unwrap_or_default(),
-            contract: contract.clone(),
-        });
-        next.contract = next.contract.and(contract);
+        next.add_step(Preamble::INFO.name, params, &change, contract);
         next.fallback = Some(ORIGINAL.to_owned());
-        next.notes.push(change.what.clone());
         Outcome {
             plan: next,
             change,
