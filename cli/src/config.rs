@@ -36,6 +36,9 @@ const NOT_FOUND: [&str; 1] = ["allow-outside"];
 /// folder.
 const WRITTEN: [&str; 5] = ["out", "out-dir", "depfile", "share", "model"];
 
+/// Flags that mean something only with another, where a command has that one.
+const ONLY_WITH: [(&str, &str); 2] = [("camera", "scene"), ("size", "scene")];
+
 const JOBS: &str = "jobs";
 
 /// Flags of `verify` about its adapter and its report, of which a list of jobs has none.
@@ -119,8 +122,8 @@ impl Config {
         self.path.as_deref()
     }
 
-    /// Drops values that conflict with the command line, or values of the file that conflict with
-    /// the environment.
+    /// Drops values that conflict with the command line or lack a flag that they are for, and values
+    /// of the file that conflict with the environment.
     fn settle(&mut self, arguments: &Arguments, command: &Command) -> Result<(), Failure> {
         self.values
             .retain(|(_, flag), _| !arguments.taken_back.contains(flag));
@@ -146,6 +149,18 @@ impl Config {
             let long = arg.get_long()?;
             Some((name.to_owned(), long.to_owned()))
         };
+        for (flag, needed) in ONLY_WITH {
+            let Some(needed) = sub
+                .get_arguments()
+                .find(|arg| arg.get_long() == Some(needed))
+            else {
+                continue;
+            };
+            let said = key(needed).and_then(|key| self.values.get(&key));
+            if !is_flag(needed) && said.is_none_or(|said| said.words == ["false"]) {
+                self.values.remove(&(name.to_owned(), flag.to_owned()));
+            }
+        }
         for one in sub.get_arguments() {
             for other in sub.get_arg_conflicts_with(one) {
                 for (one, other) in [(one, other), (other, one)] {

@@ -50,13 +50,8 @@ pub struct ShaderArgs {
     /// Set a variable of a scene; may be given several times.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     pub set: Vec<String>,
-    /// With a capture of several frames, the frame to take, from 0.
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    pub frame: usize,
-    /// With a capture, the render pass of the frame to take, from 0; default: the one that draws most
-    /// vertices to a colour target.
-    #[arg(long, value_name = "N")]
-    pub render_pass: Option<usize>,
+    #[command(flatten)]
+    pub capture: FrameArgs,
     /// Part of the name of the adapter that replays a capture.
     #[arg(skip)]
     pub replay_on: Option<String>,
@@ -74,6 +69,27 @@ pub struct ShaderArgs {
     pub limits: LimitArgs,
     #[command(flatten)]
     pub state: StateArgs,
+}
+
+/// The part of a capture to draw.
+#[derive(Clone, Default, clap::Args)]
+pub struct FrameArgs {
+    /// With a capture of several frames, the frame to take, from 0.
+    #[arg(long, value_name = "N", default_value_t = 0)]
+    frame: usize,
+    /// With a capture, the render pass of the frame to take, from 0; default: the one that draws most
+    /// vertices to a colour target.
+    #[arg(long, value_name = "N")]
+    render_pass: Option<usize>,
+}
+
+impl FrameArgs {
+    fn choice(&self) -> capture::Choice {
+        capture::Choice {
+            frame: self.frame,
+            pass: self.render_pass,
+        }
+    }
 }
 
 /// A path as given. The folder of a captured frame stands for its file.
@@ -444,7 +460,8 @@ impl ShaderArgs {
             return Ok(());
         };
         let capture = Capture::open(folder, &self.limits.limits())?;
-        let Some(shown) = capture::pictures(&capture, &self.replay_gpu()?, self.frame)? else {
+        let Some(shown) = capture::pictures(&capture, &self.replay_gpu()?, self.capture.frame)?
+        else {
             return Ok(());
         };
         let [page, replay] = shown.map(|image| Rendered {
@@ -475,15 +492,11 @@ impl ShaderArgs {
         let failed =
             |e: capture::Error| Failure(format!("error[{}]: {}: {e}", e.code(), folder.display()));
         let capture = Capture::open(folder, &self.limits.limits()).map_err(failed)?;
-        let choice = capture::Choice {
-            frame: self.frame,
-            pass: self.render_pass,
-        };
         let gpu = match purpose {
             Purpose::Read => None,
             Purpose::Draw => Some(self.replay_gpu()?),
         };
-        capture::scene(&capture, choice, gpu.as_ref()).map_err(failed)
+        capture::scene(&capture, self.capture.choice(), gpu.as_ref()).map_err(failed)
     }
 
     /// The shaders that draw a glTF file.

@@ -24,7 +24,7 @@ use preshade::unstable::search::plan::{
 };
 
 use crate::guesses;
-use crate::input::{self, ShaderArgs, unread};
+use crate::input::{self, FrameArgs, ShaderArgs, unread};
 use crate::kept::{KeptScenes, reopened};
 use crate::limits::LimitArgs;
 use crate::lock::{self, Locks};
@@ -64,13 +64,8 @@ pub struct PlanArgs {
     /// Set a variable of the scene; may be given several times.
     #[arg(long = "set", value_name = "NAME=VALUE")]
     set: Vec<String>,
-    /// With a capture of several frames, the frame to take, from 0.
-    #[arg(long, value_name = "N", default_value_t = 0)]
-    frame: usize,
-    /// With a capture, the render pass of the frame to take, from 0; default: the one that draws most
-    /// vertices to a colour target.
-    #[arg(long, value_name = "N")]
-    render_pass: Option<usize>,
+    #[command(flatten)]
+    capture: FrameArgs,
     #[command(flatten)]
     pub limits: LimitArgs,
     #[command(flatten)]
@@ -179,8 +174,7 @@ impl PlanArgs {
         many::drawn(ShaderArgs {
             files: self.scenes.clone(),
             set: self.set.clone(),
-            frame: self.frame,
-            render_pass: self.render_pass,
+            capture: self.capture.clone(),
             limits: self.limits.clone(),
             replay_on: self.adapter.clone(),
             ..ShaderArgs::default()

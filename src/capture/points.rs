@@ -1,7 +1,8 @@
 //! WebGL's points as squares of two triangles: WebGPU's points are one pixel large and have no coordinate.
 
-use naga::{Binding, Interpolation, ShaderStage, TypeInner};
+use naga::{Binding, Interpolation, ShaderStage};
 use preshade_passes::program::Program;
+use preshade_passes::reflect;
 
 use super::material::Reader;
 use super::webgl::CORNER;
@@ -81,28 +82,16 @@ pub(super) fn fragment(text: &str, reader: Reader) -> String {
 /// still varies.
 pub(super) fn with_flat_varyings(program: &Program) -> Result<Program, String> {
     let mut module = program.module().clone();
-    for entry in &mut module.entry_points {
-        match entry.stage {
-            ShaderStage::Vertex => {
-                let Some(result) = &entry.function.result else {
-                    continue;
-                };
-                let mut ty = module.types[result.ty].clone();
-                let TypeInner::Struct { members, .. } = &mut ty.inner else {
-                    continue;
-                };
-                for member in members {
-                    flatten(member.name.as_deref(), &mut member.binding);
-                }
-                if module.types.get(&ty).is_none() {
-                    module.types.replace(result.ty, ty);
-                }
-            }
-            _ => {
-                for argument in &mut entry.function.arguments {
-                    flatten(argument.name.as_deref(), &mut argument.binding);
-                }
-            }
+    for index in 0..module.entry_points.len() {
+        let entry = &mut module.entry_points[index];
+        if entry.stage == ShaderStage::Vertex {
+            reflect::edit_outputs(&mut module, index, |name, _, binding| {
+                flatten(name, binding)
+            });
+            continue;
+        }
+        for argument in &mut entry.function.arguments {
+            flatten(argument.name.as_deref(), &mut argument.binding);
         }
     }
     program.with_module(module).map_err(|e| e.to_string())
@@ -215,8 +204,6 @@ pub(super) fn spread(
 #[cfg(test)]
 mod tests {
     #![allow(clippy::unwrap_used)]
-
-    use preshade_passes::reflect;
 
     use super::*;
     use crate::front::{self, Source};

@@ -205,6 +205,7 @@ impl Reason {
                 "device was lost",
                 "device is lost",
                 "device lost",
+                "adapter cannot be shared",
             ]) =>
             {
                 Self::DeviceLost

@@ -90,7 +90,7 @@ pub struct Verified {
     pub report: Report,
     /// Pictures of the variants that were drawn, without the original.
     pub pictures: Vec<Pictures>,
-    /// Why measuring ended before the last view, with the adapter lost; `None`: it did not.
+    /// Why measuring ended early, with the adapter lost; `None`: it did not.
     pub lost: Option<String>,
 }
 
@@ -117,7 +117,7 @@ struct Run<'a, 'p> {
 ///
 /// # Errors
 ///
-/// The original cannot be drawn.
+/// The original cannot be drawn, or the adapter is lost before the first view.
 pub fn verify(
     session: &Session<'_>,
     variants: &[Variant],
@@ -236,12 +236,14 @@ impl Run<'_, '_> {
             if self.lost.is_none() && variant.plans.iter().any(shadow::has_shadow) {
                 let what = format!("`{}` under the light", variant.name);
                 (self.progress)(VerifyProgress::at(1.0 - f64::EPSILON, what));
-                subject.measure_shadow(self.session, variant, self.settings);
+                let measured = subject.measure_shadow(self.session, variant, self.settings);
+                self.lost = measured.err().map(|error| error.to_string());
             }
             if self.lost.is_none() && variant.plans.iter().any(outputs::has_outputs) {
                 let what = format!("the auxiliary pictures of `{}`", variant.name);
                 (self.progress)(VerifyProgress::at(1.0 - f64::EPSILON, what));
-                subject.measure_outputs(self.session, variant, self.settings);
+                let measured = subject.measure_outputs(self.session, variant, self.settings);
+                self.lost = measured.err().map(|error| error.to_string());
             }
             subject.run_self_tests(self.session, self.lost.as_deref());
         }

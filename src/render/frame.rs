@@ -773,13 +773,15 @@ impl FrameBuilder<'_, '_> {
         };
         build.requirements()?;
         let vertex = build.vertex_layout()?;
+        let filled = build.filled()?;
         let key = PipelineKey {
             material,
             member,
             vertex: vertex.clone(),
+            bindings: filled.values().flatten().map(|b| b.entry).collect(),
             strip: build.strip_format(),
         };
-        let groups = build.groups()?;
+        let groups = build.groups(&filled)?;
         let pipeline = match built.iter().find(|(k, _)| *k == key) {
             Some((_, i)) => *i,
             None => {

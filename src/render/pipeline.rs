@@ -9,17 +9,18 @@ use preshade_passes::state::ColorTarget;
 use super::compiled::{self, Compiled, RenderKey};
 use super::gpu::Gpu;
 use super::inputs::{self, DrawInputs};
-use super::layout::Made;
+use super::layout::{Groups, Made};
 use super::shader::ShaderStageRef;
 use super::targets::Targets;
 use super::{Error, layout, limits, state};
 
-/// Draws of one material pass share a pipeline if their vertices have the same layout.
+/// Draws of one material pass share a pipeline if their vertices and bindings have the same layouts.
 #[derive(Clone, PartialEq)]
 pub(super) struct PipelineKey {
     pub material: usize,
     pub member: usize,
     pub vertex: Vec<VertexLayout>,
+    pub bindings: Vec<wgpu::BindGroupLayoutEntry>,
     pub strip: Option<wgpu::IndexFormat>,
 }
 
@@ -136,23 +137,25 @@ impl Build<'_> {
         Ok(layouts)
     }
 
-    /// Layout and bind group of each group the pass uses.
-    pub fn groups(&self) -> Result<Vec<(u32, wgpu::BindGroupLayout, wgpu::BindGroup)>, Error> {
-        let bindings = &self.pass.bindings;
-        let filled = layout::fill(
-            bindings,
+    /// What the pass binds.
+    pub fn filled(&self) -> Result<Groups<'_>, Error> {
+        layout::fill(
+            &self.pass.bindings,
             [self.draw, self.previous],
             self.targets,
             self.made,
             &self.gpu.device.limits(),
         )
-        .map_err(|m| self.failed(m))?;
-        layout::bind(
-            self.gpu,
-            self.compiled,
-            &format!("the bindings of {}", self.what()),
-            &filled,
-        )
+        .map_err(|m| self.failed(m))
+    }
+
+    /// Layout and bind group of each group.
+    pub fn groups(
+        &self,
+        filled: &Groups<'_>,
+    ) -> Result<Vec<(u32, wgpu::BindGroupLayout, wgpu::BindGroup)>, Error> {
+        let what = format!("the bindings of {}", self.what());
+        layout::bind(self.gpu, self.compiled, &what, filled)
     }
 
     fn depth_stencil(&self) -> Result<Option<wgpu::DepthStencilState>, Error> {

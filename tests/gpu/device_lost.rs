@@ -38,18 +38,22 @@ fn scene() -> Scene {
 
 const LOST: &str = "the cable is out";
 
+fn untimed() -> Settings {
+    Settings {
+        timed: Timed::No,
+        timing: TimingSettings::default(),
+        frames_per_camera: 1,
+        command: String::new(),
+    }
+}
+
 #[test]
 fn verify_keeps_the_views_before_and_names_those_after() {
     let (gpu, scene) = (gpu(), scene());
     let originals = measure::originals(&scene);
     let recipe = Recipe::parse(["depth-prepass"]).unwrap();
     let variants = [measure::variant(&originals, &recipe, &Facts::default())];
-    let settings = Settings {
-        timed: Timed::No,
-        timing: TimingSettings::default(),
-        frames_per_camera: 1,
-        command: String::new(),
-    };
+    let settings = untimed();
     let mut kept: Vec<Unfinished> = Vec::new();
     let outcome = verify(
         &Session::new(&gpu, &scene, ShaderForm::Text).unwrap(),
@@ -92,6 +96,49 @@ fn verify_keeps_the_views_before_and_names_those_after() {
     assert_eq!(again.lost, None);
     assert_eq!(again.report.variants[1].verdict, Verdict::Holds);
     assert_eq!(again.report.variants[1].by_view.len(), 3);
+}
+
+#[test]
+fn a_loss_while_variants_are_built_ends_it() {
+    let (gpu, scene) = (gpu(), scene());
+    let session = Session::new(&gpu, &scene, ShaderForm::Text).unwrap();
+    let variants = ["depth-prepass", "early-discard"].map(|recipe| {
+        let recipe = Recipe::parse([recipe]).unwrap();
+        measure::variant(session.originals(), &recipe, &Facts::default())
+    });
+    let mut built = 0;
+    let found = verify(&session, &variants, &untimed(), &mut |p| {
+        built += usize::from(p.what.starts_with("compiling"));
+        if built == 2 {
+            gpu.pretend_lost(LOST);
+        }
+    });
+    assert!(found.is_err_and(|error| error.is_lost()));
+    assert_eq!(built, 2);
+}
+
+#[test]
+fn a_loss_after_the_views_is_told_as_one() {
+    for (recipe, what) in [
+        ("shadow", "under the light"),
+        ("outputs", "auxiliary pictures"),
+    ] {
+        let (gpu, scene) = (gpu(), scene());
+        let session = Session::new(&gpu, &scene, ShaderForm::Text).unwrap();
+        let recipe = Recipe::parse([recipe]).unwrap();
+        let variant = measure::variant(session.originals(), &recipe, &Facts::default());
+        let found = verify(&session, &[variant], &untimed(), &mut |p| {
+            if p.what.contains(what) {
+                gpu.pretend_lost(LOST);
+            }
+        });
+        let found = found.unwrap();
+        let why = found.lost.unwrap();
+        assert!(why.contains(LOST), "{recipe}: {why}");
+        let variant = &found.report.variants[1];
+        assert_eq!(variant.by_view.len(), 3, "{recipe}");
+        assert_eq!(variant.verdict, Verdict::NotMeasured { why });
+    }
 }
 
 #[test]

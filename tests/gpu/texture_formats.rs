@@ -2,15 +2,16 @@
 
 use std::sync::Arc;
 
-use glam::Mat4;
+use glam::{Mat4, Vec3};
 use preshade::unstable::render::{Error, SceneInputs};
-use preshade::unstable::scene::Image;
+use preshade::unstable::scene::bind::{self, TextureContent};
+use preshade::unstable::scene::{Filter, Image, Material};
 use wgpu::{TextureDimension, TextureFormat};
 
 use crate::render_support::*;
 
-/// The colour of a square that shows `body`, with `image` bound as `declared`.
-fn shown(declared: &str, body: &str, image: Image) -> [u8; 4] {
+/// A material that shows `body`, with `image` bound as `declared`.
+fn showing(declared: &str, body: &str, image: Image) -> Material {
     let source = FLAT.replace(
         "@fragment fn fs() -> @location(0) vec4<f32> { return object.tint; }",
         &format!(
@@ -23,6 +24,12 @@ fn shown(declared: &str, body: &str, image: Image) -> [u8; 4] {
     material
         .textures
         .insert("image".to_owned(), Arc::new(image));
+    material
+}
+
+/// The colour of a square with this material.
+fn shown(declared: &str, body: &str, image: Image) -> [u8; 4] {
+    let material = showing(declared, body, image);
     let tint = draw("all", Mat4::IDENTITY, [1.0; 4]);
     let out = render(gpu(), &scene([4, 4], vec![material], vec![tint]));
     let color = out.colors[0].as_ref().unwrap();
@@ -93,6 +100,37 @@ fn an_image_of_any_format_is_drawn_as_it_is() {
         "vec4(vec3(textureSampleLevel(image, smooth_sampler, vec3(0.0, -1.0, 0.0), 0)), 1.0)";
     // The fourth face is -y.
     assert_eq!(shown("texture_depth_cube", down, cube)[0], 76);
+}
+
+/// Two layouts for one material: a picture through a filter, and a depth without.
+#[test]
+fn draws_of_one_material_filter_what_they_read_or_not() {
+    let body = "vec4(textureSampleLevel(image, smooth_sampler, vec2(0.5), 0.0).rrr, 1.0)";
+    let picture = Image::rgba8([1, 1], 1, false, vec![vec![51, 0, 0, 255]]);
+    let half = |x: f32| {
+        Mat4::from_translation(Vec3::new(x, 0.0, 0.0)) * Mat4::from_scale(Vec3::new(0.5, 1.0, 1.0))
+    };
+    let mut scene = scene(
+        [4, 4],
+        vec![showing("texture_2d<f32>", body, picture)],
+        vec![
+            draw("left", half(-0.5), [1.0; 4]),
+            draw("right", half(0.5), [1.0; 4]),
+        ],
+    );
+    let pass = originals(&scene)[0].main().unwrap().clone();
+    let frame = &scene.cameras[0].frames[0];
+    let bound = bind::draw(&scene, &scene.materials[0], &pass, &scene.draws[1], frame);
+    let mut bound = bound.unwrap();
+    let depth = vec![0.6_f32.to_le_bytes().to_vec()];
+    let depth = image(TextureFormat::Depth32Float, [1, 1], 1, depth);
+    bound.textures[0].content = TextureContent::Image(Arc::new(depth));
+    bound.samplers[0].sampler.filter = Filter::Nearest;
+    scene.draws[1].captured = Some(Arc::new(bound));
+    let out = render(gpu(), &scene);
+    let color = out.colors[0].as_ref().unwrap();
+    assert_eq!(color.texel(0), [51, 51, 51, 255]);
+    assert_eq!(color.texel(3), [153, 153, 153, 255]);
 }
 
 /// Why a scene with this image cannot be drawn.

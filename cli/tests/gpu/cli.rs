@@ -1,7 +1,9 @@
 //! Transcripts of commands that draw, and a scene made up for a bare shader.
 
+use std::fs;
 use std::path::Path;
 
+use crate::capture_support;
 use crate::hostile_support::{run, stderr};
 
 const TOON: &str = "../fixtures/shaders/toon.wgsl";
@@ -13,6 +15,21 @@ fn transcripts() {
         .env("COLUMNS", "100")
         .env("NO_COLOR", "1")
         .case("tests/cmd/gpu/*.md");
+}
+
+#[test]
+fn explore_takes_another_pass_of_a_captured_frame() {
+    let here = Path::new(env!("CARGO_MANIFEST_DIR"));
+    let frame = capture_support::folder().write("explored");
+    // The first pass fills a texture, the second draws the quads.
+    for (pass, found) in [("0", "pipeline-0"), ("1", "quads")] {
+        let explore = ["explore", frame.to_str().unwrap(), "--render-pass", pass];
+        let output = run(here, &[&explore[..], &["--seconds", "3"]].concat());
+        let said = stderr(&output);
+        assert!(matches!(output.status.code(), Some(0 | 3)), "{said}");
+        assert!(said.contains(&format!("take: `{found}`")), "{said}");
+    }
+    fs::remove_dir_all(frame).unwrap();
 }
 
 #[test]

@@ -6,6 +6,9 @@
 
 #[path = "../support/browser_support.rs"]
 mod browser_support;
+#[path = "../../../tests/support/capture_support.rs"]
+#[allow(dead_code)]
+mod capture_support;
 #[path = "../support/hostile_support.rs"]
 mod hostile_support;
 #[path = "../../../tests/support/swiftshader_support.rs"]

@@ -414,6 +414,36 @@ fn a_flag_goes_before_the_environment_and_that_before_the_file() {
     assert!(said.contains("the environment sets both"), "{said}");
 }
 
+/// The camera and the size are those of `--scene`, which these commands can do without.
+#[test]
+fn a_value_of_the_file_that_a_command_has_no_use_for_is_left() {
+    let tree = tree("many-of-no-use");
+    let file = "size = \"64x36\"\ncamera = [\"wall\"]\n";
+    fs::write(tree.join("preshade.toml"), file).unwrap();
+    let lit = "shaders/lit.wgsl";
+    let explain = ["explain", lit];
+    let agree = ["agree", lit, "--with", lit, "--as", "same"];
+    for command in [&explain[..], &agree] {
+        let output = run(&tree, command);
+        assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
+        let output = run(&tree, &[command, &["--size", "32x18"]].concat());
+        assert_eq!(output.status.code(), Some(2));
+        assert!(stderr(&output).contains("are for --scene"), "{command:?}");
+    }
+    let printed = |args: &[&str]| {
+        let output = run(&tree, &[&explain, args, &["--print-config"]].concat());
+        String::from_utf8(output.stdout).unwrap()
+    };
+    assert!(printed(&[]).contains("# size is not set"));
+    assert!(printed(&["--scene"]).contains("size = \"64x36\" # preshade.toml"));
+    // For any command, or for this one.
+    for flag in ["scene = true\n", "[explain]\nscene = true\n"] {
+        fs::write(tree.join("preshade.toml"), format!("{file}{flag}")).unwrap();
+        assert!(printed(&[]).contains("size = \"64x36\""), "{flag}");
+        assert!(printed(&["--scene=false"]).contains("# size is not set"));
+    }
+}
+
 #[test]
 fn help_does_not_rest_on_the_file() {
     let tree = tree("many-help");

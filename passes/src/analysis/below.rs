@@ -6,9 +6,11 @@
 use std::collections::BTreeMap;
 
 use crate::analysis::cut;
+use crate::analysis::named::{name, span};
 use crate::analysis::reach::with_operands;
 use crate::analysis::users::Users;
 use crate::analysis::values::{Node, ValueId, Values};
+use crate::core::pass::Left;
 use crate::graph::cost;
 
 /// The cost of values and all their dependences, each counted once, and the inputs among the
@@ -95,6 +97,39 @@ pub fn dearest(
     }
     let order = &walk.order;
     found.iter().map(|(at, cost)| (order[*at], *cost)).collect()
+}
+
+/// Named values that a pass leaves, at most `most`, the most expensive first. `why` gives the reason;
+/// `None`: the value is not reported.
+pub fn left(
+    values: &Values<'_, '_>,
+    most: usize,
+    why: impl Fn(ValueId) -> Option<String>,
+) -> Vec<Left> {
+    let sources = values.graph.program().sources();
+    let staying: BTreeMap<ValueId, (String, String)> = (0..values.values.len())
+        .filter_map(|id| Some((id, (name(values, id)?, why(id)?))))
+        .collect();
+    let ids: Vec<ValueId> = staying.keys().copied().collect();
+    let mut costs = dearest(values, &ids, most, 0.0);
+    costs.sort_by_key(|(id, _)| *id);
+    let mut left: Vec<Left> = costs
+        .into_iter()
+        .filter(|(_, cost)| *cost > 0.0)
+        .filter_map(|(id, cost)| {
+            let (name, reason) = staying.get(&id)?.clone();
+            Some(Left {
+                name,
+                reason,
+                cost: cost.round(),
+                location: span(values, id).and_then(|s| sources.locate(s)),
+            })
+        })
+        .collect();
+    left.sort_by(|a, b| b.cost.total_cmp(&a.cost).then_with(|| a.name.cmp(&b.name)));
+    left.dedup_by(|a, b| a.name == b.name && a.location == b.location);
+    left.truncate(most);
+    left
 }
 
 /// Walks from up to [`Above::MOST`] values at once. Values are numbered with users before operands,

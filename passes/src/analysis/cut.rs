@@ -28,6 +28,7 @@ use std::borrow::Cow;
 use rustc_hash::FxHashSet;
 
 use crate::analysis::users::Users;
+use crate::analysis::values::{ValueId, Values};
 
 mod flow;
 
@@ -42,6 +43,28 @@ pub struct Item<'a> {
     pub price: Option<f64>,
     /// Items that it is computed from.
     pub operands: Cow<'a, [usize]>,
+}
+
+/// A stage's values as items. `price` is what giving a value costs each fragment; `None`: it must not
+/// move.
+pub fn items<'v>(
+    values: &'v Values<'_, '_>,
+    price: impl Fn(ValueId) -> Option<f64>,
+) -> Vec<Item<'v>> {
+    let all = values.values.iter().enumerate();
+    all.map(|(id, value)| {
+        let depth = values
+            .expression(id)
+            .map(|(c, ..)| values.contexts[c].depth);
+        // Of two names for one value prefer the outermost function's: it needs no copy of the callee.
+        let depth = 1.0 + 0.002 * f64::from(depth.unwrap_or_default());
+        Item {
+            cost: Some(value.cost),
+            price: price(id).map(|price| price * depth),
+            operands: Cow::Borrowed(&value.operands),
+        }
+    })
+    .collect()
 }
 
 /// The cheapest choice.

@@ -11,8 +11,6 @@
 //! differ too. What only chooses the coordinates of other loads is no guide: a rotation of taps by a
 //! texture of noise differs from pixel to pixel, and says nothing about the surface.
 
-use std::borrow::Cow;
-
 use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, Statement, TypeInner};
 
 use crate::analysis::below::{below, is_cheap};
@@ -20,7 +18,7 @@ use crate::analysis::cut::{self, Cut, Item};
 use crate::analysis::loops::{endless, is_in_endless, iterated};
 use crate::analysis::named;
 use crate::analysis::reach::{with_operands, with_users};
-use crate::analysis::values::{ContextId, Node, Value, ValueId, Values};
+use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::graph::StmtId;
 use crate::graph::rate::Rate;
 
@@ -199,10 +197,10 @@ fn cheapest(
     guide: &dyn Fn(ValueId) -> bool,
 ) -> Option<Choice> {
     let before = {
-        let items = items(values, &[]);
+        let items = cut::items(values, |_| None);
         cut::minimum(&items, &values.roots)?.total(&items)
     };
-    let items = items(values, verdicts);
+    let items = cut::items(values, |id| price(values, verdicts, id));
     let cuts = cut::sweep(&items, &values.roots, &SWEEP)?;
     let choices = cuts.iter().filter_map(|cut| {
         let choice = choice(values, verdicts, &items, cut, before, guide)?;
@@ -280,23 +278,10 @@ pub fn guide_name(values: &Values<'_, '_>, id: ValueId) -> String {
     name.unwrap_or_else(|| "a texel".to_owned())
 }
 
-/// The values as items of the cut problem; without verdicts, none may move.
-fn items<'v>(values: &'v Values<'_, '_>, verdicts: &[Result<(), Stays>]) -> Vec<Item<'v>> {
-    let item = |(id, value): (ValueId, &'v Value)| {
-        let is_allowed = verdicts.get(id).is_some_and(Result::is_ok);
-        let width = width(values, id).filter(|_| is_allowed);
-        let depth = values
-            .expression(id)
-            .map(|(c, ..)| values.contexts[c].depth);
-        // Of two names for one value prefer the outermost function's: it needs no copy of the callee.
-        let depth = 1.0 + 0.002 * f64::from(depth.unwrap_or_default());
-        Item {
-            cost: Some(value.cost),
-            price: width.map(|width| READ * f64::from(width) * depth),
-            operands: Cow::Borrowed(&value.operands),
-        }
-    };
-    values.values.iter().enumerate().map(item).collect()
+/// What giving a value costs each pixel; `None`: it must not move.
+fn price(values: &Values<'_, '_>, verdicts: &[Result<(), Stays>], id: ValueId) -> Option<f64> {
+    let width = width(values, id).filter(|_| verdicts[id].is_ok())?;
+    Some(READ * f64::from(width))
 }
 
 /// Values that are loaded at the pixel itself, and that `moved` are computed from other than through a

@@ -5,18 +5,16 @@
 //! it back, and a value below another that moves costs nothing more. If the values don't fit into the
 //! room, we raise the price of reading until they do.
 
-use std::borrow::Cow;
-
 use naga::{AddressSpace, Expression, ScalarKind, TypeInner};
 
 use crate::analysis::below::{below, is_cheap};
 use crate::analysis::contraction::{self, Pruned};
-use crate::analysis::cut::{self, Cut, Item};
+use crate::analysis::cut::{self, Cut};
 use crate::analysis::loops::{endless, is_in_endless, iterated};
 use crate::analysis::range::AllRanges;
 use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::rounding::{ORDINARY, Roundings};
-use crate::analysis::values::{Node, Value, ValueId, Values};
+use crate::analysis::values::{Node, ValueId, Values};
 use crate::core::pass::SourceRange;
 use crate::graph::rate::Rate;
 
@@ -247,10 +245,10 @@ pub struct Choice {
 /// The choice that saves an invocation most; `None` if none saves enough.
 pub fn choose(values: &Values<'_, '_>, judged: &Judged, terms: &Terms) -> Option<Choice> {
     let before = {
-        let items = items(values, judged, None);
+        let items = cut::items(values, |_| None);
         cut::minimum(&items, &values.roots)?.total(&items)
     };
-    let items = items(values, judged, Some(terms.weakest));
+    let items = cut::items(values, |id| price(values, judged, terms.weakest, id));
     let pruned = Pruned::new(values);
     let decides = with_operands(values, values.coverage.clone());
     let mut best: Option<Choice> = None;
@@ -332,22 +330,10 @@ fn rows(values: &Values<'_, '_>, stored: &[ValueId]) -> u32 {
     end.div_ceil(4)
 }
 
-/// The values as items of the cut problem. `weakest`: the class of the values that may move.
-fn items<'v>(values: &'v Values<'_, '_>, judged: &Judged, weakest: Option<Class>) -> Vec<Item<'v>> {
-    let item = |(id, value): (ValueId, &'v Value)| {
-        let verdict = judged.verdicts[id].as_ref().ok();
-        let is_allowed = verdict.is_some_and(|class| Some(*class) <= weakest);
-        let width = shape(values, id).filter(|_| is_allowed);
-        let depth = values
-            .expression(id)
-            .map(|(c, ..)| values.contexts[c].depth);
-        // Of two names for one value prefer the outermost function's: it needs no copy of the callee.
-        let depth = 1.0 + 0.002 * f64::from(depth.unwrap_or_default());
-        Item {
-            cost: Some(value.cost),
-            price: width.map(|width| READ * f64::from(width) * depth),
-            operands: Cow::Borrowed(&value.operands),
-        }
-    };
-    values.values.iter().enumerate().map(item).collect()
+/// What reading a value costs an invocation; `None`: its class is weaker than `weakest`, or it must not
+/// move.
+fn price(values: &Values<'_, '_>, judged: &Judged, weakest: Class, id: ValueId) -> Option<f64> {
+    let is_allowed = matches!(judged.verdicts[id], Ok(class) if class <= weakest);
+    let width = shape(values, id).filter(|_| is_allowed)?;
+    Some(READ * f64::from(width))
 }

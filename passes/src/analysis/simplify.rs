@@ -10,7 +10,7 @@ use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::refusals;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{Change, Left, Outcome, Refusal, Refused, Site, SiteCost};
-use crate::core::plan::{GpuPass, Plan, Role, Step};
+use crate::core::plan::{GpuPass, Plan, Role};
 use crate::core::program::Program;
 use crate::core::reflect;
 use crate::graph::{FunctionId, Graph};
@@ -37,14 +37,7 @@ impl Simplified {
         for pass in next.passes.iter_mut().filter(|p| p.program == self.of) {
             reflect::fill(pass, &self.program);
         }
-        next.notes.push(self.change.what.clone());
-        next.steps.push(Step {
-            pass: name.to_owned(),
-            site: self.change.key.clone(),
-            params: serde_json::to_value(params).unwrap_or_default(),
-            contract: self.contract.clone(),
-        });
-        next.contract = next.contract.and(self.contract);
+        next.add_step(name, params, &self.change, self.contract);
         next.programs.insert(self.of, self.program);
         Outcome {
             plan: next,

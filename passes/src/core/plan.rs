@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::core::contract::Contract;
 use crate::core::geometry::{Formats, Geometry};
+use crate::core::pass::{Change, Site};
 use crate::core::program::Program;
 use crate::core::state::{
     AttachmentOps, ColorTarget, CompareFunction, DepthDirection, DepthFormat, DepthState,
@@ -633,7 +634,7 @@ pub struct Step {
     /// Pass name.
     pub pass: String,
     /// Where.
-    pub site: crate::core::pass::Site,
+    pub site: Site,
     /// Parameters in full, defaults included.
     pub params: serde_json::Value,
     /// Its promise.
@@ -857,6 +858,24 @@ impl Plan {
             original: Some(Arc::new(plan.clone())),
             ..plan
         }
+    }
+
+    /// Adds a step of the pass `name`, with its promise and a note on what it changed.
+    pub fn add_step(
+        &mut self,
+        name: &str,
+        params: &impl Serialize,
+        change: &Change,
+        contract: Contract,
+    ) {
+        self.notes.push(change.what.clone());
+        self.steps.push(Step {
+            pass: name.to_owned(),
+            site: change.key.clone(),
+            params: serde_json::to_value(params).unwrap_or_default(),
+            contract: contract.clone(),
+        });
+        self.contract = self.contract.clone().and(contract);
     }
 
     /// The main pass.

@@ -46,6 +46,29 @@ pub fn outputs(module: &Module, function: &Function) -> Vec<Io> {
         .collect()
 }
 
+/// Changes the binding of each output of an entry point. `edit` is given its name, its type and the
+/// binding.
+pub fn edit_outputs(
+    module: &mut Module,
+    entry: usize,
+    mut edit: impl FnMut(Option<&str>, &TypeInner, &mut Option<Binding>),
+) {
+    let Some(result) = &mut module.entry_points[entry].function.result else {
+        return;
+    };
+    let mut ty = module.types[result.ty].clone();
+    let TypeInner::Struct { members, .. } = &mut ty.inner else {
+        return edit(None, &ty.inner, &mut result.binding);
+    };
+    for member in members {
+        let inner = &module.types[member.ty].inner;
+        edit(member.name.as_deref(), inner, &mut member.binding);
+    }
+    if module.types.get(&ty).is_none() {
+        module.types.replace(result.ty, ty);
+    }
+}
+
 fn open(
     module: &Module,
     name: Option<String>,

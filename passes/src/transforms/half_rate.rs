@@ -31,10 +31,9 @@ use naga::ShaderStage;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::analysis::below::dearest;
+use crate::analysis::below;
 use crate::analysis::half_rate::{self, Choice, Stays};
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
-use crate::analysis::named::{name, span};
 use crate::analysis::refusals as shared;
 use crate::analysis::simplify::{self, FragmentStage};
 use crate::analysis::values::{ValueId, Values};
@@ -303,7 +302,11 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         let is_guide =
             |id: ValueId| asked.is_none_or(|all| all.split('+').any(|one| one.trim() == named(id)));
         let choice = half_rate::choose(values, &verdicts, params.least, &is_guide);
-        let left = left(values, &verdicts);
+        let left = below::left(values, MOST_LEFT, |id| match verdicts[id] {
+            Ok(()) => Some("it saves too little".to_owned()),
+            Err(Stays::Uniform | Stays::Shape | Stays::Cheap) => None,
+            Err(stays) => Some(stays.to_string()),
+        });
         let Some(choice) = choice else {
             let reason = format!(
                 "no value that may be computed at half the rate saves {} ops",
@@ -348,36 +351,6 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             edges: params.edges,
         })
     }
-}
-
-/// Named values that stay, the most expensive first.
-fn left(values: &Values<'_, '_>, verdicts: &[Result<(), Stays>]) -> Vec<Left> {
-    let sources = values.graph.program().sources();
-    let staying: Vec<(ValueId, String)> = (0..values.values.len())
-        .filter_map(|id| match verdicts[id] {
-            Ok(()) => Some((id, "it saves too little".to_owned())),
-            Err(Stays::Uniform | Stays::Shape | Stays::Cheap) => None,
-            Err(stays) => Some((id, stays.to_string())),
-        })
-        .collect();
-    let ids: Vec<ValueId> = staying.iter().map(|(id, _)| *id).collect();
-    let costs = dearest(values, &ids, MOST_LEFT, 0.0);
-    let mut left: Vec<Left> = costs
-        .into_iter()
-        .filter_map(|(id, cost)| {
-            let (_, reason) = staying.iter().find(|(of, _)| *of == id)?;
-            Some(Left {
-                name: name(values, id)?,
-                reason: reason.clone(),
-                cost: cost.round(),
-                location: span(values, id).and_then(|s| sources.locate(s)),
-            })
-        })
-        .collect();
-    left.sort_by(|a, b| b.cost.total_cmp(&a.cost).then_with(|| a.name.cmp(&b.name)));
-    left.dedup_by(|a, b| a.name == b.name && a.location == b.location);
-    left.truncate(MOST_LEFT);
-    left
 }
 
 /// Most values to report.

@@ -32,12 +32,10 @@
 //! Noise uses `floor` but is continuous across cells. We can't prove that, so we hoist noise only
 //! if `verify` measured it, if you list it in `carry`, or if you pass `jumps=carried`.
 
-use std::collections::BTreeMap;
-
 use naga::ShaderStage;
 
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
-use crate::analysis::named::{name, span};
+use crate::analysis::named::span;
 use crate::analysis::refusals as shared;
 use crate::analysis::{below, rounding, values};
 use crate::core::budget::Budget;
@@ -46,7 +44,7 @@ use crate::core::pass::{
     Change, Example, Expected, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site,
     SiteCost, Source, Use,
 };
-use crate::core::plan::{GpuPass, HOIST, Plan, Role, Step};
+use crate::core::plan::{GpuPass, HOIST, Plan, Role};
 use crate::core::program::Program;
 use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
@@ -78,7 +76,7 @@ use advice::Advice;
 use choose::Choice;
 use movable::{Class, Judged, Missed, Precision};
 use outline::{Failed, Wanted};
-use values::{Node, ValueId, Values};
+use values::Values;
 
 /// The pass.
 pub struct Hoist;
@@ -548,15 +546,9 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             }
             Some(Class::Smooth) => Contract::Approximate { budget, given },
         };
-        next.steps.push(Step {
-            pass: Hoist::INFO.name.to_owned(),
-            site: self.key.clone(),
-            params: serde_json::to_value(params).unwrap_or_default(),
-            contract: contract.clone(),
-        });
-        next.contract = next.contract.and(contract);
+        let change = self.change(material);
+        next.add_step(Hoist::INFO.name, params, &change, contract);
         next.fallback = Some("original".to_owned());
-        next.notes.push(self.describe());
         next.notes.extend(moved);
         if !self.unknown.is_empty() {
             next.notes.push(not_here(&self.unknown));
@@ -578,41 +570,16 @@ pub const MOST_LEFT: usize = 1_000;
 /// Named values and results of calls that are not hoisted, at most [`MOST_LEFT`], most expensive
 /// first. Values whose users could not have taken them along are included.
 fn left(values: &Values<'_, '_>, judged: &Judged, weakest: Class) -> Vec<Left> {
-    let sources = values.graph.program().sources();
-    let staying = (0..values.values.len())
-        .filter(|id| matches!(values.values[*id].node, Node::Expression(..)))
-        .filter_map(|id| {
-            let reason = match &judged.verdicts[id] {
-                Ok(c) if c.class <= weakest => return None,
-                Ok(_) if judged.affine[id] => match judged.roundings.of(id) {
-                    error if error.is_finite() => {
-                        format!("hoisted, its rounding may change an output by {error:.1e}")
-                    }
-                    _ => "hoisted, its rounding may change an output without bound".to_owned(),
-                },
-                Ok(_) => "interpolating it is an approximation, and there is no budget".to_owned(),
-                Err(Missed::NotCarried | Missed::Varying) => return None,
-                Err(missed) => missed.to_string(),
-            };
-            Some((id, name(values, id)?, reason))
-        });
-    let staying: Vec<(ValueId, String, String)> = staying.collect();
-    let ids: Vec<ValueId> = staying.iter().map(|(id, ..)| *id).collect();
-    let costs = below::dearest(values, &ids, MOST_LEFT, 0.0);
-    let costs: BTreeMap<ValueId, f64> = costs.into_iter().collect();
-    let mut left: Vec<Left> = staying
-        .into_iter()
-        .filter_map(|(id, name, reason)| {
-            Some(Left {
-                name,
-                reason,
-                cost: costs.get(&id).filter(|c| **c > 0.0)?.round(),
-                location: span(values, id).and_then(|s| sources.locate(s)),
-            })
-        })
-        .collect();
-    left.sort_by(|a, b| b.cost.total_cmp(&a.cost).then_with(|| a.name.cmp(&b.name)));
-    left.dedup_by(|a, b| a.name == b.name && a.location == b.location);
-    left.truncate(MOST_LEFT);
-    left
+    below::left(values, MOST_LEFT, |id| match &judged.verdicts[id] {
+        Ok(c) if c.class <= weakest => None,
+        Ok(_) if judged.affine[id] => Some(match judged.roundings.of(id) {
+            error if error.is_finite() => {
+                format!("hoisted, its rounding may change an output by {error:.1e}")
+            }
+            _ => "hoisted, its rounding may change an output without bound".to_owned(),
+        }),
+        Ok(_) => Some("interpolating it is an approximation, and there is no budget".to_owned()),
+        Err(Missed::NotCarried | Missed::Varying) => None,
+        Err(missed) => Some(missed.to_string()),
+    })
 }

@@ -33,9 +33,9 @@ use naga::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::analysis::below::dearest;
+use crate::analysis::below;
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
-use crate::analysis::named::{name, span};
+use crate::analysis::named::span;
 use crate::analysis::preamble::{self, Choice, Class, Judged, Stays, Terms};
 use crate::analysis::refusals as shared;
 use crate::analysis::rounding;
@@ -49,7 +49,7 @@ use crate::core::pass::{
 };
 use crate::core::plan::{
     BindingKind, BindingSource, BindingUse, ComputePass, DrawBuffer, Draws, GeometryPart, ORIGINAL,
-    Plan, Role, Step, Visibility, When,
+    Plan, Role, Visibility, When,
 };
 use crate::core::program::Program;
 use crate::core::reflect;
@@ -239,7 +239,8 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             .cloned()
             .collect();
         let judged = preamble::judge(values, &known, rounding::most(stage.pass));
-        let left = left(values, &judged, params.terms().weakest);
+        let weakest = params.terms().weakest;
+        let left = below::left(values, MOST_LEFT, |id| why(&judged, weakest, id));
         let Some(choice) = preamble::choose(values, &judged, &params.terms()) else {
             return Err((nothing(values, &judged, params), left));
         };
@@ -336,15 +337,8 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         next.programs.insert(COMPUTE.to_owned(), built.compute);
         let contract = self.contract();
         let change = self.change();
-        next.steps.push(Step {
-            pass: Preamble::INFO.name.to_owned(),
-            site: change.key.clone(),
-            params: serde_json::to_value(params).unwrap_or_default(),
-            contract: contract.clone(),
-        });
-        next.contract = next.contract.and(contract);
+        next.add_step(Preamble::INFO.name, params, &change, contract);
         next.fallback = Some(ORIGINAL.to_owned());
-        next.notes.push(change.what.clone());
         Outcome {
             plan: next,
             change,
@@ -563,39 +557,17 @@ fn nothing(values: &Values<'_, '_>, judged: &Judged, params: &Params) -> Box<Ref
     )
 }
 
-/// Named values that only the draw decides, and that are not moved, the most expensive first.
-fn left(values: &Values<'_, '_>, judged: &Judged, weakest: Class) -> Vec<Left> {
-    let sources = values.graph.program().sources();
-    let staying: Vec<(ValueId, String)> = (0..values.values.len())
-        .filter_map(|id| {
-            let reason = match judged.verdicts[id] {
-                Ok(class) if class <= weakest => "it saves too little".to_owned(),
-                Ok(_) => "a compiler may fuse it into what reads it: `allow=rounding` moves it"
-                    .to_owned(),
-                Err(Stays::NotOfDraw | Stays::NotWorth) => return None,
-                Err(stays) => stays.to_string(),
-            };
-            Some((id, reason))
-        })
-        .collect();
-    let ids: Vec<ValueId> = staying.iter().map(|(id, _)| *id).collect();
-    let costs = dearest(values, &ids, MOST_LEFT, 0.0);
-    let mut left: Vec<Left> = costs
-        .into_iter()
-        .filter_map(|(id, cost)| {
-            let (_, reason) = staying.iter().find(|(of, _)| *of == id)?;
-            Some(Left {
-                name: name(values, id)?,
-                reason: reason.clone(),
-                cost: cost.round(),
-                location: span(values, id).and_then(|s| sources.locate(s)),
-            })
-        })
-        .collect();
-    left.sort_by(|a, b| b.cost.total_cmp(&a.cost).then_with(|| a.name.cmp(&b.name)));
-    left.dedup_by(|a, b| a.name == b.name && a.location == b.location);
-    left.truncate(MOST_LEFT);
-    left
+/// Why a value that only the draw decides is not moved; `None`: something else decides it, or it is
+/// not worth a word.
+fn why(judged: &Judged, weakest: Class, id: ValueId) -> Option<String> {
+    match judged.verdicts[id] {
+        Ok(class) if class <= weakest => Some("it saves too little".to_owned()),
+        Ok(_) => {
+            Some("a compiler may fuse it into what reads it: `allow=rounding` moves it".to_owned())
+        }
+        Err(Stays::NotOfDraw | Stays::NotWorth) => None,
+        Err(stays) => Some(stays.to_string()),
+    }
 }
 
 /// Most values to report.

@@ -23,7 +23,7 @@ use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::view::{self, Said};
 use crate::core::contract::Contract;
 use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refused, Use};
-use crate::core::plan::{Attachment, Phase, Plan, Role, Step};
+use crate::core::plan::{Attachment, Phase, Plan, Role};
 use crate::core::refusals::RefusalInfo;
 use crate::core::state::{DepthDirection, DepthFormat, Multisample};
 use crate::rebuild::depth_only::{self, VertexStage};
@@ -99,12 +99,8 @@ impl Pass for Shadow {
             sampled: true,
             ..Attachment::depth(SHADOW_DEPTH, params.format, DepthDirection::Forward, 1)
         });
-        next.steps.push(Step {
-            pass: Self::INFO.name.to_owned(),
-            site: slice.key(&opaque),
-            params: serde_json::to_value(params).unwrap_or_default(),
-            contract: Contract::exact(),
-        });
+        let step = slice.step(&opaque, Self::INFO.name, params, Contract::exact());
+        next.steps.push(step);
         let decided = opaque.fragment.filter(|_| opaque.decides.anything());
         if decided.is_some_and(|fragment| {
             let slice = opaque.decides.slice(&opaque.graph, fragment);

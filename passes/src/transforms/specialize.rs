@@ -44,7 +44,7 @@ use crate::core::pass::{
     Change, Example, Expected, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Site,
     SiteCost, Use,
 };
-use crate::core::plan::{GpuPass, ORIGINAL, Plan, Role, Step};
+use crate::core::plan::{GpuPass, ORIGINAL, Plan, Role};
 use crate::core::program::Program;
 use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
@@ -384,14 +384,7 @@ impl Specialized {
                 given,
             },
         };
-        next.notes.push(self.describe());
-        next.steps.push(Step {
-            pass: Specialize::INFO.name.to_owned(),
-            site: self.key,
-            params: serde_json::to_value(params).unwrap_or_default(),
-            contract: contract.clone(),
-        });
-        next.contract = next.contract.and(contract);
+        next.add_step(Specialize::INFO.name, params, &self.change(), contract);
         next.guard = Some(next.guard.unwrap_or_default().and(self.guard));
         next.fallback = Some(ORIGINAL.to_owned());
         next.programs.insert(self.of, self.program);

@@ -29,7 +29,7 @@ use crate::core::contract::{Assumption, Contract, Surface, Turned};
 use crate::core::pass::{
     Change, Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
 };
-use crate::core::plan::{Attachment, ClearValue, GpuPass, Plan, Role, Step};
+use crate::core::plan::{Attachment, ClearValue, GpuPass, Plan, Role};
 use crate::core::rasterizer::Rasterizer;
 use crate::core::refusals::RefusalInfo;
 use crate::core::self_test;
@@ -389,23 +389,21 @@ impl<'a> SplitMaterial<'a> {
         let k = self.change(params).cost.slice.ceil() as u32;
         let reached = self.reached(&shaded, params)?;
         let given = self.assumptions(params, &reached);
-        next.steps.push(Step {
-            pass: VisibilityBuffer::INFO.name.to_owned(),
-            site: self.depth.key(&self.opaque),
-            params: serde_json::to_value(params.of_taken(reached.interpolated, reached.taken))
-                .unwrap_or_default(),
-            contract: match params.budget {
-                None => Contract::Rounding {
-                    k,
-                    turned: self.turned(params),
-                    given,
-                },
-                Some(budget) => Contract::Approximate {
-                    budget: Budget::max_abs(budget),
-                    given,
-                },
+        let contract = match params.budget {
+            None => Contract::Rounding {
+                k,
+                turned: self.turned(params),
+                given,
             },
-        });
+            Some(budget) => Contract::Approximate {
+                budget: Budget::max_abs(budget),
+                given,
+            },
+        };
+        let taken = params.of_taken(reached.interpolated, reached.taken);
+        let name = VisibilityBuffer::INFO.name;
+        next.steps
+            .push(self.depth.step(&self.opaque, name, &taken, contract));
         next.notes.push(self.describe(params));
         next.self_test = self_test::identified(&next, plan);
         depth_pass::finish(&mut next, "original");

@@ -4,6 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 use naga::{Expression, Function, Module, Statement, TypeInner};
+use preshade_passes::reflect;
 use rspirv::dr::{self, Builder, Instruction, Operand};
 use rspirv::spirv::{BuiltIn, Decoration, Op, StorageClass, Word};
 
@@ -325,48 +326,33 @@ pub(super) fn match_interpolation(modules: &mut [Module]) {
             }
         }
     }
+    let settle = |ty: &TypeInner, binding: &mut Option<naga::Binding>| {
+        let Some(naga::Binding::Location {
+            location,
+            interpolation,
+            sampling,
+            ..
+        }) = binding
+        else {
+            return;
+        };
+        match wanted.get(location) {
+            Some(naga::Binding::Location {
+                interpolation: of,
+                sampling: at,
+                ..
+            }) => (*interpolation, *sampling) = (*of, *at),
+            _ if ty.scalar_kind() != Some(naga::ScalarKind::Float) => {
+                *interpolation = Some(naga::Interpolation::Flat);
+                *sampling = None;
+            }
+            _ => {}
+        }
+    };
     for module in modules.iter_mut() {
         for index in 0..module.entry_points.len() {
-            let entry = &mut module.entry_points[index];
-            let Some(result) = &mut entry.function.result else {
-                continue;
-            };
-            if entry.stage != naga::ShaderStage::Vertex {
-                continue;
-            }
-            let settle = |binding: &mut Option<naga::Binding>, ty: &TypeInner| {
-                let Some(naga::Binding::Location {
-                    location,
-                    interpolation,
-                    sampling,
-                    ..
-                }) = binding
-                else {
-                    return;
-                };
-                match wanted.get(location) {
-                    Some(naga::Binding::Location {
-                        interpolation: of,
-                        sampling: at,
-                        ..
-                    }) => (*interpolation, *sampling) = (*of, *at),
-                    _ if ty.scalar_kind() != Some(naga::ScalarKind::Float) => {
-                        *interpolation = Some(naga::Interpolation::Flat);
-                        *sampling = None;
-                    }
-                    _ => {}
-                }
-            };
-            let mut ty = module.types[result.ty].clone();
-            let TypeInner::Struct { members, .. } = &mut ty.inner else {
-                settle(&mut result.binding, &ty.inner);
-                continue;
-            };
-            for member in members {
-                settle(&mut member.binding, &module.types[member.ty].inner);
-            }
-            if module.types.get(&ty).is_none() {
-                module.types.replace(result.ty, ty);
+            if module.entry_points[index].stage == naga::ShaderStage::Vertex {
+                reflect::edit_outputs(module, index, |_, ty, binding| settle(ty, binding));
             }
         }
     }

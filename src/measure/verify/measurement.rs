@@ -151,7 +151,7 @@ impl<'a> Measurement<'a> {
     ///
     /// # Errors
     ///
-    /// The original cannot be built.
+    /// The original cannot be built, or the adapter is lost.
     pub(super) fn new(session: &'a Session<'a>, variant: &Variant) -> Result<Self, Error> {
         let subject = Subject::new(session, variant.plans.clone());
         let mut drawn = Self {
@@ -185,7 +185,7 @@ impl<'a> Measurement<'a> {
         match drawn.build(session, variant) {
             Ok(()) => {}
             Err(error) if variant.name == ORIGINAL => return Err(error),
-            Err(error) => drawn.quit(&error),
+            Err(error) => drawn.give_up(error)?,
         }
         Ok(drawn)
     }
@@ -307,12 +307,16 @@ impl<'a> Measurement<'a> {
     }
 
     /// Draws its shadow passes under the light and keeps the result.
+    ///
+    /// # Errors
+    ///
+    /// The adapter is lost.
     pub(super) fn measure_shadow(
         &mut self,
         session: &Session<'_>,
         variant: &Variant,
         settings: &Settings,
-    ) {
+    ) -> Result<(), Error> {
         let invariant = variant
             .plans
             .iter()
@@ -320,20 +324,26 @@ impl<'a> Measurement<'a> {
             .all(shadow::has_invariant_position);
         let verdict = match shadow::measure(session, variant, settings) {
             Ok(report) => self.report.shadow.insert(report).verdict(invariant),
+            Err(error) if error.is_lost() => return Err(error),
             Err(error) => Verdict::NotMeasured {
                 why: format!("its shadow pass: {error}"),
             },
         };
         self.judge_aside(verdict);
+        Ok(())
     }
 
     /// Draws its auxiliary pictures and keeps the result.
+    ///
+    /// # Errors
+    ///
+    /// The adapter is lost.
     pub(super) fn measure_outputs(
         &mut self,
         session: &Session<'_>,
         variant: &Variant,
         settings: &Settings,
-    ) {
+    ) -> Result<(), Error> {
         let drawn = variant.plans.iter().filter(|p| outputs::has_outputs(p));
         let invariant = drawn.into_iter().all(shadow::has_invariant_position);
         let scene = session.scene();
@@ -344,11 +354,13 @@ impl<'a> Measurement<'a> {
         let measured = outputs::measure(session, &earlier, variant, settings);
         let verdict = match measured {
             Ok(report) => self.report.outputs.insert(report).verdict(invariant),
+            Err(error) if error.is_lost() => return Err(error),
             Err(error) => Verdict::NotMeasured {
                 why: format!("its auxiliary pictures: {error}"),
             },
         };
         self.judge_aside(verdict);
+        Ok(())
     }
 
     /// Keeps the worst verdict on passes outside of the frame.

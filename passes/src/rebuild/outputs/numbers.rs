@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use naga::{Binding, Function, Module, ShaderStage, Type, TypeInner};
+use naga::{Binding, Function, Module, ShaderStage};
 
 use super::location_of;
 use crate::core::reflect::{self, Io};
@@ -26,7 +26,7 @@ pub(super) fn varyings(placed: &mut Placed, first: u32) {
     }
     let to = renumbered(&taken, first);
     if let Some(vertex) = vertex {
-        outputs(module, vertex, &to);
+        reflect::edit_outputs(module, vertex, |_, _, binding| renumber(binding, &to));
     }
     if let Some(fragment) = fragment {
         inputs(&mut module.entry_points[fragment].function, &to);
@@ -73,32 +73,5 @@ fn renumber(binding: &mut Option<Binding>, to: &Renumbered) {
 fn inputs(function: &mut Function, to: &Renumbered) {
     for argument in &mut function.arguments {
         renumber(&mut argument.binding, to);
-    }
-}
-
-/// Outputs of ours are members of a struct of ours, unless one is the only output.
-fn outputs(module: &mut Module, entry: usize, to: &Renumbered) {
-    let Some(result) = &mut module.entry_points[entry].function.result else {
-        return;
-    };
-    renumber(&mut result.binding, to);
-    let ty = result.ty;
-    let Type { name, inner } = &module.types[ty];
-    let TypeInner::Struct { members, span } = inner else {
-        return;
-    };
-    let mut members = members.clone();
-    for member in &mut members {
-        renumber(&mut member.binding, to);
-    }
-    let renumbered = Type {
-        name: name.clone(),
-        inner: TypeInner::Struct {
-            members,
-            span: *span,
-        },
-    };
-    if module.types.get(&renumbered).is_none() {
-        module.types.replace(ty, renumbered);
     }
 }

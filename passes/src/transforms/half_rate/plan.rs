@@ -9,7 +9,7 @@ use crate::core::contract::Contract;
 use crate::core::pass::{Change, Outcome, Pass, Site, SiteCost};
 use crate::core::plan::{
     Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ClearValue, Draws,
-    GpuPass, ORIGINAL, Phase, Plan, Role, Step, Visibility,
+    GpuPass, ORIGINAL, Phase, Plan, Role, Visibility,
 };
 use crate::core::reflect;
 use crate::core::state::ColorTarget;
@@ -75,15 +75,8 @@ impl Found<'_, '_, '_> {
             given: self.stage.given.clone(),
         };
         let change = self.change(built.edges);
-        next.steps.push(Step {
-            pass: HalfRate::INFO.name.to_owned(),
-            site: change.key.clone(),
-            params: serde_json::to_value(params).unwrap_or_default(),
-            contract: contract.clone(),
-        });
-        next.contract = next.contract.and(contract);
+        next.add_step(HalfRate::INFO.name, params, &change, contract);
         next.fallback = Some(ORIGINAL.to_owned());
-        next.notes.push(change.what.clone());
         Outcome {
             plan: next,
             change,

@@ -1,8 +1,6 @@
 //! Chooses the values to hoist: minimum cuts over a sweep of transport prices, and the best cut
 //! that fits.
 
-use std::borrow::Cow;
-
 use naga::{Binding, BuiltIn, TypeInner};
 
 use super::movable::{Carriage, Class, Judged, Verdict};
@@ -11,7 +9,7 @@ use crate::analysis::below::below;
 use crate::analysis::contraction::Pruned;
 use crate::analysis::cut::{self, Cut, Item};
 use crate::analysis::reach::with_operands;
-use crate::analysis::values::{Node, Value, ValueId, Values};
+use crate::analysis::values::{Node, ValueId, Values};
 use crate::graph::rate::Interpolated;
 
 /// Cost of interpolating a component per fragment, in the units of [`crate::graph::cost`]. NVIDIA
@@ -191,40 +189,27 @@ fn items<'v>(
     verdicts: &[Verdict],
     allowed: impl Fn(&Carriage) -> bool,
 ) -> Vec<Item<'v>> {
-    let item = |id: ValueId, value: &'v Value| {
-        let (cost, price) = match &value.node {
-            Node::Input(i) => match values.inputs.get(*i).map(|io| (&io.binding, io.ty)) {
-                Some((Some(Binding::Location { .. }), ty)) => {
-                    let width = components(&values.graph.module().types[ty].inner);
-                    let flat = value.fact.rate.is_flat();
-                    (None, Some(price(width, flat)))
-                }
-                _ => (Some(0.0), None),
-            },
-            _ => {
-                let carriage = verdicts[id].as_ref().ok().filter(|c| allowed(c));
-                let price = carriage.and_then(|c| {
-                    let (_, width) = shape(values, id)?;
-                    let flat = c.interpolated == Interpolated::Flat;
-                    // Of two names for one value prefer the outermost function's: it needs no copy
-                    // of the callee.
-                    let depth = values
-                        .expression(id)
-                        .map(|(c, ..)| values.contexts[c].depth);
-                    let depth = f64::from(depth.unwrap_or_default());
-                    Some(price(f64::from(width), flat) * (1.0 + 0.002 * depth))
-                });
-                (Some(value.cost), price)
-            }
-        };
-        Item {
-            cost,
-            price,
-            operands: Cow::Borrowed(&value.operands),
+    let mut items = cut::items(values, |id| match values.values[id].node {
+        Node::Input(i) => {
+            let io = values.inputs.get(i)?;
+            let is_varying = matches!(io.binding, Some(Binding::Location { .. }));
+            let width = components(&values.graph.module().types[io.ty].inner);
+            is_varying.then(|| price(width, values.values[id].fact.rate.is_flat()))
         }
-    };
-    let all = values.values.iter().enumerate();
-    all.map(|(id, value)| item(id, value)).collect()
+        _ => {
+            let carriage = verdicts[id].as_ref().ok().filter(|c| allowed(c))?;
+            let (_, width) = shape(values, id)?;
+            let flat = carriage.interpolated == Interpolated::Flat;
+            Some(price(f64::from(width), flat))
+        }
+    });
+    for (item, value) in items.iter_mut().zip(&values.values) {
+        if let Node::Input(_) = value.node {
+            // No fragment can compute a varying.
+            item.cost = item.price.is_none().then_some(0.0);
+        }
+    }
+    items
 }
 
 fn price(components: f64, flat: bool) -> f64 {
