@@ -1276,3 +1276,23 @@ void main() {{ gl_FragColor = vec4(x > 2.0 ? {value} : x); }}"
             .is_empty()
     );
 }
+
+#[test]
+fn an_output_of_index_0_alone_is_an_output() {
+    let text = |layout: &str| {
+        format!(
+            "#version 440
+layout(std430, binding = 0) buffer B {{ uint n; }} b;
+layout({layout}) out vec4 c;
+void main() {{ c = vec4(atomicAdd(b.n, 1u)); }}
+"
+        )
+    };
+    assert_eq!(
+        given(&text("location = 0, index = 0")),
+        given(&text("location = 0"))
+    );
+    let (code, told, _) = refused(&text("location = 0, index = 1"));
+    assert_eq!(code, Code::Invalid, "{told}");
+    assert!(told.contains("two sources"), "{told}");
+}

@@ -388,10 +388,11 @@ impl Lower<'_, '_> {
                 .unwrap_or_default(),
             false => [None, None],
         };
-        // Both sources of a blend have an index in the IR; GLSL's default is 0.
+        // Both sources of a blend have an index in the IR; GLSL's default is 0. Index 0 without
+        // another means nothing.
         let outputs = &self.stage.outputs;
-        let has_index = |v: &Variable| v.qualifiers.says("index");
-        let index = match direction == Storage::Out && outputs.iter().any(has_index) {
+        let is_second = |v: &Variable| v.qualifiers.number("index").is_some_and(|n| n > 0);
+        let index = match direction == Storage::Out && outputs.iter().any(is_second) {
             true => format!(
                 ", index = {}",
                 variable.qualifiers.number("index").unwrap_or(0)
