@@ -1296,3 +1296,25 @@ void main() {{ c = vec4(atomicAdd(b.n, 1u)); }}
     assert_eq!(code, Code::Invalid, "{told}");
     assert!(told.contains("two sources"), "{told}");
 }
+
+#[test]
+fn extensions_add_words() {
+    let block = "layout(std430, binding = 0) readonly buffer B { vec4 all[]; } b;";
+    let blocks = "#extension GL_ARB_shader_storage_buffer_object";
+    let text = |extension: &str, declared: &str, value: &str| {
+        format!(
+            "#version 330\n{extension}\n{declared}\nout vec4 c;\nvoid main() {{ c = vec4({value}); }}\n"
+        )
+    };
+    for behaviour in ["require", "enable"] {
+        let extension = format!("{blocks} : {behaviour}");
+        let wgsl = wgsl(parse(&text(&extension, block, "b.all[1]")));
+        assert!(wgsl.contains("var<storage> b"), "{wgsl}");
+    }
+    for extension in ["", &format!("{blocks} : disable")] {
+        parse(&text(extension, "float buffer = 1.0;", "buffer"));
+    }
+    let images = "#extension GL_ARB_shader_image_load_store : enable";
+    let image = "layout(binding = 0, rgba8) uniform readonly image2D i;";
+    parse(&text(images, image, "imageLoad(i, ivec2(0))"));
+}
