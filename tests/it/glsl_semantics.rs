@@ -1138,14 +1138,6 @@ void main() {
     for literal in ["= ivec2(3, 0);", "= ivec2(3, -3);"] {
         assert!(text.contains(literal), "{literal}: {text}");
     }
-    let (_, told, _) = refused(
-        "#version 400\nuniform sampler2D map;\nout vec4 c;\n\
-         void main() { c = textureGatherOffset(map, vec2(0.5), ivec2(1)); }\n",
-    );
-    assert!(
-        told.contains("`textureGatherOffset` is not supported"),
-        "{told}"
-    );
 
     let sources = [
         Source::new(
@@ -1317,4 +1309,58 @@ fn extensions_add_words() {
     let images = "#extension GL_ARB_shader_image_load_store : enable";
     let image = "layout(binding = 0, rgba8) uniform readonly image2D i;";
     parse(&text(images, image, "imageLoad(i, ivec2(0))"));
+}
+
+#[test]
+fn a_gather_may_have_an_offset() {
+    let text = |declared: &str, call: &str| {
+        format!("#version 400\n{declared}\nout vec4 c;\nvoid main() {{\n    c = {call};\n}}\n")
+    };
+    let map = "uniform sampler2D map; const ivec2 STEP = ivec2(1, -2);";
+    let shadow = "uniform sampler2DShadow map;";
+    for (declared, call, says) in [
+        (
+            map,
+            "textureGatherOffset(map, vec2(0.5), STEP * 2, 2)",
+            "textureGather(2, t, s, p, vec2<i32>(2i, -4i))",
+        ),
+        (
+            map,
+            "textureGatherOffset(map, vec2(0.5), ivec2(7, -8))",
+            "textureGather(0, t, s, p, vec2<i32>(7i, -8i))",
+        ),
+        (
+            shadow,
+            "textureGatherOffset(map, vec2(0.5), 0.25, ivec2(0, 1))",
+            "textureGatherCompare(t, s, p, depth, vec2<i32>(0i, 1i))",
+        ),
+    ] {
+        let plan = plan(parse(&text(declared, call)));
+        let targets = [Target::Wgsl, Target::Spirv, Target::Glsl450];
+        let files = emit::emit(&plan, &targets, &emit::Options::default()).unwrap();
+        let wgsl = files.iter().find(|f| f.name.ends_with(".wgsl")).unwrap();
+        let wgsl = String::from_utf8_lossy(&wgsl.bytes);
+        assert!(wgsl.contains(says), "{says}\n{wgsl}");
+    }
+    for (declared, call, says) in [
+        (
+            map,
+            "textureGatherOffset(map, vec2(0.5), ivec2(gl_FragCoord.xy))",
+            "must be constant, from -8 to 7",
+        ),
+        (
+            map,
+            "textureGatherOffset(map, vec2(0.5), ivec2(0, 8))",
+            "must be constant, from -8 to 7",
+        ),
+        (
+            "uniform sampler2DArray map;",
+            "textureGatherOffset(map, vec3(0.5), ivec2(1))",
+            "of `sampler2DArray` is not supported",
+        ),
+    ] {
+        let (code, told, line) = refused(&text(declared, call));
+        assert_eq!((code, line), (Code::Unsupported, 5), "{told}");
+        assert!(told.contains(says), "{told}");
+    }
 }
