@@ -1269,6 +1269,7 @@ void main() {{ gl_FragColor = vec4(x > 2.0 ? {value} : x); }}"
     );
 }
 
+/// The index of an output says something only if another output has index 1.
 #[test]
 fn an_output_of_index_0_alone_is_an_output() {
     let text = |layout: &str| {
@@ -1287,6 +1288,34 @@ void main() {{ c = vec4(atomicAdd(b.n, 1u)); }}
     let (code, told, _) = refused(&text("location = 0, index = 1"));
     assert_eq!(code, Code::Invalid, "{told}");
     assert!(told.contains("two sources"), "{told}");
+}
+
+#[test]
+fn samplers_read_no_integers() {
+    let text = |call: &str| {
+        format!(
+            "#version 400
+uniform usampler2D map;
+out uvec4 c;
+void main() {{
+    c = {call};
+}}
+"
+        )
+    };
+    for function in ["texture", "textureLod"] {
+        let level = if function == "texture" { "" } else { ", 0.0" };
+        let (code, told, line) = refused(&text(&format!("{function}(map, vec2(0.5){level})")));
+        assert_eq!((code, line), (Code::Unsupported, 5), "{told}");
+        let says = format!("`{function}` of `usampler2D` is not supported: WebGPU's samplers");
+        assert!(
+            told.contains(&says) && told.contains("`texelFetch`"),
+            "{told}"
+        );
+    }
+    parse(&text(
+        "texelFetch(map, textureSize(map, 0) / 2, 0) + textureGather(map, vec2(0.5))",
+    ));
 }
 
 #[test]
@@ -1309,6 +1338,44 @@ fn extensions_add_words() {
     let images = "#extension GL_ARB_shader_image_load_store : enable";
     let image = "layout(binding = 0, rgba8) uniform readonly image2D i;";
     parse(&text(images, image, "imageLoad(i, ivec2(0))"));
+}
+
+#[test]
+fn arrays_of_images_and_subroutines_are_refused_at_their_line() {
+    let with = |version: &str, declared: &str| {
+        refused(&format!(
+            "#version {version}\nout vec4 c;\n{declared}\nvoid main() {{ c = vec4(1.0); }}\n"
+        ))
+    };
+    for array in [
+        "layout(binding = 0, rgba8) uniform image2D t[3];",
+        "layout(binding = 0) uniform writeonly image2D t[2][2];",
+    ] {
+        let (code, told, line) = with("430", array);
+        assert_eq!((code, line), (Code::Unsupported, 3), "{told}");
+        assert!(
+            told.contains("arrays of images are not supported"),
+            "{told}"
+        );
+    }
+    let extension = "330\n#extension GL_ARB_shader_subroutine : require";
+    for (version, declared, at) in [
+        ("400", "subroutine vec4 Shade(vec2 p);", 3),
+        (
+            "400",
+            "subroutine(Shade) vec4 red(vec2 p) { return p.xyxy; }",
+            3,
+        ),
+        ("460", "subroutine uniform Shade shade;", 3),
+        (extension, "subroutine vec4 Shade(vec2 p);", 4),
+    ] {
+        let (code, told, line) = with(version, declared);
+        assert_eq!((code, line), (Code::Unsupported, at), "{told}");
+        assert!(told.contains("`subroutine` is not supported"), "{told}");
+    }
+    parse(
+        "#version 330\nout vec4 c;\nvoid main() { float subroutine = 1.0; c = vec4(subroutine); }\n",
+    );
 }
 
 #[test]

@@ -332,6 +332,9 @@ impl Iterator for Numbered<'_> {
         let number = self.raw.len() as u32;
         self.raw.push((start, end));
         self.settle_name(&mut token);
+        if matches!(token, Token::Subroutine) {
+            self.stopped = absent::absent("subroutine").map(|a| (a, "subroutine".to_owned()));
+        }
         if self.stopped.is_some() {
             return None;
         }

@@ -177,6 +177,15 @@ impl Lower<'_, '_> {
         if name.starts_with("textureGather") {
             return self.gathered(author, &shape, &sampler, rest, arguments, place);
         }
+        if !fetches && shape.component != Component::Float {
+            return Err(unsupported(
+                format!(
+                    "`{author}` of `{combined}` is not supported: WebGPU's samplers read no integers"
+                ),
+                place,
+            )
+            .note("read a texel by `texelFetch`, with integer coordinates within `textureSize`"));
+        }
         if name.ends_with("Offset") && name.starts_with("texture") {
             self.name_offsets(&mut rest, arguments);
         }
