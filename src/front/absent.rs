@@ -104,7 +104,7 @@ const ABSENT: &[Absent] = &[
     of(Word::Name, "interpolateAtCentroid interpolateAtSample interpolateAtOffset interpolateAtVertexAMD", "in WebGPU each input has one interpolation", "qualify the input itself with `centroid` or `sample`"),
     of(Word::Name, "textureQueryLod textureQueryLOD", "WebGPU has no such query", "compute the level from the coordinates' derivatives"),
     of(Word::Name, "textureGatherOffsets", "WebGPU only gathers a square", "fetch the four texels"),
-    of(Word::Name, "textureGatherOffset", PARAMETERS, "use `textureGather`, on textures without layers"),
+    of(Word::Name, "subroutine", "WebGPU has no pointers to functions", "select the function by a `uniform int` and a `switch`"),
     of(Word::Name, "textureSamples imageSamples", "WebGPU does not tell the number of samples", "pass it in a uniform"),
     of(Word::Name, "textureBlockMatch* textureWeightedQCOM textureBoxFilterQCOM fragmentMaskFetchAMD fragmentFetchAMD cubeFaceIndexAMD cubeFaceCoordAMD min3 max3 mid3 swizzleInvocation* writeInvocationAMD mbcntAMD timeAMD gl_Warp* gl_SM* gl_Core*", "it belongs to one vendor", "write it yourself"),
 ];

@@ -1138,14 +1138,6 @@ void main() {
     for literal in ["= ivec2(3, 0);", "= ivec2(3, -3);"] {
         assert!(text.contains(literal), "{literal}: {text}");
     }
-    let (_, told, _) = refused(
-        "#version 400\nuniform sampler2D map;\nout vec4 c;\n\
-         void main() { c = textureGatherOffset(map, vec2(0.5), ivec2(1)); }\n",
-    );
-    assert!(
-        told.contains("`textureGatherOffset` is not supported"),
-        "{told}"
-    );
 
     let sources = [
         Source::new(
@@ -1275,4 +1267,167 @@ void main() {{ gl_FragColor = vec4(x > 2.0 ? {value} : x); }}"
             .notes
             .is_empty()
     );
+}
+
+/// The index of an output says something only if another output has index 1.
+#[test]
+fn an_output_of_index_0_alone_is_an_output() {
+    let text = |layout: &str| {
+        format!(
+            "#version 440
+layout(std430, binding = 0) buffer B {{ uint n; }} b;
+layout({layout}) out vec4 c;
+void main() {{ c = vec4(atomicAdd(b.n, 1u)); }}
+"
+        )
+    };
+    assert_eq!(
+        given(&text("location = 0, index = 0")),
+        given(&text("location = 0"))
+    );
+    let (code, told, _) = refused(&text("location = 0, index = 1"));
+    assert_eq!(code, Code::Invalid, "{told}");
+    assert!(told.contains("two sources"), "{told}");
+}
+
+#[test]
+fn samplers_read_no_integers() {
+    let text = |call: &str| {
+        format!(
+            "#version 400
+uniform usampler2D map;
+out uvec4 c;
+void main() {{
+    c = {call};
+}}
+"
+        )
+    };
+    for function in ["texture", "textureLod"] {
+        let level = if function == "texture" { "" } else { ", 0.0" };
+        let (code, told, line) = refused(&text(&format!("{function}(map, vec2(0.5){level})")));
+        assert_eq!((code, line), (Code::Unsupported, 5), "{told}");
+        let says = format!("`{function}` of `usampler2D` is not supported: WebGPU's samplers");
+        assert!(
+            told.contains(&says) && told.contains("`texelFetch`"),
+            "{told}"
+        );
+    }
+    parse(&text(
+        "texelFetch(map, textureSize(map, 0) / 2, 0) + textureGather(map, vec2(0.5))",
+    ));
+}
+
+#[test]
+fn extensions_add_words() {
+    let block = "layout(std430, binding = 0) readonly buffer B { vec4 all[]; } b;";
+    let blocks = "#extension GL_ARB_shader_storage_buffer_object";
+    let text = |extension: &str, declared: &str, value: &str| {
+        format!(
+            "#version 330\n{extension}\n{declared}\nout vec4 c;\nvoid main() {{ c = vec4({value}); }}\n"
+        )
+    };
+    for behaviour in ["require", "enable"] {
+        let extension = format!("{blocks} : {behaviour}");
+        let wgsl = wgsl(parse(&text(&extension, block, "b.all[1]")));
+        assert!(wgsl.contains("var<storage> b"), "{wgsl}");
+    }
+    for extension in ["", &format!("{blocks} : disable")] {
+        parse(&text(extension, "float buffer = 1.0;", "buffer"));
+    }
+    let images = "#extension GL_ARB_shader_image_load_store : enable";
+    let image = "layout(binding = 0, rgba8) uniform readonly image2D i;";
+    parse(&text(images, image, "imageLoad(i, ivec2(0))"));
+}
+
+#[test]
+fn arrays_of_images_and_subroutines_are_refused_at_their_line() {
+    let with = |version: &str, declared: &str| {
+        refused(&format!(
+            "#version {version}\nout vec4 c;\n{declared}\nvoid main() {{ c = vec4(1.0); }}\n"
+        ))
+    };
+    for array in [
+        "layout(binding = 0, rgba8) uniform image2D t[3];",
+        "layout(binding = 0) uniform writeonly image2D t[2][2];",
+    ] {
+        let (code, told, line) = with("430", array);
+        assert_eq!((code, line), (Code::Unsupported, 3), "{told}");
+        assert!(
+            told.contains("arrays of images are not supported"),
+            "{told}"
+        );
+    }
+    let extension = "330\n#extension GL_ARB_shader_subroutine : require";
+    for (version, declared, at) in [
+        ("400", "subroutine vec4 Shade(vec2 p);", 3),
+        (
+            "400",
+            "subroutine(Shade) vec4 red(vec2 p) { return p.xyxy; }",
+            3,
+        ),
+        ("460", "subroutine uniform Shade shade;", 3),
+        (extension, "subroutine vec4 Shade(vec2 p);", 4),
+    ] {
+        let (code, told, line) = with(version, declared);
+        assert_eq!((code, line), (Code::Unsupported, at), "{told}");
+        assert!(told.contains("`subroutine` is not supported"), "{told}");
+    }
+    parse(
+        "#version 330\nout vec4 c;\nvoid main() { float subroutine = 1.0; c = vec4(subroutine); }\n",
+    );
+}
+
+#[test]
+fn a_gather_may_have_an_offset() {
+    let text = |declared: &str, call: &str| {
+        format!("#version 400\n{declared}\nout vec4 c;\nvoid main() {{\n    c = {call};\n}}\n")
+    };
+    let map = "uniform sampler2D map; const ivec2 STEP = ivec2(1, -2);";
+    let shadow = "uniform sampler2DShadow map;";
+    for (declared, call, says) in [
+        (
+            map,
+            "textureGatherOffset(map, vec2(0.5), STEP * 2, 2)",
+            "textureGather(2, t, s, p, vec2<i32>(2i, -4i))",
+        ),
+        (
+            map,
+            "textureGatherOffset(map, vec2(0.5), ivec2(7, -8))",
+            "textureGather(0, t, s, p, vec2<i32>(7i, -8i))",
+        ),
+        (
+            shadow,
+            "textureGatherOffset(map, vec2(0.5), 0.25, ivec2(0, 1))",
+            "textureGatherCompare(t, s, p, depth, vec2<i32>(0i, 1i))",
+        ),
+    ] {
+        let plan = plan(parse(&text(declared, call)));
+        let targets = [Target::Wgsl, Target::Spirv, Target::Glsl450];
+        let files = emit::emit(&plan, &targets, &emit::Options::default()).unwrap();
+        let wgsl = files.iter().find(|f| f.name.ends_with(".wgsl")).unwrap();
+        let wgsl = String::from_utf8_lossy(&wgsl.bytes);
+        assert!(wgsl.contains(says), "{says}\n{wgsl}");
+    }
+    for (declared, call, says) in [
+        (
+            map,
+            "textureGatherOffset(map, vec2(0.5), ivec2(gl_FragCoord.xy))",
+            "must be constant, from -8 to 7",
+        ),
+        (
+            map,
+            "textureGatherOffset(map, vec2(0.5), ivec2(0, 8))",
+            "must be constant, from -8 to 7",
+        ),
+        (
+            "uniform sampler2DArray map;",
+            "textureGatherOffset(map, vec3(0.5), ivec2(1))",
+            "of `sampler2DArray` is not supported",
+        ),
+    ] {
+        let (code, told, line) = refused(&text(declared, call));
+        assert_eq!((code, line), (Code::Unsupported, 5), "{told}");
+        assert!(told.contains(says), "{told}");
+    }
 }

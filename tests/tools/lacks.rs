@@ -234,7 +234,7 @@ fn functions() -> Vec<Case> {
             TEXTURE,
             "",
             "let x = textureGather(0, t, s, v.uv, vec2<i32>(1, 0)).x;",
-            [Read, Unread, gather],
+            [Read, Read, gather],
         ),
         with(
             "phony",

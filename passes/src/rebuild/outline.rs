@@ -321,10 +321,11 @@ fn result_type(module: &mut Module, wanted: &[Wanted], name: &str) -> Handle<Typ
             .iter()
             .any(|(_, t)| t.name.as_deref() == Some(name))
     };
-    let name = match taken(name) {
-        false => name.to_owned(),
-        true => format!("{name}Values"),
-    };
+    // Every level adds one, and those of two levels may be alike but for the name.
+    let mut name = name.to_owned();
+    while taken(&name) {
+        name += "Values";
+    }
     place::io_struct(module, Some(name), members)
 }
 

@@ -132,6 +132,34 @@ fn a_resolve_without_a_budget_agrees() {
     assert!(checks.iter().any(|c| c.verdict.is_broken()), "{broken}");
 }
 
+/// The results of the second and the third level have the same types and the same names of members.
+#[test]
+fn levels_with_equal_results_are_told_apart() {
+    let (start, _) = MATERIAL.split_once("    let texel").unwrap();
+    let sample = |name: &str, at: &str| {
+        format!("    let {name} = textureSample(picture, filtering, {at});\n")
+    };
+    let reads = [
+        ("a", "in.uv"),
+        ("b", "in.uv.yx"),
+        ("c", "a.xy"),
+        ("d", "b.xy"),
+        ("e", "c.xy"),
+        ("f", "d.xy"),
+    ];
+    let reads: String = reads.iter().map(|(name, at)| sample(name, at)).collect();
+    let original = of(&format!("{start}{reads}    return e + f;\n}}\n"));
+    let variant = split(&original, "visibility-buffer:budget=0.05");
+    let text = common::wgsl(&variant.programs["resolve"]);
+    for level in [
+        "GradientRoots {",
+        "GradientRootsValues {",
+        "GradientRootsValuesValues {",
+    ] {
+        assert!(text.contains(&format!("struct {level}")), "{level}\n{text}");
+    }
+}
+
 /// A fault, as a change of the text of a pass.
 struct Fault {
     recipe: &'static str,

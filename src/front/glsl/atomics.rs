@@ -33,6 +33,7 @@ pub(super) fn replace(
     if found.is_empty() {
         return Ok(());
     }
+    let was_valid = wrapped_main::is_valid(module);
     let mut parts = Vec::new();
     let Module {
         functions,
@@ -88,7 +89,7 @@ pub(super) fn replace(
         let ty = with_atomic(&mut module.types, ty, &path);
         module.global_variables[global].ty = ty;
     }
-    match wrapped_main::is_valid(module) {
+    match !was_valid || wrapped_main::is_valid(module) {
         true => Ok(()),
         // A struct with an atomic member is no value.
         false => Err(unsupported(

@@ -1,20 +1,24 @@
-//! Implements functions that naga's IR has and its GLSL front end lacks: `textureGather`, the
+//! Implements functions that naga's IR has and its GLSL front end lacks: gathers, the
 //! subgroup functions and atomic functions. The rewritten text calls placeholder functions, whose
 //! bodies this replaces. `atomics` replaces their calls.
 
 use std::collections::HashMap;
 
 use naga::{
-    CollectiveOperation, Direction, Expression, Function, GatherMode, Literal, Module, SampleLevel,
-    Span, Statement, SubgroupOperation, SwizzleComponent,
+    CollectiveOperation, Direction, Expression, Function, GatherMode, Handle, Literal, Module,
+    SampleLevel, Scalar, Span, Statement, SubgroupOperation, SwizzleComponent, Type, TypeInner,
+    VectorSize,
 };
 use preshade_passes::rebuild::writer::FunctionWriter;
 
 /// What a placeholder function does with its arguments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Placeholder {
-    /// Gathers a component of a texture.
-    Gather(u32),
+    /// Gathers a component of a texture, at an offset in texels.
+    Gather {
+        component: u32,
+        offset: Option<[i32; 2]>,
+    },
     Subgroup(Subgroup),
     /// Changes the part of a storage block that its first argument reads.
     Atomic(Atomic),
@@ -128,28 +132,50 @@ pub(super) fn replace(module: &mut Module, placeholders: &Placeholders) {
         let function = &mut module.functions[handle];
         let name = function.name.as_deref();
         match name.and_then(|n| placeholders.get(n)) {
-            Some(Placeholder::Gather(component)) => gather(function, *component, span),
+            Some(Placeholder::Gather { component, offset }) => {
+                let offset = offset.map(|parts| {
+                    let inner = TypeInner::Vector {
+                        size: VectorSize::Bi,
+                        scalar: Scalar::I32,
+                    };
+                    let ty = Type { name: None, inner };
+                    (module.types.insert(ty, Span::UNDEFINED), parts)
+                });
+                gather(function, *component, offset, span);
+            }
             Some(Placeholder::Subgroup(of)) => exchange(function, *of, span),
             Some(Placeholder::Atomic(_) | Placeholder::ImageAtomic(_)) | None => {}
         }
     }
 }
 
-fn gather(function: &mut Function, component: u32, span: Span) {
+/// `offset` is an `ivec2`, whose type comes first.
+fn gather(
+    function: &mut Function,
+    component: u32,
+    offset: Option<(Handle<Type>, [i32; 2])>,
+    span: Span,
+) {
     let mut writer = FunctionWriter::like(function);
     writer.function.local_variables = naga::Arena::new();
     let mut argument = |i: u32| writer.append(Expression::FunctionArgument(i), span);
     let (image, sampler, coordinate) = (argument(0), argument(1), argument(2));
     let depth_ref = (function.arguments.len() > 3).then(|| argument(3));
     let component = SwizzleComponent::XYZW[component.min(3) as usize];
+    let offset = offset.map(|(ty, parts)| {
+        let part = |n| writer.append(Expression::Literal(Literal::I32(n)), span);
+        let components = parts.map(part).to_vec();
+        Expression::Compose { ty, components }
+    });
     writer.begin();
+    let offset = offset.map(|offset| writer.append(offset, span));
     let sample = Expression::ImageSample {
         image,
         sampler,
         gather: Some(component),
         coordinate,
         array_index: None,
-        offset: None,
+        offset,
         level: SampleLevel::Zero,
         depth_ref,
         clamp_to_edge: false,

@@ -132,6 +132,7 @@ pub(super) fn parse(input: &StageText<'_>, map: &mut SourceMap) -> Result<Unit, 
         text,
         lexer,
         dialect,
+        extensions: &preprocessed.extensions,
         raw: Vec::new(),
         names: HashSet::new(),
         types: HashSet::new(),
@@ -239,6 +240,7 @@ struct Numbered<'a> {
     text: &'a str,
     lexer: LexerIterator<'a>,
     dialect: Dialect,
+    extensions: &'a HashSet<String>,
     raw: Vec<(LexerPosition, LexerPosition)>,
     names: HashSet<String>,
     /// Those of them that are types of extensions.
@@ -324,12 +326,15 @@ impl Iterator for Numbered<'_> {
             self.too_many = true;
             return None;
         }
-        if let Some(name) = self.dialect.name(&token) {
+        if let Some(name) = self.dialect.name(&token, self.extensions) {
             token = Token::Identifier(name.into());
         }
         let number = self.raw.len() as u32;
         self.raw.push((start, end));
         self.settle_name(&mut token);
+        if matches!(token, Token::Subroutine) {
+            self.stopped = absent::absent("subroutine").map(|a| (a, "subroutine".to_owned()));
+        }
         if self.stopped.is_some() {
             return None;
         }

@@ -1,8 +1,12 @@
 //! GLSL versions.
 
+use std::collections::HashSet;
 use std::path::Path;
 
 use glsl_lang::lexer::Token;
+
+const BLOCKS: &str = "GL_ARB_shader_storage_buffer_object";
+const IMAGES: &str = "GL_ARB_shader_image_load_store";
 
 /// GLSL version and profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -33,8 +37,9 @@ impl Dialect {
         Self { version, es }
     }
 
-    /// The name of a token that is a keyword only in later versions.
-    pub(super) fn name(self, token: &Token) -> Option<&'static str> {
+    /// The name of a token that is a keyword only in later versions, or with an extension that is
+    /// not among these.
+    pub(super) fn name(self, token: &Token, extensions: &HashSet<String>) -> Option<&'static str> {
         let before = |es: u16, desktop: u16| self.version < if self.es { es } else { desktop };
         let (name, is_name) = match token {
             Token::Sample => ("sample", before(320, 400)),
@@ -52,6 +57,17 @@ impl Dialect {
             Token::NoPerspective => ("noperspective", before(320, 130)),
             _ => return None,
         };
+        let adding: &[&str] = match token {
+            Token::Buffer => &[BLOCKS],
+            Token::Coherent
+            | Token::Volatile
+            | Token::Restrict
+            | Token::ReadOnly
+            | Token::WriteOnly => &[BLOCKS, IMAGES],
+            Token::Subroutine => &["GL_ARB_shader_subroutine"],
+            _ => &[],
+        };
+        let is_name = is_name && !adding.iter().any(|e| extensions.contains(*e));
         is_name.then_some(name)
     }
 }

@@ -114,7 +114,7 @@ impl Lower<'_, '_> {
             if is_first { &mut first } else { &mut out }.push_str(&text);
         }
         for variable in self.stage.opaque.clone() {
-            out += &self.opaque(&variable);
+            out += &self.opaque(&variable)?;
         }
         for uniform in self.stage.uniforms.clone() {
             // An unused texture is inactive, as in OpenGL.
@@ -242,7 +242,14 @@ impl Lower<'_, '_> {
     }
 
     /// Declares a separate texture, sampler or image.
-    fn opaque(&mut self, variable: &Variable) -> String {
+    fn opaque(&mut self, variable: &Variable) -> Result<String, Error> {
+        if matches!(variable.ty, Ty::Array(..)) && variable.ty.base_name().contains("image") {
+            return Err(unsupported(
+                "arrays of images are not supported: naga's GLSL parser reads no format of them",
+                variable.place,
+            )
+            .note("declare an image for each element, or one with layers (`image2DArray`)"));
+        }
         let slot = self.interface.opaque.get(&variable.name).copied();
         let name = self.safe(&variable.name);
         let layout = variable.qualifiers.layout.iter();
@@ -258,7 +265,7 @@ impl Lower<'_, '_> {
             variable.ty.declare(&name)
         );
         self.bind(&variable.name, Var::plain(name, variable.ty.clone()));
-        text
+        Ok(text)
     }
 
     /// Declares the split samplers of a uniform.
@@ -388,10 +395,11 @@ impl Lower<'_, '_> {
                 .unwrap_or_default(),
             false => [None, None],
         };
-        // Both sources of a blend have an index in the IR; GLSL's default is 0.
+        // Both sources of a blend have an index in the IR; GLSL's default is 0. Index 0 without
+        // another means nothing.
         let outputs = &self.stage.outputs;
-        let has_index = |v: &Variable| v.qualifiers.says("index");
-        let index = match direction == Storage::Out && outputs.iter().any(has_index) {
+        let is_second = |v: &Variable| v.qualifiers.number("index").is_some_and(|n| n > 0);
+        let index = match direction == Storage::Out && outputs.iter().any(is_second) {
             true => format!(
                 ", index = {}",
                 variable.qualifiers.number("index").unwrap_or(0)

@@ -174,15 +174,20 @@ impl Lower<'_, '_> {
         if !fetches && let Some(coordinates) = rest.first_mut() {
             shape.round_layer(coordinates);
         }
+        if name.starts_with("textureGather") {
+            return self.gathered(author, &shape, &sampler, rest, arguments, place);
+        }
+        if !fetches && shape.component != Component::Float {
+            return Err(unsupported(
+                format!(
+                    "`{author}` of `{combined}` is not supported: WebGPU's samplers read no integers"
+                ),
+                place,
+            )
+            .note("read a texel by `texelFetch`, with integer coordinates within `textureSize`"));
+        }
         if name.ends_with("Offset") && name.starts_with("texture") {
             self.name_offsets(&mut rest, arguments);
-        }
-        if name == "textureGather" {
-            let component = match arguments.get(2) {
-                Some(e) if !shape.shadow => self.stage.fixed_integer(e),
-                _ => Some(0),
-            };
-            return self.gathered(&shape, &sampler, rest, component, place);
         }
         if name == "texelFetchOffset" && rest.len() == 3 {
             add_fetch_offset(&mut rest);
@@ -417,34 +422,67 @@ impl Lower<'_, '_> {
         ))
     }
 
-    /// `textureGather`, which naga's front end lacks: calls a placeholder function whose body is
-    /// replaced later.
+    /// `textureGather` and `textureGatherOffset`, which naga's front end lacks: calls a placeholder
+    /// function whose body is replaced later.
     fn gathered(
         &mut self,
+        author: &str,
         shape: &TextureShape<'_>,
         sampler: &Ex,
         rest: Vec<Ex>,
-        component: Option<i64>,
+        arguments: &[Expr],
         place: Option<Span>,
     ) -> Result<Ex, Error> {
         let Some(pair) = &sampler.pair else {
-            return Err(unsupported("`textureGather` needs a named sampler", place));
-        };
-        if rest.len() > 2 || shape.layered {
             return Err(unsupported(
-                "`textureGather` is only supported for textures without layers, without an offset",
+                format!("`{author}` needs a named sampler"),
                 place,
             ));
+        };
+        let has_offset = author == "textureGatherOffset";
+        let n = shape.coordinates;
+        if rest.len() > 2 + usize::from(has_offset) || shape.layered || has_offset && n == 3 {
+            return Err(unsupported(
+                format!("`{author}` of `{}` is not supported", shape.combined),
+                place,
+            )
+            .note("use textures without layers, or fetch the four texels"));
         }
+        let taken = if shape.shadow { 2 } else { 1 };
+        let mut others = arguments.iter().skip(1 + taken);
+        let offset = match has_offset {
+            true => {
+                let known = others.next().and_then(|e| self.stage.fixed(e));
+                let known = known.and_then(constant::integers);
+                let known = known.and_then(|parts| <[i32; 2]>::try_from(parts).ok());
+                // WGSL has no others.
+                let known = known.filter(|parts| parts.iter().all(|part| (-8..8).contains(part)));
+                Some(known.ok_or_else(|| {
+                    unsupported(
+                        format!("`{author}`'s offset must be constant, from -8 to 7"),
+                        place,
+                    )
+                    .note("fetch the four texels")
+                })?)
+            }
+            false => None,
+        };
+        let component = match others.next() {
+            Some(e) => self.stage.fixed_integer(e),
+            None => Some(0),
+        };
         let component = component
             .and_then(|n| u32::try_from(n).ok())
-            .ok_or_else(|| unsupported("`textureGather`'s component must be a number", place))?;
+            .ok_or_else(|| {
+                unsupported(format!("`{author}`'s component must be a number"), place)
+            })?;
         let combined = shape.combined;
-        let helper = self.helper_name(&format!("gather_{combined}_{component}"));
+        let by = offset.map(|[x, y]| format!("_by_{x}_{y}").replace('-', "m"));
+        let by = by.unwrap_or_default();
+        let helper = self.helper_name(&format!("gather_{combined}_{component}{by}"));
         self.placeholders
-            .insert(helper.clone(), Placeholder::Gather(component));
+            .insert(helper.clone(), Placeholder::Gather { component, offset });
         let [texture, of] = split_type(combined);
-        let n = shape.coordinates;
         let extra = if shape.shadow { ", float depth" } else { "" };
         let body = match (shape.shadow, n) {
             (false, _) => format!("textureLod({combined}(t, s), p, 0.0)"),
@@ -459,7 +497,6 @@ impl Lower<'_, '_> {
         );
         self.helpers.insert(helper.clone(), text);
         let mut all = vec![pair.texture.clone(), pair.sampler.clone()];
-        let taken = if shape.shadow { 2 } else { 1 };
         all.extend(rest.iter().take(taken).map(|r| r.at(level::ASSIGNMENT)));
         Ok(Ex::primary(format!("{helper}({})", all.join(", ")), result))
     }

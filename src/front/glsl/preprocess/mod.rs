@@ -10,7 +10,7 @@ mod condition;
 mod macros;
 mod tokens;
 
-use std::collections::HashMap;
+use std::collections::{HashMap, HashSet};
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
@@ -68,6 +68,8 @@ pub(super) struct Preprocessed {
     pub is_nonuniform: bool,
     /// The version whose words the lexer knows.
     pub lexed_version: u16,
+    /// The extensions that the text uses.
+    pub extensions: HashSet<String>,
 }
 
 impl Preprocessed {
@@ -427,8 +429,15 @@ impl Preprocessor<'_> {
                 let words: Vec<Rc<str>> = rest.iter().map(|t| self.names.text(t.name)).collect();
                 self.out.invariant_all |= words.concat().contains("STDGLinvariant(all)");
             }
-            // These do not affect tokens.
-            "extension" | "line" => {}
+            "extension" => {
+                let words: Vec<Rc<str>> = rest.iter().map(|t| self.names.text(t.name)).collect();
+                if let [name, .., behaviour] = &words[..]
+                    && &**behaviour != "disable"
+                {
+                    self.out.extensions.insert(name.to_string());
+                }
+            }
+            "line" => {}
             _ => return Err(self.stop(format!("unknown directive `#{word}`"), place)),
         }
         Ok(())

@@ -100,12 +100,7 @@ impl GlslStage<'_> {
                             place,
                         ));
                     }
-                    S::Subroutine(_) => {
-                        return Err(unsupported(
-                            "subroutines are not supported: WebGPU has none",
-                            place,
-                        ));
-                    }
+                    S::Subroutine(_) => absent::refuse("subroutine", place)?,
                 },
                 TypeQualifierSpecData::Layout(layout) => {
                     for id in &layout.ids {
