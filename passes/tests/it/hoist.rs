@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use naga::{Binding, ShaderStage};
 use preshade_passes::evaluate::{Stuck, Value};
 use preshade_passes::hoist::{self, Hoist, Params};
-use preshade_passes::pass::{Facts, Left, Outcome, Pass, Refused};
+use preshade_passes::pass::{Facts, Frequency, Left, Outcome, Pass, Refused};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 use preshade_passes::reflect;
@@ -525,6 +525,41 @@ fn values_that_are_not_there_are_named() {
         "{:?}",
         next.notes
     );
+}
+
+/// Only what was measured moves approximately, also in a material of which nothing was measured.
+#[test]
+fn measurements_of_another_material_allow_nothing() {
+    let plan = original(&material(
+        "",
+        "return vec4(sin(in.world * 3.0) * cos(in.world.yzx), 1.0);",
+    ));
+    let params = Params {
+        budget: Some(0.02),
+        ..Params::default()
+    };
+    let of = |facts: &Facts| Hoist::run(&plan, facts, &params).map(drop);
+    assert!(of(&Facts::default()).is_ok());
+    let measured = Frequency {
+        material: "another".to_owned(),
+        value: "0123456789abcdef".to_owned(),
+        name: "n".to_owned(),
+        cost: 10.0,
+        interpolation: None,
+        bound: None,
+        max_abs: 0.0,
+        flip_mean: 0.0,
+        flip_p99: 0.0,
+        nan_pixels: 0,
+        location: None,
+    };
+    let facts = Facts {
+        frequencies: vec![measured],
+        ..Facts::default()
+    };
+    let refused = of(&facts).unwrap_err();
+    let reason = |l: &Left| l.reason.contains("was not measured");
+    assert!(refused.left.iter().any(reason), "{:?}", refused.left);
 }
 
 /// A normal of a height field has a component that stays away from 0, so it is finite at every vertex.

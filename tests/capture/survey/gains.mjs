@@ -2,6 +2,8 @@
 // docs/results/workload/ADAPTER.json, and the table of docs/results/gains.md.
 //
 //     node gains.mjs FOLDER NAME      NAME of the adapter, for the file
+//
+// A frame that FOLDER lacks keeps its line.
 
 import { existsSync } from 'node:fs';
 import { mkdir, readFile, writeFile } from 'node:fs/promises';
@@ -15,12 +17,16 @@ const SAME = { median: 1, low: 1, high: 1 };
 const [folder, name] = process.argv.slice(2);
 const list = JSON.parse(await readFile(new URL('frames.json', import.meta.url), 'utf8'));
 
+const file = join(RESULTS, `${name}.json`);
+const before = existsSync(file) ? (await readFile(file, 'utf8')).trim().split('\n') : [];
 const rows = [];
 for (const { id, half } of list.frames ?? list) {
+    const kept = before.map((line) => JSON.parse(line)).find(({ frame }) => frame === id);
     if (existsSync(join(folder, `${id}.txt`))) rows.push(await row(id, half));
+    else if (kept) rows.push(kept);
 }
 await mkdir(RESULTS, { recursive: true });
-await writeFile(join(RESULTS, `${name}.json`), rows.map((row) => `${JSON.stringify(row)}\n`).join(''));
+await writeFile(file, rows.map((row) => `${JSON.stringify(row)}\n`).join(''));
 const report = fileURLToPath(new URL('../../../docs/results/gains.md', import.meta.url));
 await writeFile(report, placed(await readFile(report, 'utf8'), name, table(rows)));
 

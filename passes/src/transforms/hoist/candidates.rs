@@ -30,7 +30,8 @@ pub(super) fn judge(
         .filter(|f| f.material == material.name)
         .map(|f| (f.value.as_str(), f))
         .collect();
-    let rests_on_measurement = !measured.is_empty() && params.weakest() == Class::Smooth;
+    // If the values of other materials were measured, those of this one were not worth it.
+    let rests_on_measurement = !facts.frequencies.is_empty() && params.weakest() == Class::Smooth;
     if params.carry.is_none() && !rests_on_measurement {
         return Judged {
             verdicts: movable::held_back(values, params.assumed(), precision, &all.verdicts),
