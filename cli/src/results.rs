@@ -10,6 +10,7 @@ use preshade::unstable::jobs::{Results, Rows, SCHEMA, Subject, VERSION, Variants
 use preshade::unstable::measure;
 use preshade::unstable::nearest::unknown;
 use preshade::unstable::passes::budget::Budget;
+use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::report::fleet;
 
@@ -286,7 +287,7 @@ fn write(shader: &ShaderArgs, decision: &FleetDecision, out: &Path) -> Result<()
     if measure::leaves_a_choice(&recipe) {
         return left_out("they depend on what is measured on the adapter");
     }
-    let materials = shader.plans(&recipe)?;
+    let materials = shader.plans_by_draws(&recipe)?;
     let variant = measure::variant(&materials.frame, &recipe, &materials.known);
     if variant.is_refused() {
         return left_out("they depend on facts of the adapter");
@@ -298,6 +299,11 @@ fn write(shader: &ShaderArgs, decision: &FleetDecision, out: &Path) -> Result<()
             &[shader.target()],
             &emit::Options::default(),
         )?);
+    }
+    if let Some(scene) = &materials.scene {
+        let plans: Vec<&Plan> = variant.plans.iter().collect();
+        let versions = measure::versions(scene, &plans);
+        files.extend(versions.iter().map(emit::versions));
     }
     emit::write(out, &files).map_err(|e| Failure(format!("error: {e}")))?;
     output::message(&format!(

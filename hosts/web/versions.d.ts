@@ -18,7 +18,7 @@ export interface Version {
     guard: { values: Assumed[] };
     /** Static cost of its fragment stage. */
     operations: number;
-    /** The draws of the scene that take it. */
+    /** The draws of the scene that it was made for. */
     draws: number[];
 }
 

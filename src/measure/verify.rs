@@ -130,14 +130,16 @@ pub fn verify(
         plans: session.originals().to_vec(),
         kept: Vec::new(),
     };
-    let mut subjects = Vec::new();
+    let (mut subjects, mut lost) = (Vec::new(), None);
     for (i, variant) in std::iter::once(&original).chain(variants).enumerate() {
         let done = 0.1 * i as f64 / (variants.len() + 1) as f64;
         progress(VerifyProgress::at(
             done,
             format!("compiling `{}`", variant.name),
         ));
-        subjects.push(Measurement::new(session, variant)?);
+        let (subject, why) = Measurement::new(session, variant)?;
+        subjects.push(subject);
+        lost = lost.or(why);
     }
     let mut run = Run {
         session,
@@ -148,9 +150,11 @@ pub fn verify(
         clock: None,
         depth_ties: 0,
         colours: Colours::default(),
-        lost: None,
+        lost,
     };
-    run.measure()?;
+    if run.lost.is_none() {
+        run.measure()?;
+    }
     run.finish(variants)
 }
 

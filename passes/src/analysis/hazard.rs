@@ -184,6 +184,7 @@ pub fn overflow(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Opt
             | MathFunction::Cross
             | MathFunction::Asinh
             | MathFunction::Length
+            | MathFunction::Normalize
             | MathFunction::Distance
             | MathFunction::Fma
             | MathFunction::Mix

@@ -60,7 +60,7 @@ pub fn iterated(values: &Values<'_, '_>) -> Vec<bool> {
     iterated
 }
 
-/// Whether a statement runs in a loop that may not end ([`counted::ends`]), or is called from one.
+/// Whether a statement runs in a loop without a known bound, or is called from one.
 pub fn is_in_endless(values: &Values<'_, '_>, context: ContextId, at: StmtId) -> bool {
     let module = values.graph.module();
     let mut place = Some((context, at));
@@ -68,7 +68,7 @@ pub fn is_in_endless(values: &Values<'_, '_>, context: ContextId, at: StmtId) ->
         let f = values.function(context);
         let is_endless = |s: StmtId| {
             matches!(f.statements.get(s).statement, Statement::Loop { .. })
-                && !counted::ends(module, f, s)
+                && counted::trips(module, f, s).is_none()
         };
         if f.statements.ancestors(at).any(is_endless) {
             return true;
@@ -78,7 +78,7 @@ pub fn is_in_endless(values: &Values<'_, '_>, context: ContextId, at: StmtId) ->
     false
 }
 
-/// Values that depend on a loop that may not end ([`counted::ends`]).
+/// Values that depend on a loop without a known bound.
 pub fn endless(values: &Values<'_, '_>) -> Vec<bool> {
     let module = values.graph.module();
     let mut seen: HashMap<(FunctionId, StmtId), bool> = HashMap::new();
@@ -98,7 +98,7 @@ pub fn endless(values: &Values<'_, '_>) -> Vec<bool> {
                 matches!(f.statements.get(s).statement, Statement::Loop { .. })
                     && *seen
                         .entry((f.id, s))
-                        .or_insert_with(|| !counted::ends(module, f, s))
+                        .or_insert_with(|| counted::trips(module, f, s).is_none())
             })
     };
     let all = 0..values.values.len();

@@ -1,5 +1,5 @@
 //! Counted loops: a local starts at a constant, is stepped by a constant once per iteration, and is
-//! compared with a constant first. Loops whose bound is in a uniform buffer end too ([`ends`]).
+//! compared with a constant first.
 
 use naga::{
     BinaryOperator, Expression, Handle, Literal, LocalVariable, Module, Statement, TypeInner,
@@ -12,20 +12,27 @@ use super::{FunctionGraph, StmtId};
 /// Longest loop that we simulate to find its trip count.
 const MOST_TRIPS: u32 = 4096;
 
-/// A loop that compares a local with a bound first, and steps it by a constant once per iteration.
-struct Stepped {
-    counter: Handle<LocalVariable>,
-    bound: Handle<Expression>,
-    signed: bool,
-    /// The counter's version before the loop.
-    start: VersionId,
+/// A loop with a known trip count.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Counted {
+    /// The trip count.
+    pub turns: u32,
+    /// The counter.
+    pub counter: Handle<LocalVariable>,
+    /// The bound that the counter is compared with.
+    pub bound: Handle<Expression>,
+    /// Whether the counter is an `i32`; else it is a `u32`.
+    pub signed: bool,
+    start: i64,
     step: (BinaryOperator, i64),
     /// The loop continues while the comparison has this result.
     condition: (BinaryOperator, bool),
 }
 
-impl Stepped {
-    fn of(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<Self> {
+impl Counted {
+    /// Analyses the loop `id`. `None` for any other loop, and if the counter would overflow: there
+    /// it wraps, and the loop may never end.
+    pub fn of(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<Self> {
         let Statement::Loop { body, .. } = f.statements.get(id).statement else {
             return None;
         };
@@ -53,6 +60,7 @@ impl Stepped {
             return None;
         };
         let (counter, seen) = counter_version(f, left)?;
+        let bound = integer(module, f, right)?;
         let Origin::Phi {
             at: Some(at),
             operands,
@@ -66,6 +74,17 @@ impl Stepped {
         if *at != id {
             return None;
         }
+        let start = match f.memory.origin(*start) {
+            Origin::Initial => match f.function.local_variables[counter].init {
+                Some(init) => integer(module, f, init)?,
+                None => 0,
+            },
+            Origin::Written { by, over: None } => match f.statements.get(*by).statement {
+                Statement::Store { value, .. } => integer(module, f, *value)?,
+                _ => return None,
+            },
+            _ => return None,
+        };
         let Origin::Written { by, over: None } = f.memory.origin(*latch) else {
             return None;
         };
@@ -89,60 +108,14 @@ impl Stepped {
             TypeInner::Scalar(naga::Scalar::U32) => false,
             _ => return None,
         };
-        Some(Self {
-            counter,
-            bound: right,
-            signed,
-            start: *start,
-            step: (step_op, step),
-            condition: (op, while_true),
-        })
-    }
-}
-
-/// A loop with a known trip count.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Counted {
-    /// The trip count.
-    pub turns: u32,
-    /// The counter.
-    pub counter: Handle<LocalVariable>,
-    /// The bound that the counter is compared with.
-    pub bound: Handle<Expression>,
-    /// Whether the counter is an `i32`; else it is a `u32`.
-    pub signed: bool,
-    start: i64,
-    step: (BinaryOperator, i64),
-    /// The loop continues while the comparison has this result.
-    condition: (BinaryOperator, bool),
-}
-
-impl Counted {
-    /// Analyses the loop `id`. `None` for any other loop, and if the counter would overflow: there
-    /// it wraps, and the loop may never end.
-    pub fn of(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<Self> {
-        let stepped = Stepped::of(module, f, id)?;
-        let bound = integer(module, f, stepped.bound)?;
-        let Stepped { counter, .. } = stepped;
-        let start = match f.memory.origin(stepped.start) {
-            Origin::Initial => match f.function.local_variables[counter].init {
-                Some(init) => integer(module, f, init)?,
-                None => 0,
-            },
-            Origin::Written { by, over: None } => match f.statements.get(*by).statement {
-                Statement::Store { value, .. } => integer(module, f, *value)?,
-                _ => return None,
-            },
-            _ => return None,
-        };
         let mut counted = Self {
             turns: 0,
             counter,
-            bound: stepped.bound,
-            signed: stepped.signed,
+            bound: right,
+            signed,
             start,
-            step: stepped.step,
-            condition: stepped.condition,
+            step: (step_op, step),
+            condition: (op, while_true),
         };
         counted.turns = counted.until(bound)?;
         Some(counted)
@@ -200,41 +173,6 @@ impl Counted {
 /// The trip count of a counted loop; `None` for any other.
 pub fn trips(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<u32> {
     Counted::of(module, f, id).map(|c| c.turns)
-}
-
-/// Whether a loop ends: it is counted, or its counter goes by one until it passes a number that the draw fixes. By larger
-/// steps it may wrap past the number.
-pub fn ends(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> bool {
-    use BinaryOperator as B;
-    let passes = |s: Stepped| {
-        let towards = match s.condition {
-            (B::Less, true) | (B::GreaterEqual, false) => 1,
-            (B::Greater, true) | (B::LessEqual, false) => -1,
-            _ => return false,
-        };
-        let step = match s.step {
-            (B::Add, step) => step,
-            (B::Subtract, step) => -step,
-            _ => return false,
-        };
-        step == towards && is_fixed(module, f, s.bound)
-    };
-    trips(module, f, id).is_some() || Stepped::of(module, f, id).is_some_and(passes)
-}
-
-/// Whether an expression is the same for all invocations of a draw: constants, and words of uniform buffers.
-fn is_fixed(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>) -> bool {
-    let is_fixed = |e| is_fixed(module, f, e);
-    match f.function.expressions[e] {
-        Expression::Literal(_) | Expression::Constant(_) | Expression::ZeroValue(_) => true,
-        Expression::GlobalVariable(v) => {
-            module.global_variables[v].space == naga::AddressSpace::Uniform
-        }
-        Expression::Load { pointer: of }
-        | Expression::AccessIndex { base: of, .. }
-        | Expression::As { expr: of, .. } => is_fixed(of),
-        _ => false,
-    }
 }
 
 /// The local that an expression loads whole, and the loaded version.

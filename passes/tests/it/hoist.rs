@@ -588,6 +588,8 @@ fn normalize_moves_if_the_length_is_above_zero() {
     assert!(moves("vec3(in.world.xy, 2.0 + sin(in.world.z))"));
     assert!(!moves("in.world"));
     assert!(!moves("vec3(in.world.xy, 1.0 + sin(in.world.z))"));
+    // The square of the length may be infinite.
+    assert!(!moves("vec3(in.world.xy * 1e25, 1.0)"));
 }
 
 /// Whoever does what a refusal says gets there, or is told that there is nothing.

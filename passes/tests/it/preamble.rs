@@ -215,35 +215,6 @@ fn a_loop_that_may_not_end_stays() {
 }
 
 #[test]
-fn a_loop_to_a_number_of_the_draw_moves() {
-    let body = |head: &str| {
-        format!(
-            "var sum = 1.0;
-            for ({head}) {{ sum += dot(u.list[i % MOST], u.list[i % MOST]); }}
-            let white = inverseSqrt(sum);
-            return vec4(v.uv * white, 0.0, 1.0);"
-        )
-    };
-    for head in [
-        "var i = 0u; i < u.count; i++",
-        "var i = u.count; i > 0u; i--",
-        "var i = 0u; !(i >= u.count); i += 1u",
-    ] {
-        let next = applied(&original(&body(head)), &EXACT);
-        assert!(!main_text(&next).contains("loop"), "{head}");
-    }
-    // The largest number is not passed, and two steps may wrap past one.
-    for head in [
-        "var i = 0u; i <= u.count; i++",
-        "var i = 0u; i < u.count; i += 2u",
-        "var i = 0u; i < u.count; i--",
-    ] {
-        let (_, why) = stays(&body(head), "white", &EXACT);
-        assert!(why.contains("may not end"), "{head}: {why}");
-    }
-}
-
-#[test]
 fn values_behind_branches_move_if_the_draw_decides_the_branch() {
     let body = |condition: &str| {
         format!(

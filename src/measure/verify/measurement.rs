@@ -151,8 +151,11 @@ impl<'a> Measurement<'a> {
     ///
     /// # Errors
     ///
-    /// The original cannot be built, or the adapter is lost.
-    pub(super) fn new(session: &'a Session<'a>, variant: &Variant) -> Result<Self, Error> {
+    /// The original cannot be built.
+    pub(super) fn new(
+        session: &'a Session<'a>,
+        variant: &Variant,
+    ) -> Result<(Self, Option<String>), Error> {
         let subject = Subject::new(session, variant.plans.clone());
         let mut drawn = Self {
             counter: None,
@@ -180,14 +183,17 @@ impl<'a> Measurement<'a> {
             drawn.subject.verdict = Verdict::NotMeasured {
                 why: EVERY_REFUSES.to_owned(),
             };
-            return Ok(drawn);
+            return Ok((drawn, None));
         }
-        match drawn.build(session, variant) {
-            Ok(()) => {}
+        let lost = match drawn.build(session, variant) {
+            Ok(()) => None,
             Err(error) if variant.name == ORIGINAL => return Err(error),
-            Err(error) => drawn.give_up(error)?,
-        }
-        Ok(drawn)
+            Err(error) => {
+                drawn.quit(&error);
+                error.is_lost().then(|| error.to_string())
+            }
+        };
+        Ok((drawn, lost))
     }
 
     fn build(&mut self, session: &'a Session<'a>, variant: &Variant) -> Result<(), Error> {

@@ -24,7 +24,7 @@ pub struct Ahead {
     pub recipe: String,
     /// The draws, by their place in the scene.
     pub draws: Vec<usize>,
-    /// Draws of the view that could go ahead.
+    /// Draws of the scene that could go ahead.
     pub of: usize,
     /// Time of the original over its time with these draws ahead.
     pub speedup: Estimate,
@@ -78,26 +78,36 @@ pub fn measured(
     given.aim(frame, DrawOrder::AsGiven);
     let picture = given.render()?;
     let mut subjects = vec![given];
-    let mut changed = Vec::new();
-    for set in &sets {
-        let mut ahead = session.prepare(plans)?;
-        ahead.aim(frame, DrawOrder::AsGiven);
-        ahead.keep_ahead(set);
-        let ladder = compare(&picture, &ahead.render()?).map_err(measure::Error::from)?;
-        changed.push(ladder.changed_pixels);
-        subjects.push(ahead);
+    let mut drawn = Vec::new();
+    for set in sets {
+        let draw = || -> Result<_, measure::Error> {
+            let mut ahead = session.prepare(plans)?;
+            ahead.aim(frame, DrawOrder::AsGiven);
+            ahead.keep_ahead(&set);
+            let ladder = compare(&picture, &ahead.render()?)?;
+            Ok((ahead, ladder.changed_pixels))
+        };
+        // A pre-pass that the driver refuses is none, and no reason to end the plan.
+        if let Some((ahead, changed_pixels)) = measure::Error::unless_lost(draw())? {
+            subjects.push(ahead);
+            drawn.push((set, changed_pixels));
+        }
     }
     let subjects: Vec<_> = subjects.iter().collect();
     let (_, times) = measure::time(session.gpu(), &subjects, timing, |_| {})?;
-    let each = times.iter().skip(1).zip(sets).zip(changed);
-    let each = each.map(|((time, draws), changed_pixels)| Ahead {
+    let each = times.iter().skip(1).zip(drawn);
+    let each = each.map(|(time, (draws, changed_pixels))| Ahead {
         recipe: RECIPE.to_owned(),
         draws,
         of,
         speedup: time.speedup,
         changed_pixels,
     });
-    Ok(each.max_by(|a, b| a.speedup.median.total_cmp(&b.speedup.median)))
+    let by_worth = |a: &Ahead| (a.changed_pixels == 0, a.speedup.median);
+    Ok(each.max_by(|a, b| {
+        let (a, b) = (by_worth(a), by_worth(b));
+        a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))
+    }))
 }
 
 /// A draw, the operations that it saves by going ahead, and those that it costs.
@@ -139,7 +149,8 @@ fn worth(layers: &Layers, price: impl Fn(usize, usize) -> Option<f64>) -> Vec<Wo
     all
 }
 
-/// The sets to time, each the fewest draws that save a part of what can be saved, in the order of the scene.
+/// The sets to time: the best draws by their ratio, until they save a part of what can be saved. In the order of the
+/// scene.
 fn sets(worth: &[Worth], layers: &Layers, of: usize) -> Vec<Vec<usize>> {
     let all: f64 = worth.iter().map(|w| w.saved).sum();
     let drawn = layers.runs.iter().flatten();

@@ -30,7 +30,7 @@ pub(super) fn judge(
         .filter(|f| f.material == material.name)
         .map(|f| (f.value.as_str(), f))
         .collect();
-    // If the values of other materials were measured, those of this one were not worth it.
+    // If the values of other materials were measured, those of this one were left out, and may be far off.
     let rests_on_measurement = !facts.frequencies.is_empty() && params.weakest() == Class::Smooth;
     if params.carry.is_none() && !rests_on_measurement {
         return Judged {

@@ -24,7 +24,7 @@ pub struct Version {
     pub guard: Guard,
     /// Static cost of its fragment stage, in operations.
     pub operations: f64,
-    /// The draws of the scene that take it, by their place.
+    /// The draws of the scene that it was made for, by their place.
     pub draws: Vec<usize>,
 }
 
@@ -137,7 +137,7 @@ impl Dispatch {
             key.push(u8::from(word.is_some()));
         }
         key.extend(self.fixed.iter().map(|a| u8::from(is_kept(a))));
-        if self.chosen.len() >= MOST {
+        if self.chosen.len() >= MOST && !self.chosen.contains_key(&key) {
             self.chosen.clear();
         }
         let versions = &self.versions;
