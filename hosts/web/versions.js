@@ -34,7 +34,10 @@ export function dispatch({ versions }) {
                 const number = read(value.place, value.type);
                 return value.low <= number && number <= value.high;
             };
-            chosen.set(key, versions.find(({ guard }) => guard.values.every(holds)));
+            chosen.set(
+                key,
+                versions.find(({ guard }) => guard.values.every(holds)),
+            );
         }
         return chosen.get(key);
     };

@@ -10,7 +10,12 @@ const flags = (low, high) => ({
     high,
 });
 const fog = { ...flags(0, 0.5), name: 'fog', type: 'f32', place: { from: 'uniform', group: 0, binding: 1, offset: 8 } };
-const white = { ...flags(1, 1), name: 'map.r', type: 'f32', place: { from: 'texture', group: 0, binding: 2, channel: 0 } };
+const white = {
+    ...flags(1, 1),
+    name: 'map.r',
+    type: 'f32',
+    place: { from: 'texture', group: 0, binding: 2, channel: 0 },
+};
 const versions = {
     material: 'lit',
     versions: [

@@ -6,6 +6,7 @@ import { rewrite as rewriteSync } from 'preshade/sync';
 import { withThree } from 'preshade/three-prefix';
 import preshade from 'preshade/vite';
 import lit from './lit.wgsl?preshade=depth-prepass';
+import { dispatch, type Versions } from 'preshade/versions';
 
 const options = { pass: ['depth-prepass', 'hoist:budget=0.02'], emit: ['wgsl', 'glsl-es'] } as const;
 
@@ -43,3 +44,11 @@ export async function use(wgsl: string): Promise<string[]> {
 }
 
 export const plugin = preshade({ pass: 'depth-prepass', strict: true, compiler: { timeout: 5000 } });
+
+declare const museum: Versions;
+const choose = dispatch(museum);
+const chosen: string | undefined = choose(
+    (group, binding) => (group + binding ? new Float32Array(4) : undefined),
+    ({ place }) => place.from === 'texture',
+)?.name;
+void chosen;
