@@ -20,8 +20,14 @@ const SHOWN: usize = 5;
 pub fn decision(of: &FleetDecision) -> String {
     let count = of.adapters.len();
     let summary = |v: &FleetVariant| {
+        let is_timed = |a: &&OnAdapter| a.speedup.is_some() && of.adapters.contains(&a.adapter);
+        let left = match count - v.adapters.iter().filter(is_timed).count() {
+            0 => String::new(),
+            left if left == count => return format!("{}: not timed", v.variant),
+            left => format!(", not timed on {left}"),
+        };
         format!(
-            "{}: pays on {} of {count}, {:.2}x on average",
+            "{}: pays on {} of {count}, {:.2}x on average{left}",
             v.variant, v.pays, v.speedup
         )
     };
