@@ -532,7 +532,8 @@ fn values_that_are_not_there_are_named() {
 fn measurements_of_another_material_allow_nothing() {
     let plan = original(&material(
         "",
-        "return vec4(sin(in.world * 3.0) * cos(in.world.yzx), 1.0);",
+        "let wave = sin(in.world * 3.0) * cos(in.world.yzx);
+        return vec4(wave, 1.0);",
     ));
     let params = Params {
         budget: Some(0.02),
