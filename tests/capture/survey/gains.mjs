@@ -18,10 +18,11 @@ const [folder, name] = process.argv.slice(2);
 const list = JSON.parse(await readFile(new URL('frames.json', import.meta.url), 'utf8'));
 
 const file = join(RESULTS, `${name}.json`);
-const before = existsSync(file) ? (await readFile(file, 'utf8')).trim().split('\n') : [];
+const lines = existsSync(file) ? (await readFile(file, 'utf8')).trim().split('\n') : [];
+const before = lines.map((line) => JSON.parse(line));
 const rows = [];
 for (const { id, half } of list.frames ?? list) {
-    const kept = before.map((line) => JSON.parse(line)).find(({ frame }) => frame === id);
+    const kept = before.find(({ frame }) => frame === id);
     if (existsSync(join(folder, `${id}.txt`))) rows.push(await row(id, half));
     else if (kept) rows.push(kept);
 }
