@@ -28,7 +28,7 @@ pub mod validate;
 pub use analysis::{coverage, neighbours, opaque, uniformity};
 pub use core::{
     budget, calls, channels, contract, declared, draw_table, features, frame, geometry, guard,
-    limits, link, pass, plan, program, rasterizer, reflect, self_test, state,
+    limits, link, pass, plan, program, rasterizer, reflect, self_test, state, uniforms,
 };
 pub use evaluate::bound;
 pub use rebuild::{count, depth_only, place, returns};

@@ -11,8 +11,8 @@ use preshade_passes::guard::{Assumed, Bounds, Place};
 use preshade_passes::pass::{Facts, Undrawn};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Location;
-use preshade_passes::specialize::assume::{UniformScalar, uniform_scalars};
 use preshade_passes::specialize::branches::{Branch, BranchId, Way, branches};
+use preshade_passes::uniforms::{UniformScalar, uniform_scalars};
 
 use super::constants::as_facts;
 use super::originals;

@@ -15,7 +15,7 @@ use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, Stateme
 
 use crate::analysis::below::{below, is_cheap};
 use crate::analysis::cut::{self, Cut, Item};
-use crate::analysis::loops::{endless, is_in_endless, iterated};
+use crate::analysis::loops::{LoopEnds, iterated};
 use crate::analysis::named;
 use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
@@ -65,8 +65,8 @@ pub enum Stays {
     InLoop,
     /// Not every pixel computes it.
     Conditional,
-    /// It depends on a loop that may not end, or runs in one. The half-rate stage leaves out the returns and discards
-    /// that may guard it.
+    /// It depends on a loop that may not end, or runs in one, and no guard can bound the loop. The half-rate stage leaves
+    /// out the returns and discards that may protect from it.
     MayNotEnd,
     /// It depends on a texel that the slow part does not need.
     Fine,
@@ -90,7 +90,7 @@ impl std::fmt::Display for Stays {
 /// The verdicts on a stage's values, by value.
 pub fn judge(values: &Values<'_, '_>) -> Vec<Result<(), Stays>> {
     let coverage = with_operands(values, values.coverage.clone());
-    let (endless, iterated) = (endless(values), iterated(values));
+    let (ends, iterated) = (LoopEnds::new(values), iterated(values));
     (0..values.values.len())
         .map(|id| {
             let width = width(values, id).ok_or(Stays::Shape)?;
@@ -99,7 +99,7 @@ pub fn judge(values: &Values<'_, '_>) -> Vec<Result<(), Stays>> {
                 () if values.values[id].fact.rate <= Rate::Draw => Err(Stays::Uniform),
                 () if is_cheap(values, id, READ * f64::from(width)) => Err(Stays::Cheap),
                 () if coverage[id] => Err(Stays::Coverage),
-                () if endless[id] || is_in_endless(values, context, at) => Err(Stays::MayNotEnd),
+                () if !ends.may_end(id) => Err(Stays::MayNotEnd),
                 () if iterated[id] => Err(Stays::InLoop),
                 () if !is_always_run(values, context, at) => Err(Stays::Conditional),
                 () => Ok(()),

@@ -1,5 +1,5 @@
-//! Finds values that change between iterations of an enclosing loop, and those that depend on a loop
-//! that may not end.
+//! Finds values that change between iterations of an enclosing loop, those that depend on a loop that
+//! may not end, and the guard under which loops end.
 
 use std::collections::HashMap;
 
@@ -7,8 +7,10 @@ use naga::Statement;
 
 use crate::analysis::reach::with_users;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
+use crate::core::guard::{Assumed, Bounds, Guard};
+use crate::graph::counted::{self, Ends};
 use crate::graph::memory::Origin;
-use crate::graph::{FunctionId, StmtId, counted};
+use crate::graph::{FunctionId, StmtId};
 
 /// For each value, whether it may differ between iterations of an enclosing loop, including loops
 /// around the calls that lead to it.
@@ -60,50 +62,98 @@ pub fn iterated(values: &Values<'_, '_>) -> Vec<bool> {
     iterated
 }
 
-/// Whether a statement runs in a loop without a known bound, or is called from one.
-pub fn is_in_endless(values: &Values<'_, '_>, context: ContextId, at: StmtId) -> bool {
+/// Whether the loops end that each value depends on, or runs in.
+pub struct LoopEnds {
+    of: Vec<Ends>,
+}
+
+impl LoopEnds {
+    /// Analyses all values.
+    pub fn new(values: &Values<'_, '_>) -> Self {
+        let mut known = HashMap::new();
+        let own: Vec<Ends> = (0..values.values.len())
+            .map(|id| own_ends(values, id, &mut known))
+            .collect();
+        let mut of = vec![Ends::Always; own.len()];
+        for ends in [Ends::Guarded, Ends::Unknown] {
+            let from = (0..own.len()).filter(|id| own[*id] >= ends).collect();
+            for (of, reached) in of.iter_mut().zip(with_users(values, from)) {
+                if reached {
+                    *of = ends;
+                }
+            }
+        }
+        Self { of }
+    }
+
+    /// Whether the loops of a value end, under a guard if one can bound them.
+    pub fn may_end(&self, id: ValueId) -> bool {
+        self.of[id] <= Ends::Guarded
+    }
+
+    /// The guard under which the loops of some values end, if they need one. It bounds every loop of the stage that it
+    /// can: then [`Termination::Guarded`] may drop them.
+    ///
+    /// [`Termination::Guarded`]: crate::slice::Termination::Guarded
+    pub fn guard(&self, values: &Values<'_, '_>, ids: &[ValueId]) -> Option<Guard> {
+        if ids.iter().all(|id| self.of[*id] == Ends::Always) {
+            return None;
+        }
+        let module = values.graph.module();
+        let contexts = (0..values.contexts.len()).map(|context| values.function(context));
+        let loops = contexts.flat_map(|f| {
+            let all = f.statements.iter();
+            all.filter(|(_, node)| matches!(node.statement, Statement::Loop { .. }))
+                .map(move |(at, _)| (f, at))
+        });
+        let bounds = loops
+            .filter(|(f, at)| counted::ends(module, f, *at) == Ends::Guarded)
+            .filter_map(|(f, at)| counted::uniform_bound(module, f, at));
+        let values = bounds.map(|bound| Assumed {
+            place: bound.place(),
+            ty: bound.ty,
+            name: bound.name,
+            bounds: Bounds {
+                low: 0.0,
+                high: f64::from(counted::MOST_GUARDED),
+            },
+        });
+        let each = values.map(|value| Guard {
+            values: vec![value],
+        });
+        Some(each.fold(Guard::default(), Guard::and))
+    }
+}
+
+/// Whether the loops around a value end, those around the calls that lead to it included. A merge at a loop, and
+/// what a loop controls, is around that loop.
+fn own_ends(
+    values: &Values<'_, '_>,
+    id: ValueId,
+    known: &mut HashMap<(FunctionId, StmtId), Ends>,
+) -> Ends {
     let module = values.graph.module();
-    let mut place = Some((context, at));
+    let mut place = match &values.values[id].node {
+        Node::Version(context, v) => match values.function(*context).memory.origin(*v) {
+            Origin::Phi { at: Some(at), .. } => Some((*context, *at)),
+            _ => None,
+        },
+        Node::Control(context, at) => Some((*context, *at)),
+        Node::Expression(..) => values.expression(id).map(|(context, _, at)| (context, at)),
+        Node::Input(_) => None,
+    };
+    let mut worst = Ends::Always;
     while let Some((context, at)) = place {
         let f = values.function(context);
-        let is_endless = |s: StmtId| {
-            matches!(f.statements.get(s).statement, Statement::Loop { .. })
-                && counted::trips(module, f, s).is_none()
-        };
-        if f.statements.ancestors(at).any(is_endless) {
-            return true;
+        for s in std::iter::once(at).chain(f.statements.ancestors(at)) {
+            if matches!(f.statements.get(s).statement, Statement::Loop { .. }) {
+                let of = known.entry((f.id, s));
+                worst = worst.max(*of.or_insert_with(|| counted::ends(module, f, s)));
+            }
         }
         place = values.contexts[context].call;
     }
-    false
-}
-
-/// Values that depend on a loop without a known bound.
-pub fn endless(values: &Values<'_, '_>) -> Vec<bool> {
-    let module = values.graph.module();
-    let mut seen: HashMap<(FunctionId, StmtId), bool> = HashMap::new();
-    let mut ends_unseen = |id: ValueId| {
-        let (context, at) = match values.values[id].node {
-            Node::Version(context, v) => match values.function(context).memory.origin(v) {
-                Origin::Phi { at: Some(at), .. } => (context, *at),
-                _ => return false,
-            },
-            Node::Control(context, at) => (context, at),
-            _ => return false,
-        };
-        let f = values.function(context);
-        std::iter::once(at)
-            .chain(f.statements.ancestors(at))
-            .any(|s| {
-                matches!(f.statements.get(s).statement, Statement::Loop { .. })
-                    && *seen
-                        .entry((f.id, s))
-                        .or_insert_with(|| counted::trips(module, f, s).is_none())
-            })
-    };
-    let all = 0..values.values.len();
-    let loops: Vec<ValueId> = all.filter(|id| ends_unseen(*id)).collect();
-    with_users(values, loops)
+    worst
 }
 
 type LoopId = usize;

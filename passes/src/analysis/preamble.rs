@@ -10,7 +10,7 @@ use naga::{AddressSpace, Expression, ScalarKind, TypeInner};
 use crate::analysis::below::{below, is_cheap};
 use crate::analysis::contraction::{self, Pruned};
 use crate::analysis::cut::{self, Cut};
-use crate::analysis::loops::{endless, is_in_endless, iterated};
+use crate::analysis::loops::{LoopEnds, iterated};
 use crate::analysis::range::AllRanges;
 use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::rounding::{ORDINARY, Roundings};
@@ -116,7 +116,7 @@ pub fn judge(values: &Values<'_, '_>, known: &[SourceRange], most: f64) -> Judge
     let may = |id: ValueId| is_of_draw(id) && unsteady[id];
     let roundings = Roundings::new(values, known, &unsteady, may);
     let coverage = with_operands(values, values.coverage.clone());
-    let (endless, iterated) = (endless(values), iterated(values));
+    let (ends, iterated) = (LoopEnds::new(values), iterated(values));
     let foreign = foreign(values);
     let subnormal = subnormal(values, known);
     let verdicts = (0..values.values.len())
@@ -132,11 +132,10 @@ pub fn judge(values: &Values<'_, '_>, known: &[SourceRange], most: f64) -> Judge
             match foreign[id] {
                 Some(stays) => Err(stays),
                 None if subnormal[id] => Err(Stays::Subnormal),
-                None if endless[id] => Err(Stays::MayNotEnd),
+                // The compute pass runs for draws that cover nothing, too.
+                None if !ends.may_end(id) => Err(Stays::MayNotEnd),
                 None if iterated[id] => Err(Stays::InLoop),
                 None if values.control_rate(context, at) > Rate::Draw => Err(Stays::Conditional),
-                // The compute pass runs for draws that cover nothing, too.
-                None if is_in_endless(values, context, at) => Err(Stays::MayNotEnd),
                 None if !unsteady[id] => Ok(Class::Exact),
                 None if coverage[id] => Err(Stays::Coverage),
                 None if roundings.of(id) <= most => Ok(Class::Rounded),

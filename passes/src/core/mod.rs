@@ -25,3 +25,4 @@ pub mod refusals;
 pub mod self_test;
 mod shared_binding;
 pub mod state;
+pub mod uniforms;

@@ -11,8 +11,9 @@ use naga::ShaderStage;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::core::contract::Contract;
+use crate::core::contract::{Assumption, Contract};
 use crate::core::geometry::{Formats, Geometry};
+use crate::core::guard::Guard;
 use crate::core::pass::{Change, Site};
 use crate::core::program::Program;
 use crate::core::state::{
@@ -758,7 +759,7 @@ pub struct Plan {
     /// The values it was made for. If a draw's values differ, the host draws [`ORIGINAL`] instead.
     /// `None` if it was made for all.
     #[serde(default, skip_serializing_if = "Option::is_none")]
-    pub guard: Option<crate::core::guard::Guard>,
+    pub guard: Option<Guard>,
     /// The plan before any transform, for the fallback to it. `None` in that plan itself, and in a
     /// plan read from JSON, which contains its passes and files.
     #[serde(skip)]
@@ -876,6 +877,15 @@ impl Plan {
             contract: contract.clone(),
         });
         self.contract = self.contract.clone().and(contract);
+    }
+
+    /// Makes it for draws whose values match a guard, too, and says so in the assumptions of a step.
+    pub fn assume(&mut self, guard: Option<Guard>, given: &mut Vec<Assumption>) {
+        let Some(guard) = guard else { return };
+        self.guard = Some(self.guard.take().unwrap_or_default().and(guard));
+        given.push(Assumption::ValuesOfTheGuard);
+        given.sort();
+        given.dedup();
     }
 
     /// The main pass.

@@ -1,16 +1,34 @@
 //! Counted loops: a local starts at a constant, is stepped by a constant once per iteration, and is
-//! compared with a constant first.
+//! compared with a bound first. The bound is a constant, or a number in a uniform buffer.
 
 use naga::{
-    BinaryOperator, Expression, Handle, Literal, LocalVariable, Module, Statement, TypeInner,
+    BinaryOperator, Expression, Handle, Literal, LocalVariable, MathFunction, Module, Statement,
+    TypeInner,
 };
 
 use super::cells::Root;
 use super::memory::{Origin, VersionId};
-use super::{FunctionGraph, StmtId};
+use super::{FunctionGraph, StmtId, operands};
+use crate::core::uniforms::UniformScalar;
 
 /// Longest loop that we simulate to find its trip count.
 const MOST_TRIPS: u32 = 4096;
+
+/// Largest bound in a uniform buffer that a guard allows. A buffer of 64 KiB, the least that WebGPU promises, holds as
+/// many lights of 64 bytes.
+pub const MOST_GUARDED: u32 = 1024;
+
+/// Whether a loop ends.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
+pub enum Ends {
+    /// It does.
+    #[default]
+    Always,
+    /// It does if [`uniform_bound`] is from 0 to [`MOST_GUARDED`].
+    Guarded,
+    /// It may not.
+    Unknown,
+}
 
 /// A loop with a known trip count.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -33,6 +51,13 @@ impl Counted {
     /// Analyses the loop `id`. `None` for any other loop, and if the counter would overflow: there
     /// it wraps, and the loop may never end.
     pub fn of(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<Self> {
+        let mut counted = Self::of_any_bound(module, f, id)?;
+        counted.turns = counted.until(integer(module, f, counted.bound)?)?;
+        Some(counted)
+    }
+
+    /// The same whatever the bound is, without a trip count.
+    fn of_any_bound(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<Self> {
         let Statement::Loop { body, .. } = f.statements.get(id).statement else {
             return None;
         };
@@ -60,7 +85,6 @@ impl Counted {
             return None;
         };
         let (counter, seen) = counter_version(f, left)?;
-        let bound = integer(module, f, right)?;
         let Origin::Phi {
             at: Some(at),
             operands,
@@ -108,7 +132,7 @@ impl Counted {
             TypeInner::Scalar(naga::Scalar::U32) => false,
             _ => return None,
         };
-        let mut counted = Self {
+        Some(Self {
             turns: 0,
             counter,
             bound: right,
@@ -116,9 +140,7 @@ impl Counted {
             start,
             step: (step_op, step),
             condition: (op, while_true),
-        };
-        counted.turns = counted.until(bound)?;
-        Some(counted)
+        })
     }
 
     /// Values of the counter by iteration, up to an overflow of its type.
@@ -152,12 +174,24 @@ impl Counted {
                 _ => return None,
             })
         };
-        for (turn, value) in (0..MOST_TRIPS).zip(self.values()) {
+        for (turn, value) in (0..=MOST_TRIPS).zip(self.values()) {
             if holds(value)? != while_true {
                 return Some(turn);
             }
         }
         None
+    }
+
+    /// Whether a larger bound gives the loop no fewer iterations, and each bound some number of them: the counter
+    /// rises from 0 or above.
+    fn grows_with_bound(&self) -> bool {
+        use BinaryOperator::{Add, Greater, GreaterEqual, Less, LessEqual};
+        let rises = self.step.0 == Add && self.step.1 > 0;
+        let is_below = matches!(
+            self.condition,
+            (Less | LessEqual, true) | (Greater | GreaterEqual, false)
+        );
+        rises && is_below
     }
 
     /// A bound that gives the loop this trip count; `None` if there is none.
@@ -173,6 +207,64 @@ impl Counted {
 /// The trip count of a counted loop; `None` for any other.
 pub fn trips(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<u32> {
     Counted::of(module, f, id).map(|c| c.turns)
+}
+
+/// Whether the loop `id` ends.
+pub fn ends(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Ends {
+    let Some(counted) = Counted::of_any_bound(module, f, id) else {
+        return Ends::Unknown;
+    };
+    let known = |e: Handle<Expression>| integer(module, f, e);
+    let most = match f.function.expressions[counted.bound] {
+        // The smaller of two bounds is no larger than one of them.
+        Expression::Math {
+            fun: MathFunction::Min,
+            arg,
+            arg1: Some(other),
+            ..
+        } if counted.grows_with_bound() => known(arg).or_else(|| known(other)),
+        _ => known(counted.bound),
+    };
+    match most.is_some_and(|most| counted.until(most).is_some()) {
+        true => Ends::Always,
+        false if uniform_bound(module, f, id).is_some() => Ends::Guarded,
+        false => Ends::Unknown,
+    }
+}
+
+/// The number in a uniform buffer that bounds a counted loop, which ends if it is from 0 to [`MOST_GUARDED`].
+pub fn uniform_bound(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<UniformScalar> {
+    let counted = Counted::of_any_bound(module, f, id)?;
+    let is_bounded = || counted.until(i64::from(MOST_GUARDED)).is_some();
+    if !counted.grows_with_bound() || !is_bounded() {
+        return None;
+    }
+    let mut at = counted.bound;
+    let mut path = Vec::new();
+    loop {
+        at = match f.function.expressions[at] {
+            // A number from 0 to the largest stays the same number in each type.
+            Expression::As {
+                expr,
+                convert: Some(4),
+                ..
+            } if path.is_empty() => expr,
+            Expression::Load { pointer } => pointer,
+            Expression::AccessIndex { base, index } => {
+                path.push(index);
+                base
+            }
+            Expression::Access { base, index } => {
+                path.push(operands::constant_index(module, f.function, index)?);
+                base
+            }
+            Expression::GlobalVariable(global) => {
+                path.reverse();
+                return UniformScalar::at(module, global, &path);
+            }
+            _ => return None,
+        }
+    }
 }
 
 /// The local that an expression loads whole, and the loaded version.

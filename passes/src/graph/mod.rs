@@ -14,6 +14,7 @@ use std::sync::OnceLock;
 use naga::valid::FunctionInfo;
 use naga::{Expression, Function, Handle, Module, Statement, TypeInner};
 
+use self::counted::Ends;
 use crate::core::program::Program;
 
 pub mod cells;
@@ -80,7 +81,7 @@ pub struct Graph<'p> {
 struct Reach {
     functions: BTreeSet<FunctionId>,
     effects: Effects,
-    loops: bool,
+    ends: Ends,
     cost: f64,
 }
 
@@ -126,9 +127,8 @@ impl<'p> Graph<'p> {
                 ..Reach::default()
             };
             for (id, node) in f.statements.iter() {
-                if f.control.is_reachable(id) {
-                    below.loops |= matches!(node.statement, Statement::Loop { .. })
-                        && counted::trips(module, f, id).is_none();
+                if f.control.is_reachable(id) && matches!(node.statement, Statement::Loop { .. }) {
+                    below.ends = below.ends.max(counted::ends(module, f, id));
                 }
             }
             below.effects = effect::own(module, f);
@@ -136,7 +136,7 @@ impl<'p> Graph<'p> {
                 let of: &Reach = &reach[callee.index()];
                 below.functions.extend(&of.functions);
                 below.effects.extend(&of.effects);
-                below.loops |= of.loops;
+                below.ends = below.ends.max(of.ends);
                 below.cost += of.cost * f.times[at.index()];
             }
             below.cost += f.own_cost(module, |_| true, |_| true);
@@ -250,9 +250,9 @@ impl<'p> Graph<'p> {
             .collect()
     }
 
-    /// Whether a function, or one it calls, has a loop that may not end ([`counted::trips`]).
-    pub fn may_loop(&self, function: FunctionId) -> bool {
-        self.reach[self.index(function)].loops
+    /// Whether all loops of a function and of those it calls end.
+    pub fn ends(&self, function: FunctionId) -> Ends {
+        self.reach[self.index(function)].ends
     }
 
     /// All functions, callees before callers, entry points last.

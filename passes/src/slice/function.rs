@@ -139,7 +139,7 @@ impl<'g, 'p> Work<'g, 'p> {
                             .iter()
                             .filter(|(within, _)| graph.reaches(callee, *within)),
                     );
-                    let loops = termination == Termination::Preserved && graph.may_loop(callee);
+                    let loops = termination.keeps(graph.ends(callee));
                     if asked != Demand::default() || loops {
                         this.ask(id, |d| {
                             d.discards |= asked.discards;
@@ -149,8 +149,7 @@ impl<'g, 'p> Work<'g, 'p> {
                     }
                 }
                 Statement::Loop { .. }
-                    if termination == Termination::Preserved
-                        && counted::trips(graph.module(), f, id).is_none() =>
+                    if termination.keeps(counted::ends(graph.module(), f, id)) =>
                 {
                     this.keep(id);
                     for inner in id.index() + 1..node.end.index() {

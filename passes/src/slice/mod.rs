@@ -10,8 +10,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Binding, Expression, GlobalVariable, Handle, ShaderStage, Span, Statement};
 
+use crate::core::guard::Guard;
 use crate::core::reflect;
-use crate::graph::{Cell, FunctionId, Graph, StmtId, counted, operands};
+use crate::graph::counted::{self, Ends};
+use crate::graph::{Cell, FunctionId, Graph, StmtId, operands};
 
 pub(crate) mod components;
 pub(crate) mod fault;
@@ -95,8 +97,30 @@ pub enum Termination {
     /// a pre-pass.
     #[default]
     Assumed,
+    /// A loop that may not end is kept, with all its control dependences, unless a guard can bound it: the plan has
+    /// that guard ([`crate::analysis::loops::LoopEnds::guard`]).
+    Guarded,
     /// A loop that may not end is kept, with all its control dependences.
     Preserved,
+}
+
+impl Termination {
+    /// What is dropped from a stage whose plan has this guard.
+    pub fn under(guard: Option<&Guard>) -> Self {
+        match guard {
+            Some(_) => Self::Guarded,
+            None => Self::Preserved,
+        }
+    }
+
+    /// Whether it keeps a loop.
+    pub(crate) fn keeps(self, ends: Ends) -> bool {
+        match self {
+            Self::Assumed => false,
+            Self::Guarded => ends > Ends::Guarded,
+            Self::Preserved => ends > Ends::Always,
+        }
+    }
 }
 
 /// The part of a function that a caller needs.
@@ -193,7 +217,7 @@ impl Slice {
         self.root().coverage == Coverage::Whole
     }
 
-    /// A kept loop that may not end ([`counted::trips`]), in any function. Without the discards
+    /// A kept loop that may not end, in any function. Without the discards
     /// that the slice drops, it may run where the original has left the shader.
     pub fn endless_loop(&self, graph: &Graph<'_>) -> Option<Span> {
         self.parts.iter().find_map(|part| {
@@ -201,7 +225,7 @@ impl Slice {
             let found = f.statements.iter().find(|(id, n)| {
                 part.kept.statements[id.index()]
                     && matches!(n.statement, Statement::Loop { .. })
-                    && counted::trips(graph.module(), f, *id).is_none()
+                    && counted::ends(graph.module(), f, *id) > Ends::Always
             });
             found.map(|(_, n)| n.span)
         })

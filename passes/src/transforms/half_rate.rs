@@ -34,10 +34,12 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::below;
 use crate::analysis::half_rate::{self, Choice, Stays};
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
+use crate::analysis::loops::LoopEnds;
 use crate::analysis::refusals as shared;
 use crate::analysis::simplify::{self, FragmentStage};
 use crate::analysis::values::{ValueId, Values};
 use crate::core::budget::{Budget, Metric};
+use crate::core::guard::Guard;
 use crate::core::pass::{Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use crate::core::plan::Plan;
 use crate::core::refusals::RefusalInfo;
@@ -126,7 +128,7 @@ impl Pass for HalfRate {
             uses: &[
                 Use::Page("shaders/deferred"),
                 Use::Picture {
-                    scene: "fixtures/scenes/deferred.toml --size 256x144 --frames 1",
+                    scene: "fixtures/scenes/deferred.toml --size 640x360 --frames 1",
                     caption: "a wall lit by two dozen lamps, with the light and the occlusion of \
                               every fourth pixel",
                     rows: 1,
@@ -288,6 +290,8 @@ struct Found<'v, 'g, 'p> {
     layout: Layout,
     edges: Edges,
     left: Vec<Left>,
+    /// The guard under which its loops end.
+    guard: Option<Guard>,
 }
 
 impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
@@ -344,6 +348,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             stage,
             values,
             left: left.into_iter().filter(|l| !is_moved(l)).collect(),
+            guard: LoopEnds::new(values).guard(values, &choice.moved),
             choice,
             wanted,
             guides,

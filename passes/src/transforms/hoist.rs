@@ -35,11 +35,13 @@
 use naga::ShaderStage;
 
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
+use crate::analysis::loops::LoopEnds;
 use crate::analysis::named::span;
 use crate::analysis::refusals as shared;
 use crate::analysis::{below, rounding, values};
 use crate::core::budget::Budget;
 use crate::core::contract::{Assumption, Contract};
+use crate::core::guard::Guard;
 use crate::core::pass::{
     Change, Example, Expected, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site,
     SiteCost, Source, Use,
@@ -53,6 +55,7 @@ use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::outline;
 use crate::rebuild::place;
+use crate::slice::Termination;
 
 mod advice;
 mod candidates;
@@ -76,7 +79,7 @@ use advice::Advice;
 use choose::Choice;
 use movable::{Class, Judged, Missed, Precision};
 use outline::{Failed, Wanted};
-use values::Values;
+use values::{ValueId, Values};
 
 /// The pass.
 pub struct Hoist;
@@ -349,6 +352,8 @@ struct Found<'v, 'g, 'p> {
     given: Vec<Assumption>,
     /// Ids of an earlier choice that no value has.
     unknown: Vec<String>,
+    /// The guard under which its loops end.
+    guard: Option<Guard>,
     key: Site,
 }
 
@@ -400,6 +405,8 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         material: &HoistMaterial<'p>,
     ) -> Self {
         let carried = || choice.carried.iter().map(|(id, _)| *id);
+        let ids: Vec<ValueId> = carried().collect();
+        let guard = LoopEnds::new(values).guard(values, &ids);
         let wanted = outline::wanted(values, carried(), "carried");
         let key = Site {
             role: Role::Main,
@@ -417,6 +424,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             left,
             given: Vec::new(),
             unknown: Vec::new(),
+            guard,
             key,
         }
     }
@@ -474,6 +482,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             self.values,
             &self.wanted,
             &self.choice.slots,
+            Termination::under(self.guard.as_ref()),
         )?;
         let outputs = vertex::Outputs {
             kept: &remainder.kept,
@@ -529,6 +538,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         if given.contains(&Assumption::UnchangedPosition) {
             next.self_test = self_test::same_position(&next);
         }
+        next.assume(self.guard.clone(), &mut given);
         let contract = match self.choice.class() {
             None | Some(Class::Exact) => {
                 given.push(Assumption::StagesAgree);

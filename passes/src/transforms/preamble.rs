@@ -35,6 +35,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::analysis::below;
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
+use crate::analysis::loops::LoopEnds;
 use crate::analysis::named::span;
 use crate::analysis::preamble::{self, Choice, Class, Judged, Stays, Terms};
 use crate::analysis::refusals as shared;
@@ -43,6 +44,7 @@ use crate::analysis::simplify::{self, FragmentStage};
 use crate::analysis::values::{ValueId, Values};
 use crate::core::contract::{Assumption, Contract};
 use crate::core::geometry::Geometry;
+use crate::core::guard::Guard;
 use crate::core::pass::{
     Change, Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
     Source, Use,
@@ -219,6 +221,8 @@ struct Found<'v, 'g, 'p> {
     left: Vec<Left>,
     /// Whether the ranges of the values' sources are those of a scene.
     has_ranges: bool,
+    /// The guard under which its loops end.
+    guard: Option<Guard>,
 }
 
 impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
@@ -250,6 +254,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             stage,
             values,
             left: left.into_iter().filter(|l| !is_moved(l)).collect(),
+            guard: LoopEnds::new(values).guard(values, &choice.moved),
             choice,
             wanted,
             has_ranges: !known.is_empty(),
@@ -292,7 +297,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             .global_variables
             .append(stored.variable.clone(), Span::UNDEFINED);
         let read = &mut |build: &mut CodeBuilder<'_>| stored.read(build, global, &self.wanted);
-        let kept = Termination::Preserved;
+        let kept = Termination::under(self.guard.as_ref());
         let main = remainder::rebuild(program, &module, self.values, &self.wanted, kept, read)?;
         let entries = [
             (ShaderStage::Vertex, pass.vertex.as_str()),
@@ -335,7 +340,9 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         let program = self.stage.pass.program.clone();
         next.programs.insert(program, built.main);
         next.programs.insert(COMPUTE.to_owned(), built.compute);
-        let contract = self.contract();
+        let mut given = self.given();
+        next.assume(self.guard.clone(), &mut given);
+        let contract = self.contract(given);
         let change = self.change();
         next.add_step(Preamble::INFO.name, params, &change, contract);
         next.fallback = Some(ORIGINAL.to_owned());
@@ -346,7 +353,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         }
     }
 
-    fn contract(&self) -> Contract {
+    fn given(&self) -> Vec<Assumption> {
         let mut given = self.stage.given.clone();
         given.push(Assumption::StagesAgree);
         if self.choice.class == Class::Rounded {
@@ -355,8 +362,10 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
                 false => Assumption::OrdinaryNumbers,
             });
         }
-        given.sort();
-        given.dedup();
+        given
+    }
+
+    fn contract(&self, given: Vec<Assumption>) -> Contract {
         match self.choice.class {
             Class::Exact => Contract::Exact { given },
             Class::Rounded => Contract::Rounding {

@@ -360,9 +360,10 @@ impl Specialized {
                 reflect::fill(pass, &self.program);
             }
         }
-        let mut given = vec![Assumption::SameContraction, Assumption::ValuesOfTheGuard];
+        let mut given = vec![Assumption::SameContraction];
+        next.assume(Some(self.guard.clone()), &mut given);
         if !self.roundings.is_empty() {
-            given.insert(1, Assumption::FiniteTaps);
+            given.push(Assumption::FiniteTaps);
         }
         let before = plan
             .main()
@@ -385,7 +386,6 @@ impl Specialized {
             },
         };
         next.add_step(Specialize::INFO.name, params, &self.change(), contract);
-        next.guard = Some(next.guard.unwrap_or_default().and(self.guard));
         next.fallback = Some(ORIGINAL.to_owned());
         next.programs.insert(self.of, self.program);
         next

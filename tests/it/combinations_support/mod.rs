@@ -9,7 +9,7 @@ use preshade::unstable::parameters::{Parameter, parameters};
 use preshade::unstable::passes::naga::Module;
 use preshade::unstable::passes::pass::{AnyPass, Facts, Use};
 use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::specialize::assume::uniform_scalars;
+use preshade::unstable::passes::uniforms::uniform_scalars;
 use preshade::unstable::passes::validate::inputs::Random;
 use preshade::unstable::passes::validate::{Effort, Verdict, validate};
 use preshade::unstable::passes::{PASSES, examples};

@@ -70,10 +70,9 @@ impl Found<'_, '_, '_> {
         next.programs.insert(main.program.clone(), built.main);
         next.programs
             .insert(Role::HalfRate.name().to_owned(), built.half);
-        let contract = Contract::Approximate {
-            budget,
-            given: self.stage.given.clone(),
-        };
+        let mut given = self.stage.given.clone();
+        next.assume(self.guard.clone(), &mut given);
+        let contract = Contract::Approximate { budget, given };
         let change = self.change(built.edges);
         next.add_step(HalfRate::INFO.name, params, &change, contract);
         next.fallback = Some(ORIGINAL.to_owned());

@@ -13,7 +13,7 @@ use crate::analysis::below;
 use crate::analysis::contraction;
 use crate::analysis::discontinuity;
 use crate::analysis::hazard;
-use crate::analysis::loops::{endless, iterated};
+use crate::analysis::loops::{LoopEnds, iterated};
 use crate::analysis::operations;
 use crate::analysis::range::AllRanges;
 use crate::analysis::reach::with_operands;
@@ -278,7 +278,7 @@ pub(super) fn held_back(
 /// The verdict of each value under [`Assumed::ALL`].
 pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     let forms = forms(values);
-    let endless = endless(values);
+    let ends = LoopEnds::new(values);
     let iterated = iterated(values);
     let pins = pins(values);
     let unsteady = contraction::unsteady(values);
@@ -302,7 +302,7 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
                 let because = what_pins(values, pins[id]);
                 return Err(Missed::Fragment { because });
             }
-            if endless[id] {
+            if !ends.may_end(id) {
                 return Err(Missed::MayNotEnd);
             }
             if iterated[id] {

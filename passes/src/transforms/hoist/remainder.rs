@@ -31,7 +31,7 @@ pub struct Remainder {
 }
 
 /// The module with unchanged author's functions, and the fragment entry point of `values` reading
-/// `wanted` from `slots`.
+/// `wanted` from `slots`. `kept` is of the loops that decide nothing more.
 ///
 /// # Errors
 /// [`Failed`].
@@ -41,9 +41,9 @@ pub fn rebuild(
     values: &Values<'_, '_>,
     wanted: &[Wanted],
     slots: &[VaryingSlot],
+    kept: Termination,
 ) -> Result<Remainder, Failed> {
     let entry = values.entry;
-    let kept = Termination::Preserved;
     let mut module = remainder::rebuild(program, module, values, wanted, kept, &mut |build| {
         from_varyings(build, wanted, slots)
     })?;

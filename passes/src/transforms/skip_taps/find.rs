@@ -11,6 +11,7 @@ use crate::analysis::coverage::Decides;
 use crate::core::pass::Left;
 use crate::core::plan::GpuPass;
 use crate::graph::cells::Root;
+use crate::graph::counted::Ends;
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionGraph, FunctionId, Graph, Rate, StmtId, operands};
 
@@ -551,7 +552,7 @@ impl<'g, 'p> Within<'g, 'p> {
         if !effects.is_empty() {
             return Err("a function that it calls has side effects");
         }
-        if self.graph.may_loop(callee) {
+        if self.graph.ends(callee) > Ends::Always {
             return Err("a function that it calls has a loop that may not end");
         }
         let footprint = &self.graph.function(callee).memory.footprint;

@@ -3,158 +3,29 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
 
-use naga::{
-    AddressSpace, ArraySize, GlobalVariable, Handle, Module, Override, ScalarKind, Type, TypeInner,
-};
+use naga::{AddressSpace, GlobalVariable, Handle, Module, Override, ScalarKind, TypeInner};
 
 use super::known::{AbstractValue, Scalar, Sources};
 use crate::core::declared::{FinalConstant, LengthConstant};
 use crate::core::guard::{Assumed, Bounds, Guard, Place, ScalarType};
 use crate::core::pass::{Facts, Misnamed};
 use crate::core::program::Program;
+use crate::core::uniforms::{self, Part, UniformScalar, uniform_scalars};
 use crate::evaluate::interval::Interval;
 use crate::evaluate::{self, overrides};
 
-/// Length of the longest array whose elements are tracked separately.
-const MOST_ELEMENTS: u32 = 64;
-
-/// A scalar of a uniform buffer.
-#[derive(Clone, Debug, PartialEq)]
-pub struct UniformScalar {
-    /// The author's path: `hall.lights[1].color.x`.
-    pub name: String,
-    /// `@group`.
-    pub group: u32,
-    /// `@binding`.
-    pub binding: u32,
-    /// Byte offset in the binding.
-    pub offset: u32,
-    /// Its type.
-    pub ty: ScalarType,
-    /// Whether it is an element of a matrix.
-    pub is_of_matrix: bool,
-}
-
-impl UniformScalar {
-    /// The place that assumptions about it name.
-    pub fn place(&self) -> Place {
-        Place::Uniform {
-            group: self.group,
-            binding: self.binding,
-            offset: self.offset,
-        }
-    }
-}
-
-/// Every scalar of every uniform buffer, except in arrays of more than 64 elements.
-pub fn uniform_scalars(module: &Module) -> Vec<UniformScalar> {
-    let mut out = Vec::new();
-    for (_, global) in module.global_variables.iter() {
-        let (AddressSpace::Uniform, Some(at)) = (global.space, global.binding) else {
-            continue;
-        };
-        let name = global.name.clone().unwrap_or_default();
-        scalars(module, global.ty, name, 0, &mut |leaf| {
-            out.push(UniformScalar {
-                name: leaf.name,
-                group: at.group,
-                binding: at.binding,
-                offset: leaf.offset,
-                ty: leaf.ty,
-                is_of_matrix: leaf.is_of_matrix,
-            });
-            AbstractValue::Unknown
-        });
-    }
-    out
-}
-
-/// A scalar of a value in memory.
-struct Leaf {
-    name: String,
-    offset: u32,
-    ty: ScalarType,
-    is_of_matrix: bool,
-}
-
-/// Visits the 32-bit scalars of a type at an offset in memory. Returns the abstract value built
-/// from the results of `leaf`.
-fn scalars(
-    module: &Module,
-    ty: Handle<Type>,
-    name: String,
-    offset: u32,
-    leaf: &mut dyn FnMut(Leaf) -> AbstractValue,
+/// The abstract value of a part of a buffer, from those that `leaf` gives its 32-bit scalars.
+fn content(
+    part: &Part<'_>,
+    leaf: &mut dyn FnMut(&Part<'_>, ScalarType) -> AbstractValue,
 ) -> AbstractValue {
-    let component = |i: u32| ["x", "y", "z", "w"][i.min(3) as usize];
-    let inner = &module.types[ty].inner;
-    match inner {
-        TypeInner::Scalar(s)
-        | TypeInner::Vector { scalar: s, .. }
-        | TypeInner::Matrix { scalar: s, .. } => {
-            let Some(ty) = ScalarType::of(*s) else {
-                return AbstractValue::Unknown;
-            };
-            match inner {
-                TypeInner::Vector { size, .. } => AbstractValue::Parts(
-                    (0..*size as u32)
-                        .map(|i| {
-                            leaf(Leaf {
-                                name: format!("{name}.{}", component(i)),
-                                offset: offset + 4 * i,
-                                ty,
-                                is_of_matrix: false,
-                            })
-                        })
-                        .collect(),
-                ),
-                TypeInner::Matrix { columns, rows, .. } => {
-                    let stride = if *rows as u32 == 2 { 8 } else { 16 };
-                    let column = |c: u32| {
-                        let row = |r: u32| {
-                            leaf(Leaf {
-                                name: format!("{name}[{c}].{}", component(r)),
-                                offset: offset + c * stride + 4 * r,
-                                ty,
-                                is_of_matrix: true,
-                            })
-                        };
-                        AbstractValue::Parts((0..*rows as u32).map(row).collect())
-                    };
-                    AbstractValue::Parts((0..*columns as u32).map(column).collect())
-                }
-                _ => leaf(Leaf {
-                    name,
-                    offset,
-                    ty,
-                    is_of_matrix: false,
-                }),
-            }
-        }
-        TypeInner::Array {
-            base,
-            size: ArraySize::Constant(count),
-            stride,
-        } if count.get() <= MOST_ELEMENTS && !LengthConstant::is_of(&module.types[ty]) => {
-            let element = |i| {
-                let at = offset + i * stride;
-                scalars(module, *base, format!("{name}[{i}]"), at, leaf)
-            };
-            AbstractValue::Parts((0..count.get()).map(element).collect())
-        }
-        TypeInner::Struct { members, .. } => {
-            let member = |m: &naga::StructMember| {
-                let own = m.name.as_deref().unwrap_or("?");
-                // An unnamed GLSL block has no prefix.
-                let path = match name.is_empty() {
-                    true => own.to_owned(),
-                    false => format!("{name}.{own}"),
-                };
-                scalars(module, m.ty, path, offset + m.offset, leaf)
-            };
-            AbstractValue::Parts(members.iter().map(member).collect())
-        }
-        _ => AbstractValue::Unknown,
+    if let Some(ty) = part.scalar() {
+        return leaf(part, ty);
+    }
+    let parts = part.parts().map(|inner| content(&inner, leaf));
+    match parts.collect::<Vec<_>>() {
+        parts if parts.is_empty() => AbstractValue::Unknown,
+        parts => AbstractValue::Parts(parts),
     }
 }
 
@@ -254,13 +125,13 @@ impl Assumptions {
         for (handle, global) in module.global_variables.iter() {
             let Some(at) = global.binding else { continue };
             if global.space == AddressSpace::Uniform {
-                let content = scalars(module, global.ty, String::new(), 0, &mut |leaf| {
+                let content = content(&Part::whole(module, global), &mut |part, ty| {
                     let place = Place::Uniform {
                         group: at.group,
                         binding: at.binding,
-                        offset: leaf.offset,
+                        offset: part.offset,
                     };
-                    leaves.get(&(place, leaf.ty)).cloned().unwrap_or_default()
+                    leaves.get(&(place, ty)).cloned().unwrap_or_default()
                 });
                 if content.is_assumed() {
                     this.globals.insert(handle, content);
@@ -441,10 +312,8 @@ fn unknown(program: &Program, name: &str, value: f64) -> Option<Unfit> {
     let mut is_immediate = false;
     for (_, global) in module.global_variables.iter() {
         if global.space == AddressSpace::Immediate {
-            let own = global.name.clone().unwrap_or_default();
-            scalars(module, global.ty, own, 0, &mut |leaf| {
-                is_immediate |= leaf.name == name || ends_so(&leaf.name, name);
-                AbstractValue::Unknown
+            uniforms::list(&Part::whole(module, global), &mut |part| {
+                is_immediate |= part.name == name || ends_so(&part.name, name);
             });
         }
     }
