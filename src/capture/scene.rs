@@ -893,6 +893,7 @@ impl<'c> Maker<'c> {
             sample_type,
             multisampled: false,
             is_invented: false,
+            is_steady: self.contents.is_as_at_start(view.texture),
         })
     }
 

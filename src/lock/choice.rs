@@ -123,6 +123,7 @@ fn about(material: &str, facts: &Facts) -> Facts {
         constants,
         frequencies: _,
         rasterizer,
+        steady_textures,
         undrawn,
     } = facts;
     Facts {
@@ -137,6 +138,7 @@ fn about(material: &str, facts: &Facts) -> Facts {
         constants: own(constants, |c| c.material == material),
         frequencies: Vec::new(),
         rasterizer: *rasterizer,
+        steady_textures: own(steady_textures, |s| s.material == material),
         undrawn: undrawn
             .as_ref()
             .map(|all| own(all, |u| u.material == material)),

@@ -1,6 +1,7 @@
 //! Measures how well each value of a fragment stage can be interpolated on the scene's triangles,
 //! and chooses under a budget.
 
+use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 
@@ -70,7 +71,8 @@ fn measured(
     let plans = session.originals();
     let frames = choosing(session.scene());
     let references = session.pictures(plans, &frames, DrawOrder::AsGiven)?;
-    let stages = stages(plans);
+    let explicit: Vec<_> = plans.iter().map(hoist::with_explicit_levels).collect();
+    let stages = stages(&explicit);
     let graphs = graphs(&stages);
     let found = found(&stages, &graphs, facts);
     let least: Vec<f64> = match detail {
@@ -208,7 +210,7 @@ fn values<'f, 'a, 'p>(
 }
 
 /// The stages of each plan. `None`: nothing can be hoisted.
-fn stages(plans: &[Plan]) -> Vec<Option<HoistStages<'_>>> {
+fn stages<'p>(plans: &'p [Cow<'p, Plan>]) -> Vec<Option<HoistStages<'p>>> {
     plans.iter().map(|p| HoistStages::of(p).ok()).collect()
 }
 

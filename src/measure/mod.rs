@@ -36,6 +36,7 @@ pub mod shading;
 pub mod shadow;
 mod slivers;
 pub mod statistics;
+mod steady;
 mod subject;
 pub(crate) mod telling;
 mod texels;
@@ -67,6 +68,7 @@ pub use shading::{
     CountProgram, Counter, Discarded, Shading, ShadingSummary, facts, facts_for_choice,
 };
 pub use shadow::ShadowReport;
+pub use steady::steady_textures;
 pub use subject::Subject;
 pub use timing::{
     Clock, Estimate, FEWEST_SAMPLES, FrameTime, Timing, TimingSettings, estimate, time,
@@ -121,6 +123,7 @@ pub fn known(scene: &crate::scene::Scene) -> preshade_passes::pass::Facts {
         changing,
         constants: constants.unwrap_or_default(),
         ranges: ranges(scene).unwrap_or_default(),
+        steady_textures: steady_textures(scene).unwrap_or_default(),
         undrawn: undrawn(scene).ok(),
         ..preshade_passes::pass::Facts::default()
     }

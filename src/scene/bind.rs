@@ -132,6 +132,8 @@ pub struct TextureBinding {
     pub multisampled: bool,
     /// Whether preshade made up the content.
     pub is_invented: bool,
+    /// Whether the frame so far has not written it.
+    pub is_steady: bool,
 }
 
 /// A sampler.
@@ -910,6 +912,7 @@ fn texture(
     Ok(TextureBinding {
         group: binding.group,
         binding: binding.binding,
+        is_steady: matches!(content, TextureContent::Image(_)),
         content,
         view,
         sample_type,

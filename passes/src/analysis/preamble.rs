@@ -5,7 +5,7 @@
 //! it back, and a value below another that moves costs nothing more. If the values don't fit into the
 //! room, we raise the price of reading until they do.
 
-use naga::{AddressSpace, Expression, ScalarKind, TypeInner};
+use naga::{AddressSpace, Expression, Handle, ResourceBinding, ScalarKind, TypeInner};
 
 use crate::analysis::below::{below, is_cheap};
 use crate::analysis::contraction::{self, Pruned};
@@ -14,7 +14,7 @@ use crate::analysis::loops::{LoopEnds, iterated};
 use crate::analysis::range::AllRanges;
 use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::rounding::{ORDINARY, Roundings};
-use crate::analysis::values::{Node, ValueId, Values};
+use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::core::pass::SourceRange;
 use crate::graph::rate::Rate;
 
@@ -45,7 +45,7 @@ pub enum Stays {
     NotWorth,
     /// It depends on an input of the stage.
     Input,
-    /// It depends on a texture.
+    /// It depends on a texture that another pass of the frame may write.
     Texture,
     /// It depends on a storage buffer.
     Buffer,
@@ -109,15 +109,20 @@ pub struct Judged {
 }
 
 /// Judges the values of a stage. `known` are ranges of its sources, `most` the largest change of an
-/// output by rounding.
-pub fn judge(values: &Values<'_, '_>, known: &[SourceRange], most: f64) -> Judged {
+/// output by rounding. `is_steady` says which textures no other pass of the frame writes.
+pub fn judge(
+    values: &Values<'_, '_>,
+    known: &[SourceRange],
+    most: f64,
+    is_steady: &dyn Fn(&ResourceBinding) -> bool,
+) -> Judged {
     let unsteady = contraction::unsteady(values);
     let is_of_draw = |id: ValueId| values.values[id].fact.rate == Rate::Draw;
     let may = |id: ValueId| is_of_draw(id) && unsteady[id];
     let roundings = Roundings::new(values, known, &unsteady, may);
     let coverage = with_operands(values, values.coverage.clone());
     let (ends, iterated) = (LoopEnds::new(values), iterated(values));
-    let foreign = foreign(values);
+    let foreign = foreign(values, is_steady);
     let subnormal = subnormal(values, known);
     let verdicts = (0..values.values.len())
         .map(|id| {
@@ -163,16 +168,20 @@ fn subnormal(values: &Values<'_, '_>, known: &[SourceRange]) -> Vec<bool> {
 }
 
 /// For each value, what it depends on that a compute stage lacks or might see too early.
-fn foreign(values: &Values<'_, '_>) -> Vec<Option<Stays>> {
+fn foreign(
+    values: &Values<'_, '_>,
+    is_steady: &dyn Fn(&ResourceBinding) -> bool,
+) -> Vec<Option<Stays>> {
     let module = values.graph.module();
     let own = |id: ValueId| match values.values[id].node {
         Node::Input(_) => Some(Stays::Input),
         Node::Expression(context, e, _) => {
             let f = values.function(context);
             match &f.function.expressions[e] {
-                Expression::ImageSample { .. }
-                | Expression::ImageLoad { .. }
-                | Expression::ImageQuery { .. } => Some(Stays::Texture),
+                read if texture(read).is_some() => {
+                    let at = texture(read).and_then(|image| binding(values, context, image));
+                    (!at.is_some_and(is_steady)).then_some(Stays::Texture)
+                }
                 Expression::Override(_) => Some(Stays::Override),
                 Expression::Load { pointer } => match f.ty(module, *pointer).pointer_space() {
                     Some(AddressSpace::Immediate) => Some(Stays::Immediate),
@@ -199,6 +208,42 @@ fn foreign(values: &Values<'_, '_>) -> Vec<Option<Stays>> {
         }
     }
     found
+}
+
+/// The texture that an expression reads or measures.
+fn texture(expression: &Expression) -> Option<Handle<Expression>> {
+    match expression {
+        Expression::ImageSample { image, .. }
+        | Expression::ImageLoad { image, .. }
+        | Expression::ImageQuery { image, .. } => Some(*image),
+        _ => None,
+    }
+}
+
+/// Where a texture is bound; `None` for an element of an array of textures, and in a function that is given one.
+fn binding<'p>(
+    values: &Values<'_, 'p>,
+    context: ContextId,
+    image: Handle<Expression>,
+) -> Option<&'p ResourceBinding> {
+    match values.function(context).function.expressions[image] {
+        Expression::GlobalVariable(global) => values.graph.module().global_variables[global]
+            .binding
+            .as_ref(),
+        _ => None,
+    }
+}
+
+/// Whether values depend on a texture.
+pub fn reads_texture(values: &Values<'_, '_>, ids: &[ValueId]) -> bool {
+    let needed = with_operands(values, ids.to_vec());
+    let mut needed = (0..needed.len()).filter(|id| needed[*id]);
+    needed.any(|id| match values.values[id].node {
+        Node::Expression(context, e, _) => {
+            texture(&values.function(context).function.expressions[e]).is_some()
+        }
+        _ => false,
+    })
 }
 
 /// Number of components of a 32-bit scalar or vector of numbers.

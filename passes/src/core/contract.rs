@@ -67,6 +67,8 @@ pub enum Assumption {
     FiniteTaps,
     /// The draw's values lie in the ranges of the plan's guard ([`crate::core::guard`]).
     ValuesOfTheGuard,
+    /// No pass of the frame writes a texture that is read once a draw, before the material is drawn.
+    SteadyTextures,
     /// The viewport's depth range is 0 to 1. Depths that a shader writes are clamped to it.
     WholeDepthRange,
     /// The position's text is the author's, and other code joined or left its vertex stage: the

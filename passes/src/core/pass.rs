@@ -296,6 +296,9 @@ pub struct Facts {
     /// What the adapter does that no language decides; `None`: not looked at.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub rasterizer: Option<Rasterizer>,
+    /// Textures that no pass of the frame writes before the material is drawn; empty where that was not looked at.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub steady_textures: Vec<SteadyTexture>,
     /// Branches with a way that no draw took; `None`: not looked at.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub undrawn: Option<Vec<Undrawn>>,
@@ -338,6 +341,17 @@ pub struct Undrawn {
     /// The values that the condition depends on, with bounds within which every draw takes a way
     /// that was drawn.
     pub values: Vec<Assumed>,
+}
+
+/// A texture that has the same texels at the start of the frame and in every draw of a material.
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
+pub struct SteadyTexture {
+    /// Name of the material.
+    pub material: String,
+    /// `@group`.
+    pub group: u32,
+    /// `@binding`.
+    pub binding: u32,
 }
 
 /// A uniform, or a member of one, that is not the same in all frames.

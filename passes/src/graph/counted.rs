@@ -182,8 +182,7 @@ impl Counted {
         None
     }
 
-    /// Whether a larger bound gives the loop no fewer iterations, and each bound some number of them: the counter
-    /// rises from 0 or above.
+    /// Whether a larger bound gives the loop no fewer iterations: the counter rises to it.
     fn grows_with_bound(&self) -> bool {
         use BinaryOperator::{Add, Greater, GreaterEqual, Less, LessEqual};
         let rises = self.step.0 == Add && self.step.1 > 0;

@@ -23,8 +23,9 @@
 //! Many drivers do this themselves: Mesa's for Adreno and Apple, Arm's and Imagination's.
 //! There, a dispatch is added and nothing is saved.
 //!
-//! Textures and storage buffers stay, because an earlier pass of the frame may write them after the compute
-//! pass. Uniforms must be written before it.
+//! Storage buffers stay, because an earlier pass of the frame may write them after the compute pass. A texture read
+//! moves if its coordinates are the draw's, and the scene or the captured frame shows that no pass writes the texture.
+//! Uniforms must be written before the compute pass.
 
 use naga::{
     AddressSpace, Expression, Function, GlobalVariable, Handle, Module, ResourceBinding,
@@ -47,7 +48,7 @@ use crate::core::geometry::Geometry;
 use crate::core::guard::Guard;
 use crate::core::pass::{
     Change, Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
-    Source, Use,
+    Source, SteadyTexture, Use,
 };
 use crate::core::plan::{
     BindingKind, BindingSource, BindingUse, ComputePass, DrawBuffer, Draws, GeometryPart, ORIGINAL,
@@ -58,6 +59,7 @@ use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
 use crate::graph::FunctionId;
 use crate::graph::effect::Effect;
+use crate::rebuild::levels;
 use crate::rebuild::outline::{self, Extracted, Failed, Names, Wanted};
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::remainder::{self, Given};
@@ -147,6 +149,8 @@ impl Pass for Preamble {
     ];
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        let plan = levels::steady(plan);
+        let plan = &*plan;
         let stage = simplify::examine(
             plan,
             Self::INFO.name,
@@ -242,7 +246,13 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             .filter(|r| !is_rebuilt || !matches!(r.source, Source::Varying { .. }))
             .cloned()
             .collect();
-        let judged = preamble::judge(values, &known, rounding::most(stage.pass));
+        let is_steady = |at: &ResourceBinding| {
+            let is_it = |s: &SteadyTexture| {
+                s.material == plan.material && (s.group, s.binding) == (at.group, at.binding)
+            };
+            facts.steady_textures.iter().any(is_it)
+        };
+        let judged = preamble::judge(values, &known, rounding::most(stage.pass), &is_steady);
         let weakest = params.terms().weakest;
         let left = below::left(values, MOST_LEFT, |id| why(&judged, weakest, id));
         let Some(choice) = preamble::choose(values, &judged, &params.terms()) else {
@@ -356,6 +366,9 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
     fn given(&self) -> Vec<Assumption> {
         let mut given = self.stage.given.clone();
         given.push(Assumption::StagesAgree);
+        if preamble::reads_texture(self.values, &self.choice.moved) {
+            given.push(Assumption::SteadyTextures);
+        }
         if self.choice.class == Class::Rounded {
             given.push(match self.has_ranges {
                 true => Assumption::NumbersOfTheScene,

@@ -1,7 +1,8 @@
 //! Rates, effects, control dependence, cost and the printed graph.
 
 use naga::{Expression, ShaderStage, Statement};
-use preshade_passes::graph::{FunctionId, Graph, counted, text};
+use preshade_passes::graph::counted::{self, Ends};
+use preshade_passes::graph::{FunctionId, Graph, text};
 
 use crate::common;
 
@@ -179,6 +180,25 @@ fn trips_of_counted_loops() {
          for (var i = 0; f32(i) < x; i++) { a += x; }",
     );
     assert_eq!(counted, [Some(10), Some(5), Some(10), Some(3), None]);
+}
+
+/// A loop to the smaller of two numbers takes no more iterations than the one that is known.
+#[test]
+fn a_known_bound_of_two_is_enough() {
+    let bodies = |bound: &str| {
+        let text = format!(
+            "@group(0) @binding(0) var<uniform> count: i32;
+            @fragment fn fs() -> @location(0) f32 {{
+                var a = 0.0; for (var i = 0; i < {bound}; i++) {{ a += 1.0; }} return a; }}"
+        );
+        let program = common::program(&text);
+        let graph = Graph::build(&program);
+        graph.ends(FunctionId::EntryPoint(0))
+    };
+    assert_eq!(bodies("min(count, 8)"), Ends::Always);
+    assert_eq!(bodies("min(8, count)"), Ends::Always);
+    assert_eq!(bodies("count"), Ends::Guarded);
+    assert_eq!(bodies("max(count, 8)"), Ends::Unknown);
 }
 
 /// A counter that leaves its range comes in at the other end: the first of these never ends, others

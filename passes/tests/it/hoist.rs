@@ -696,3 +696,48 @@ fn the_length_of_a_list_is_not_carried() {
         }
     }
 }
+
+/// The vertex stage names the level. A sample at varying coordinates stays, and so does one that a call gives them.
+#[test]
+fn a_sample_at_the_draws_coordinates_moves() {
+    let text = |coordinate: &str| {
+        format!(
+            "@group(0) @binding(0) var<uniform> u: vec4<f32>;
+            @group(0) @binding(1) var map: texture_2d<f32>;
+            @group(0) @binding(2) var s: sampler;
+            struct V {{ @builtin(position) p: vec4<f32>, @location(0) uv: vec2<f32> }}
+            @vertex fn vs(@location(0) p: vec3<f32>) -> V {{ return V(vec4(p, 1.0), p.xy); }}
+            fn tone(at: vec2<f32>) -> vec3<f32> {{ return textureSampleBias(map, s, at, 1.0).rgb; }}
+            @fragment fn fs(v: V) -> @location(0) vec4<f32> {{
+                let gain = exp2(exp2(tone(u.xy)));
+                return vec4(max(gain, tone({coordinate})), 1.0);
+            }}"
+        )
+    };
+    let exact = Params {
+        allow: Some(hoist::Allow::Exact),
+        ..Params::default()
+    };
+    let (next, hoisted) = hoisted(&text("u.zw"), &exact);
+    assert!(
+        hoisted.contains("textureSampleLevel(map, s, at, 0.0)"),
+        "{hoisted}"
+    );
+    assert!(!hoisted.contains("textureSampleBias"), "{hoisted}");
+    assert!(
+        next.main()
+            .unwrap()
+            .bindings
+            .iter()
+            .any(|b| b.name == "map" && b.visibility.vertex)
+    );
+    let refused = outcome(&original(&text("v.uv")), &exact).unwrap_err();
+    assert!(
+        refused
+            .left
+            .iter()
+            .any(|l| l.reason.contains("implicit level of detail")),
+        "{:?}",
+        refused.left
+    );
+}

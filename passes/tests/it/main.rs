@@ -22,6 +22,7 @@ mod half_rate;
 mod hoist;
 mod hoist_interpolated;
 mod implicit_inputs;
+mod loop_guards;
 mod metamorphic;
 mod outputs;
 mod outputs_drop;

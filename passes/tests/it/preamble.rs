@@ -1,8 +1,8 @@
 //! What is computed once a draw, what stays and why, and that both together are the author's stage.
 
-use preshade_passes::contract::Contract;
+use preshade_passes::contract::{Assumption, Contract};
 use preshade_passes::geometry::Geometry;
-use preshade_passes::pass::{Facts, Pass, Refused, Source, SourceRange};
+use preshade_passes::pass::{Facts, Pass, Refused, Source, SourceRange, SteadyTexture};
 use preshade_passes::plan::{BindingKind, BindingSource, GeometryPart, Plan};
 use preshade_passes::preamble::{Allow, Params, Preamble};
 use preshade_passes::state::MaterialState;
@@ -443,6 +443,45 @@ fn a_value_of_a_storage_buffer_stays() {
     let refused = refused(&plan, &EXACT);
     let left = refused.left.iter().find(|l| l.name == "gain").unwrap();
     assert!(left.reason.contains("storage buffer"), "{}", left.reason);
+}
+
+/// The implicit level of a sample at the draw's coordinates is the smallest, which a compute stage can name.
+#[test]
+fn a_sample_of_a_texture_that_no_pass_writes_moves() {
+    let plan = original(
+        "let tone = textureSample(map, s, u.d.xy).x;
+        let gain = exp2(tone * u.a);
+        return vec4(v.uv * gain, textureSample(map, s, v.uv).x, 1.0);",
+    );
+    let stays = refused(&plan, &EXACT);
+    let left = stays.left.iter().find(|l| l.name == "gain").unwrap();
+    assert!(
+        left.reason
+            .contains("an earlier pass of the frame may draw to"),
+        "{}",
+        left.reason
+    );
+    let steady = |binding| Facts {
+        steady_textures: vec![SteadyTexture {
+            material: "test".to_owned(),
+            group: 0,
+            binding,
+        }],
+        ..Facts::default()
+    };
+    assert!(Preamble::run(&plan, &steady(0), &EXACT).is_err());
+    let next = Preamble::run(&plan, &steady(1), &EXACT).unwrap().plan;
+    let Contract::Exact { given } = &next.contract else {
+        panic!("{:?}", next.contract)
+    };
+    assert!(given.contains(&Assumption::SteadyTextures), "{given:?}");
+    let (once, main) = (once_text(&next), main_text(&next));
+    assert!(once.contains("textureSampleLevel(map, s, "), "{once}");
+    assert!(
+        !main.contains("exp2") && main.contains("textureSample(map, s, "),
+        "{main}"
+    );
+    assert!(next.compute[0].bindings.iter().any(|b| b.name == "map"));
 }
 
 /// They end in a product with a constant, which a sum takes in.
