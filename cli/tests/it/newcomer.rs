@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::hostile_support::{ended, run, stderr};
+use crate::trees::fixture;
 
 /// A folder with these files.
 fn here(name: &str, files: &[(&str, &str)]) -> PathBuf {
@@ -196,4 +197,20 @@ struct U {{ octaves: i32, fog_density: f32 }}
     for counter in [" i (", " k (", "unnamed"] {
         assert!(!line.contains(counter), "{line}");
     }
+}
+
+/// What `rewrite` makes for the draws of a scene, `explain` offers.
+#[test]
+fn versions_for_groups_of_draws_are_offered() {
+    let museum = fixture("scenes/museum.toml");
+    let museum = museum.to_str().unwrap();
+    let folder = here("versions", &[]);
+    let brief = explained(&folder, &[museum]);
+    assert!(
+        brief.contains("8 versions, one for each group of draws"),
+        "{brief}"
+    );
+    assert!(!brief.contains("nothing-known"), "{brief}");
+    let asked = explained(&folder, &[museum, "--pass", "specialize", "--material", "museum"]);
+    assert_eq!(asked.matches("applies to `fs_main`").count(), 8, "{asked}");
 }
