@@ -6,6 +6,7 @@ use preshade::unstable::command::explain::{
     self, Explained, Explanation, Order, every_step, explain,
 };
 use preshade::unstable::command::explained;
+use preshade::unstable::command::rewrite::draws_depth_alone;
 use preshade::unstable::measure::{self, Detail, Session};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
@@ -16,6 +17,7 @@ use preshade::unstable::scene::Scene;
 
 use crate::guesses;
 use crate::input::{Materials, ShaderArgs};
+use crate::many;
 use crate::output;
 use crate::view::ViewArgs;
 use crate::{Ending, Failure, Format};
@@ -106,6 +108,12 @@ pub fn run(args: &ExplainArgs) -> Result<Ending, Failure> {
         return Err(Failure(
             "error: --camera and --size are for --scene: nothing else is drawn".to_owned(),
         ));
+    }
+    let stages = many::between(&args.shader.files);
+    stages.iter().for_each(|note| output::message(note));
+    if scene.is_none() {
+        let depth_alone = plans.iter().filter_map(draws_depth_alone);
+        depth_alone.for_each(|note| output::message(&note));
     }
     let effects = args.shader.effects()?;
     let mut materials: Vec<Explained> = Vec::new();

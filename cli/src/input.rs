@@ -643,7 +643,8 @@ impl ShaderArgs {
         }
         if path.is_dir() {
             return Err(Failure(format!(
-                "error: {} is a folder\n = {EACH_ITS_OWN}",
+                "error: {} is a folder, and no captured frame: it has no frame.json\n = `preshade capture` \
+                 records a frame; {EACH_ITS_OWN}",
                 path.display()
             )));
         }

@@ -261,6 +261,8 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
     if let Some(dir) = &args.out {
         args.shader.on(args.adapter.as_deref()).write_frame(dir)?;
     }
+    let between = many::between(&args.shader.files);
+    between.iter().for_each(|note| output::message(note));
     for material in &first.materials {
         for note in material.plan().notes {
             output::message(&format!("note: `{}`: {note}", material.name));
