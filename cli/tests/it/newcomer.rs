@@ -252,3 +252,18 @@ fn what_is_no_input_is_told_with_a_way_on() {
         assert!(between.contains("left out: `tree/lit.geom`"), "{between}");
     }
 }
+
+#[test]
+fn of_variants_that_draw_the_same_one_is_listed() {
+    let shader = fixture("shaders/pbr.wgsl");
+    let folder = here("jobs", &[]);
+    let args = ["jobs", shader.to_str().unwrap(), "--explore"];
+    let output = run(&folder, &args);
+    ended(&output, 0, &args);
+    let lines = String::from_utf8(output.stdout).unwrap();
+    assert!(lines.contains("\"variant\":\"depth-prepass\""), "{lines}");
+    // Nothing can be hoisted exactly, and a bare shader has no values to specialise by.
+    for same in ["hoist + depth-prepass", "specialize"] {
+        assert!(!lines.contains(same), "{same}: {lines}");
+    }
+}
