@@ -430,7 +430,10 @@ fn show(bar: &Mutex<ProgressLine>, change: impl FnOnce(&ProgressLine)) {
 }
 
 /// Reads a list of jobs.
-fn read(path: &Path) -> Result<Vec<Job>, Failure> {
+///
+/// # Errors
+/// It cannot be read, or a line is no job.
+pub fn read(path: &Path) -> Result<Vec<Job>, Failure> {
     let failed = |e: &dyn std::fmt::Display| Failure(format!("error: {}: {e}", path.display()));
     let mut text = String::new();
     match path == Path::new("-") {

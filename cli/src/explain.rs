@@ -6,14 +6,18 @@ use preshade::unstable::command::explain::{
     self, Explained, Explanation, Order, every_step, explain,
 };
 use preshade::unstable::command::explained;
+use preshade::unstable::command::rewrite::draws_depth_alone;
 use preshade::unstable::measure::{self, Detail, Session};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::specialize::Params;
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::unstable::scene::Scene;
 
 use crate::guesses;
 use crate::input::{Materials, ShaderArgs};
+use crate::many;
 use crate::output;
 use crate::view::ViewArgs;
 use crate::{Ending, Failure, Format};
@@ -93,17 +97,37 @@ pub fn run(args: &ExplainArgs) -> Result<Ending, Failure> {
         asked: plans,
         frame,
         known,
+        scene,
         ..
-    } = args.shader.plans(&recipe)?;
+    } = match order {
+        // As `rewrite` takes it.
+        Order::Chained => args.shader.plans_by_draws(&recipe)?,
+        Order::Apart => args.shader.plans(&recipe)?,
+    };
     if !args.scene && args.view.is_given() {
         return Err(Failure(
             "error: --camera and --size are for --scene: nothing else is drawn".to_owned(),
         ));
     }
+    let stages = many::between(&args.shader.files);
+    stages.iter().for_each(|note| output::message(note));
+    if scene.is_none() {
+        let depth_alone = plans.iter().filter_map(draws_depth_alone);
+        depth_alone.for_each(|note| output::message(&note));
+    }
     let effects = args.shader.effects()?;
     let mut materials: Vec<Explained> = Vec::new();
+    let mut groups: Option<Groups> = None;
     let mut add = |facts: &Facts, plan: &Plan| -> Result<(), Failure> {
-        let explained = explain(plan, &steps, facts, &frame, &effects, order);
+        let mut explained = explain(plan, &steps, facts, &frame, &effects, order);
+        if let (true, Some(scene)) = (explained.is_general(), &scene) {
+            let groups = match &mut groups {
+                Some(groups) => groups,
+                none => none.insert(Groups::of(scene)?),
+            };
+            let own = groups.of_material(&plan.material);
+            explained = explained.with_groups(&own, &groups.plans, &groups.known);
+        }
         if args.format == Format::Human {
             let between = if materials.is_empty() { "" } else { "\n" };
             let text = match args.verbose || !args.passes.is_empty() {
@@ -116,13 +140,38 @@ pub fn run(args: &ExplainArgs) -> Result<Ending, Failure> {
         Ok(())
     };
     match args.scene {
-        true => measured(args, &plans, &mut add)?,
+        true => measured(args, &recipe, &plans, &mut add)?,
         false => plans.iter().try_for_each(|plan| add(&known, plan))?,
     }
     if args.format == Format::Json {
         output::json(&Explanation::from(materials))?;
     }
     Ok(Ending::Fine)
+}
+
+/// A scene whose draws are split into groups that need versions of their own.
+struct Groups {
+    scene: Scene,
+    plans: Vec<Plan>,
+    known: Facts,
+}
+
+impl Groups {
+    fn of(scene: &Scene) -> Result<Self, Failure> {
+        let scene = measure::grouped(scene, &Params::default(), measure::MOST_GROUPS)?;
+        Ok(Self {
+            plans: measure::originals(&scene),
+            known: measure::known(&scene),
+            scene,
+        })
+    }
+
+    fn of_material(&self, name: &str) -> Vec<&Plan> {
+        let all = self.scene.materials.iter().zip(&self.plans);
+        all.filter(|(m, _)| m.part_of.as_deref() == Some(name))
+            .map(|(_, plan)| plan)
+            .collect()
+    }
 }
 
 /// Size on a software adapter, if none is given: three materials then take less than a minute on
@@ -133,6 +182,7 @@ const SOFTWARE_SIZE: [u32; 2] = [320, 180];
 /// its material are complete.
 fn measured(
     args: &ExplainArgs,
+    recipe: &Recipe,
     plans: &[Plan],
     each: &mut dyn FnMut(&Facts, &Plan) -> Result<(), Failure>,
 ) -> Result<(), Failure> {
@@ -146,6 +196,10 @@ fn measured(
     let gpu = Gpu::with_trust(&choice, args.shader.limits.limits().trust())?;
     guesses::tell(&scene);
     let scene = args.view.reduced(scene, &gpu, SOFTWARE_SIZE);
+    let scene = match args.passes.is_empty() {
+        true => scene,
+        false => measure::grouped_for(scene, recipe)?,
+    };
     let session = Session::sharing(&gpu, &scene, ShaderForm::Text)?;
     let bar = output::bar();
     bar.set_message("looking for depth ties");

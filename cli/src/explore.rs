@@ -42,7 +42,7 @@ verifies what is left along every camera's path. With --out what was measured is
 command again goes on where it ended, also after Ctrl-C.
 Exit status 1: a finalist broke its contract. 3: nothing was measured but the original.")]
 pub struct ExploreArgs {
-    /// Search only as far as this error: flip_mean, flip_p99 or max_abs. It is the metric of the
+    /// Search only as far as this error: flip_mean, flip_p99, flip_tile or max_abs. It is the metric of the
     /// frontier too; default: flip_mean, without an end.
     #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
     budget: Option<Budget>,

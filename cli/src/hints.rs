@@ -5,10 +5,9 @@ use clap::error::{ContextKind, ContextValue, ErrorKind};
 use preshade::unstable::passes::pass_named;
 
 /// Words that newcomers try, and the command that does it.
-const COMMANDS: [(&str, &str); 14] = [
+const COMMANDS: [(&str, &str); 13] = [
     ("check", "explain"),
     ("lint", "explain"),
-    ("profile", "explain --scene"),
     ("build", "rewrite"),
     ("compile", "rewrite"),
     ("convert", "rewrite"),

@@ -20,7 +20,7 @@ use preshade::unstable::passes::state::{CullMode, MaterialState};
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::regular;
 use preshade::unstable::render::{AdapterChoice, Gpu, Rendered};
-use preshade::unstable::scene::{self, Scene, Variable, Variables};
+use preshade::unstable::scene::{self, Material, Scene, Variable, Variables};
 
 use crate::limits::LimitArgs;
 use crate::many;
@@ -239,13 +239,19 @@ impl ShaderArgs {
         let known = measure::known_for(&scene, recipe);
         let asked = match self.chosen() {
             None => plans.clone(),
-            Some(name) => match plans.iter().find(|p| p.material == *name) {
-                Some(plan) => vec![plan.clone()],
-                None => {
+            Some(name) => {
+                // Or its groups of draws.
+                let of_name =
+                    |m: &Material| m.name == *name || m.part_of.as_deref() == Some(name.as_ref());
+                let each = scene.materials.iter().zip(&plans);
+                let found = each.filter(|(m, _)| of_name(m));
+                let found: Vec<Plan> = found.map(|(_, plan)| plan.clone()).collect();
+                if found.is_empty() {
                     let names: Vec<&str> = plans.iter().map(|p| p.material.as_str()).collect();
                     return Err(Failure::unknown("material", &name, &names));
                 }
-            },
+                found
+            }
         };
         recipe.check_names(&asked)?;
         Ok(Materials {
@@ -637,7 +643,8 @@ impl ShaderArgs {
         }
         if path.is_dir() {
             return Err(Failure(format!(
-                "error: {} is a folder\n = {EACH_ITS_OWN}",
+                "error: {} is a folder, and no captured frame: it has no frame.json\n = `preshade capture` \
+                 records a frame; {EACH_ITS_OWN}",
                 path.display()
             )));
         }

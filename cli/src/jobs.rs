@@ -1,6 +1,6 @@
 //! `preshade jobs`: measurements as lines that any scheduler can share out.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use preshade::unstable::jobs::{self, JOB_SCHEMA, Kind};
@@ -28,8 +28,9 @@ Examples:
   preshade merge results/ -o results.json
 
 One line a variant of an input: pictures, and with --time times too, in a line of their own. The
-flags are those of `verify`. A variant that every material refuses gets no line. A line has the
-hashes of all files that it reads: the machine that runs it needs the same files at the same paths.")]
+flags are those of `verify`. A variant that every material refuses gets no line, and of variants that
+draw the same text, one does. A line has the hashes of all files that it reads: the machine that
+runs it needs the same files at the same paths.")]
 pub struct JobsArgs {
     /// The variants that `plan` and `explore` try. With --budget also those that change the picture.
     #[arg(long)]
@@ -213,7 +214,7 @@ impl<'a> List<'a> {
         })
     }
 
-    /// The jobs of one input.
+    /// The jobs of one input. Of declared variants that draw one text, the shortest gets one.
     fn jobs(&self, job: &Job) -> Result<Vec<jobs::Job>, Failure> {
         let verify = &self.args.verify;
         let input = Input::new(&job.shader)?;
@@ -240,21 +241,33 @@ impl<'a> List<'a> {
             recipe.check_names(&originals)?;
         }
         let is_named = |recipe: &&Recipe| recipe.check_names(&originals).is_ok();
-        let recipes = self.given.iter();
-        let recipes = recipes.chain(self.declared.iter().filter(is_named));
+        let mut declared: Vec<&Recipe> = self.declared.iter().filter(is_named).collect();
+        declared.sort_by_key(|recipe| recipe.steps.len());
+        let given = self.given.iter().map(|recipe| (recipe, true));
+        let recipes = given.chain(declared.into_iter().map(|recipe| (recipe, false)));
+        let mut texts = BTreeSet::new();
         let (pictures, _) = estimate(scene, verify.frames);
         let mut kinds = vec![(Kind::Picture, pictures)];
         if verify.time.is_some_and(|time| time != TimeArg::No) {
             kinds.push((Kind::Time, pictures + verify.seconds));
         }
         let mut found = Vec::new();
-        for recipe in recipes {
+        for (recipe, is_given) in recipes {
             // Facts of an adapter, which change few texts, are not known here.
             let variant = measure::variant(&originals, recipe, &Facts::default());
-            // Nor are the values of the scene that `specialize` takes.
+            // Nor are the values of the scene that `specialize` takes. A made-up scene has none.
             let specialises = recipe.steps.iter().any(|s| s.pass == Specialize::INFO.name);
-            let is_chosen_there = measure::leaves_a_choice(recipe) || specialises;
+            let is_chosen_there =
+                measure::leaves_a_choice(recipe) || specialises && !scene.is_made_up;
             if variant.is_refused() && !is_chosen_there {
+                continue;
+            }
+            let text = match is_chosen_there {
+                true => None,
+                false => promises::frame(&variant.plans),
+            };
+            let is_new = text.is_none_or(|text| texts.insert(text));
+            if !is_new && !is_given {
                 continue;
             }
             for kind in &kinds {

@@ -283,6 +283,33 @@ pub fn fragment_beside(vertex: &Path) -> Option<PathBuf> {
     })
 }
 
+/// Endings of stages that run between the two of a material.
+const BETWEEN: [&str; 3] = ["geom", "tesc", "tese"];
+
+/// A note on stages that lie beside the two files of a material, and would run between them.
+pub fn between(files: &[PathBuf]) -> Option<String> {
+    let [vertex, fragment] = files else {
+        return None;
+    };
+    if name(vertex) != name(fragment) {
+        return None;
+    }
+    let own = vertex.file_name()?.to_str()?;
+    let beside = BETWEEN.iter().filter_map(|ending| {
+        let name = own.replace(".vert", &format!(".{ending}"));
+        let file = vertex.with_file_name(&name);
+        (name != own && file.is_file()).then(|| format!("`{}`", file.display()))
+    });
+    let beside: Vec<String> = beside.collect();
+    (!beside.is_empty()).then(|| {
+        format!(
+            "note: left out: {}; a material has a vertex and a fragment stage, and what is made of \
+             these two is wrong where another stage runs between them",
+            beside.join(", ")
+        )
+    })
+}
+
 fn vertex_first(mut files: Vec<PathBuf>) -> Vec<PathBuf> {
     let is_fragment = |file: &PathBuf| {
         let name = file.file_name().unwrap_or_default().to_string_lossy();

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use preshade::unstable::jobs::{
-    Answer, FleetAdapter, MACHINE_SCHEMA, Machine, OUTCOME_SCHEMA, Outcome, Results, fleet,
+    Answer, FleetAdapter, Job, MACHINE_SCHEMA, Machine, OUTCOME_SCHEMA, Outcome, Results, fleet,
 };
 use preshade::unstable::search::plan::regret::Choosing;
 use preshade::unstable::{emit, report};
 
-use crate::evaluate::{EXTENSION, MACHINES};
+use crate::evaluate::{self, EXTENSION, MACHINES};
 use crate::{Ending, Failure, Table, output, verify};
 
 /// Arguments of `merge`.
@@ -19,6 +19,7 @@ Examples:
   preshade merge laptop/ cluster/ -o results.json
   preshade merge results/ --html report/             report/index.html: adapters as columns
   preshade merge results/ --adapters                 what the machines have
+  preshade merge results/ --jobs jobs.jsonl          how many of these jobs have results
 
 The same results give the same bytes, in any order and however often a part was run. Two different
 pictures of one job on one adapter and driver are an error, and so are timing jobs that shared an
@@ -37,6 +38,9 @@ pub struct MergeArgs {
     /// Print the adapters of the machines, and how many results each has. No job has to have run.
     #[arg(long)]
     adapters: bool,
+    /// Say how many jobs of this list of `preshade jobs` have results; `-` is stdin.
+    #[arg(long, value_name = "FILE")]
+    jobs: Option<PathBuf>,
     /// Merge results of several versions of preshade.
     #[arg(long)]
     mix_versions: bool,
@@ -59,6 +63,9 @@ pub fn run(args: &MergeArgs) -> Result<Ending, Failure> {
     }
     let results =
         Results::merge(outcomes, args.mix_versions).map_err(|e| Failure(format!("error: {e}")))?;
+    if let Some(list) = &args.jobs {
+        output::message(&standing(&evaluate::read(list)?, &results));
+    }
     let json = results.to_json()?;
     if let Some(path) = &args.out {
         emit::write_file(path, json.clone().into_bytes())
@@ -96,6 +103,24 @@ pub fn run(args: &MergeArgs) -> Result<Ending, Failure> {
         true => Ending::ContractBroken,
         false => Ending::Fine,
     })
+}
+
+/// How many of these jobs have results on some adapter.
+fn standing(jobs: &[Job], results: &Results) -> String {
+    let ran = jobs.iter().filter_map(|job| results.jobs.get(&job.key));
+    let is_measured = |a: &Answer| matches!(a, Answer::Measured { .. });
+    let (measured, failed): (Vec<_>, Vec<_>) =
+        ran.partition(|job| job.answers.values().any(is_measured));
+    let failed = match failed.len() {
+        0 => String::new(),
+        n => format!(", {n} failed"),
+    };
+    let (measured, all) = (measured.len(), output::count(jobs.len(), "job"));
+    let have = match jobs.len() {
+        1 => "has",
+        _ => "have",
+    };
+    format!("{measured} of {all} {have} results{failed}")
 }
 
 /// The adapters of a fleet, as JSON.

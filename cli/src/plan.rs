@@ -73,7 +73,7 @@ pub struct PlanArgs {
     /// Draw in these orders only.
     #[arg(long, value_name = "ORDER", value_enum)]
     order: Vec<OrderArg>,
-    /// Weigh recipes that may differ by so much too: flip_mean, flip_p99 or max_abs.
+    /// Weigh recipes that may differ by so much too: flip_mean, flip_p99, flip_tile or max_abs.
     #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
     pub budget: Option<Budget>,
     /// Hold to one plan: no switch between views.

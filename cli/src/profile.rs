@@ -19,8 +19,8 @@ Examples:
   preshade profile scene.toml --camera nave --format csv
 
 Leaves out one kind of work after the other, and times the frame beside the original: vertices, and
-for each material its textures, its arithmetic, and the writing of its colours. What runs side by side on the
-adapter overlaps, so the parts need not add up to 100 %. Where the pass and its draw calls are most of it, no
+for each material its textures, its arithmetic, the writing of its colours, and what decides its
+discards. What runs side by side on the adapter overlaps, so the parts need not add up to 100 %. Where the pass and its draw calls are most of it, no
 shader makes the frame faster.")]
 pub struct ProfileArgs {
     #[command(flatten)]

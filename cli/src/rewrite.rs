@@ -383,6 +383,7 @@ fn make(
     targets: &[Target],
 ) -> Result<Made, Failure> {
     let mut made = Made::default();
+    made.messages.extend(many::between(&job.shader.files));
     let materials = made
         .times
         .took(0, "parse", || job.shader.plans_by_draws(recipe))?;

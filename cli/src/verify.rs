@@ -68,7 +68,7 @@ pub struct VerifyArgs {
     #[arg(long)]
     pub every_pass: bool,
     /// Name the fastest variant whose error is within this in all views, and the arguments of `rewrite`
-    /// for it: flip_mean, flip_p99 or max_abs.
+    /// for it: flip_mean, flip_p99, flip_tile or max_abs.
     #[arg(long, value_name = "METRIC=NUMBER", value_parser = Budget::parse)]
     pub budget: Option<Budget>,
     /// Measure at several values of a scene's variable, and find where variants cross: 50000..400000
@@ -261,6 +261,8 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
     if let Some(dir) = &args.out {
         args.shader.on(args.adapter.as_deref()).write_frame(dir)?;
     }
+    let between = many::between(&args.shader.files);
+    between.iter().for_each(|note| output::message(note));
     for material in &first.materials {
         for note in material.plan().notes {
             output::message(&format!("note: `{}`: {note}", material.name));

@@ -5,9 +5,10 @@ use std::fmt;
 use naga::ShaderStage;
 use preshade_passes::graph::Graph;
 use preshade_passes::guard::Assumed;
-use preshade_passes::pass::{Change, Facts, Frequency, Left, Refusal};
+use preshade_passes::pass::{Change, Facts, Frequency, Left, Pass, Refusal};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Location;
+use preshade_passes::specialize::Specialize;
 use preshade_passes::specialize::effects::{self, CalledFor, Effect};
 use preshade_passes::{PASSES, pass_named};
 use serde::Serialize;
@@ -140,11 +141,26 @@ pub struct PassExplained {
     /// What it does within a budget, if it is refused without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub within_budget: Option<WithinBudget>,
+    /// What it does to each group of the material's draws, if it is refused for all draws together.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub versions: Vec<VersionExplained>,
     /// Why it does not apply.
     pub refusals: Vec<Refusal>,
     /// Values that it did not move.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub left: Vec<Left>,
+}
+
+/// A pass for one group of a material's draws.
+#[derive(Serialize)]
+pub struct VersionExplained {
+    /// Name of the group, as in what `rewrite` writes.
+    pub material: String,
+    /// The change that it makes.
+    pub change: Change,
+    /// What the change saves.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub saved: Option<Saved>,
 }
 
 /// A pass with a budget.
@@ -305,6 +321,7 @@ pub fn explain(
                     sites: Vec::new(),
                     saved: None,
                     within_budget: None,
+                    versions: Vec::new(),
                     refusals: Vec::new(),
                     left: Vec::new(),
                 };
@@ -327,6 +344,39 @@ pub fn explain(
             })
             .collect(),
     }
+}
+
+impl Explained {
+    /// Whether `specialize` is refused for all draws of the material together.
+    pub fn is_general(&self) -> bool {
+        self.passes.iter().any(is_general)
+    }
+
+    /// Tells what `specialize` does to each group of the material's draws, where it is refused for all of them together.
+    pub fn with_groups(mut self, groups: &[&Plan], frame: &[Plan], facts: &Facts) -> Self {
+        for pass in self.passes.iter_mut().filter(|p| is_general(p)) {
+            let Ok(step) = Step::parse(&pass.pass) else {
+                continue;
+            };
+            pass.versions = groups
+                .iter()
+                .filter_map(|plan| {
+                    let done = pipeline::run(&step, plan, frame, facts).ok()?;
+                    Some(VersionExplained {
+                        material: plan.material.clone(),
+                        saved: Saved::between(plan, &done.plan),
+                        change: done.change,
+                    })
+                })
+                .collect();
+        }
+        self
+    }
+}
+
+fn is_general(pass: &PassExplained) -> bool {
+    let name = pass.pass.split(':').next();
+    name == Some(Specialize::INFO.name) && !pass.refusals.is_empty()
 }
 
 /// What a refused step does with a budget. `None`: it has no such parameter, has one already, or is
@@ -401,6 +451,7 @@ mod tests {
                 of: 100.0,
             }),
             within_budget: None,
+            versions: Vec::new(),
             refusals: Vec::new(),
             left: Vec::new(),
         }

@@ -3,7 +3,7 @@
 use preshade_passes::pass::{Bound, Frequency, Left, Refusal, SiteCost};
 use preshade_passes::plan::Plan;
 
-use super::explain::{EffectUse, Explained, PassExplained, Saved, WORTH_A_LOOK};
+use super::explain::{EffectUse, Explained, PassExplained, Saved, VersionExplained, WORTH_A_LOOK};
 use super::refusal;
 
 /// Most passes to list.
@@ -18,6 +18,8 @@ struct Offer<'e> {
     saved: Option<&'e Saved>,
     /// Whether nothing is known yet about its error.
     is_approximate: bool,
+    /// The number of versions, one for each group of draws, of which this is the one that saves most. 0: it is for all draws.
+    versions: usize,
 }
 
 impl<'e> Offer<'e> {
@@ -28,6 +30,7 @@ impl<'e> Offer<'e> {
             what: &change.what,
             saved: pass.saved.as_ref(),
             is_approximate: false,
+            versions: 0,
         });
         let within = || {
             let of = pass.within_budget.as_ref()?;
@@ -36,9 +39,22 @@ impl<'e> Offer<'e> {
                 what: &of.change.what,
                 saved: of.saved.as_ref(),
                 is_approximate: true,
+                versions: 0,
             })
         };
-        own.or_else(within)
+        let versions = || {
+            let share = |v: &&VersionExplained| v.saved.as_ref().map_or(0.0, Saved::share);
+            let all = pass.versions.iter();
+            let best = all.max_by(|a, b| share(a).total_cmp(&share(b)))?;
+            Some(Self {
+                step: &pass.pass,
+                what: &best.change.what,
+                saved: best.saved.as_ref(),
+                is_approximate: false,
+                versions: pass.versions.len(),
+            })
+        };
+        own.or_else(within).or_else(versions)
     }
 
     fn is_small(&self) -> bool {
@@ -86,9 +102,10 @@ pub fn brief(explained: &Explained) -> String {
     let widest = widest.max().unwrap_or(0);
     lines.extend(offers.iter().take(MOST_PASSES).map(|offer| {
         let step = offer.step;
-        let open = match offer.is_approximate {
-            true => "; `verify` measures whether its error is within the budget",
-            false => "",
+        let open = match (offer.is_approximate, offer.versions) {
+            (true, _) => "; `verify` measures whether its error is within the budget".to_owned(),
+            (false, 0) => String::new(),
+            (false, n) => format!(": the most of {n} versions, one for each group of draws"),
         };
         match offer.saved {
             Some(saved) => format!("  {step:<widest$}  {saved}{open}"),
@@ -193,6 +210,16 @@ pub fn all(explained: &Explained, plan: &Plan) -> String {
         for r in &p.refusals {
             lines.push(indent(&refusal::rendered(&without_explain(r), plan)));
         }
+        if !p.versions.is_empty() {
+            lines.push(
+                "  but with a version for each group of draws, which `rewrite` writes:".to_owned(),
+            );
+        }
+        lines.extend(p.versions.iter().map(|version| {
+            let saved = version.saved.as_ref();
+            let saved = saved.map_or_else(|| version.change.what.clone(), Saved::to_string);
+            format!("    `{}` {saved}", version.material)
+        }));
         if let Some(within) = &p.within_budget {
             lines.push(format!("  with {}: {}", within.step, within.change.what));
         }

@@ -55,6 +55,7 @@ const MATRICES: &str = "WebGPU has no cooperative matrices or tensors";
 const INTERLOCK: &str = "WebGPU cannot order the fragments of a pixel";
 const INTERLOCK_REMEDY: &str = "blend, or draw the layers in passes of their own";
 const COMPUTE: &str = "it belongs to compute shaders";
+const FIXED: &str = "it depends on OpenGL's fixed functions";
 const RATES: &str = "WebGPU has no variable shading rate";
 const PARAMETERS: &str = "naga's GLSL parser cannot express it";
 
@@ -98,7 +99,10 @@ const ABSENT: &[Absent] = &[
     of(Word::Name, "gl_HelperInvocation helperInvocationEXT", "WebGPU does not tell helper invocations", "leave the test out: their results are dropped"),
     of(Word::Name, "gl_PointCoord", "WebGPU's points are one pixel large", "draw quads with a coordinate instead"),
     of(Word::Name, "gl_CullDistance", "WebGPU has no such built-in", "write the distances to `gl_ClipDistance`"),
-    of(Word::Name, "gl_Vertex gl_Normal gl_Color gl_SecondaryColor gl_MultiTexCoord* gl_FogCoord gl_TexCoord gl_FrontColor gl_BackColor gl_FrontSecondaryColor gl_BackSecondaryColor gl_FogFragCoord gl_ClipVertex gl_ModelView* gl_Projection* gl_NormalMatrix gl_TextureMatrix* gl_LightSource gl_FrontMaterial gl_BackMaterial gl_LightModel gl_Fog gl_NormalScale gl_ClipPlane gl_Point ftransform", "it depends on OpenGL's fixed functions", "declare an attribute, a varying or a uniform of your own"),
+    of(Word::Name, "gl_Vertex", FIXED, "it is a legacy built-in: declare `in vec4 position`, or before GLSL 1.30 `attribute vec4 position`"),
+    of(Word::Name, "gl_Normal gl_Color gl_SecondaryColor gl_MultiTexCoord* gl_FogCoord", FIXED, "it is a legacy built-in: declare an attribute of your own, as `in vec3 normal`"),
+    of(Word::Name, "ftransform gl_ModelView* gl_Projection*", FIXED, "it is a legacy built-in: declare `in vec4 position` and `uniform mat4 mvp`, and write `mvp * position`"),
+    of(Word::Name, "gl_TexCoord gl_FrontColor gl_BackColor gl_FrontSecondaryColor gl_BackSecondaryColor gl_FogFragCoord gl_ClipVertex gl_NormalMatrix gl_TextureMatrix* gl_LightSource gl_FrontMaterial gl_BackMaterial gl_LightModel gl_Fog gl_NormalScale gl_ClipPlane gl_Point", FIXED, "it is a legacy built-in: declare a varying or a uniform of your own"),
     of(Word::Name, "component", "WebGPU cannot pack two variables into one location", "give each variable a location of its own, or pack them into one vector"),
     of(Word::Name, "barrier memoryBarrier* groupMemoryBarrier controlBarrier", COMPUTE, "leave it out"),
     of(Word::Name, "interpolateAtCentroid interpolateAtSample interpolateAtOffset interpolateAtVertexAMD", "in WebGPU each input has one interpolation", "qualify the input itself with `centroid` or `sample`"),

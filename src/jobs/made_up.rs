@@ -106,7 +106,7 @@ fn measured(
     };
     let error = json!({
         "changed_pixels": 0, "changed_alpha": 0, "changed_depth": 0, "max_abs": flip, "flip_mean": flip,
-        "flip_p99": flip, "nan_pixels": 0, "depth_max_ulp": 0,
+        "flip_p99": flip, "flip_tile": flip, "nan_pixels": 0, "depth_max_ulp": 0,
     });
     let of = |name: &str, verdict: serde_json::Value, speedup: Option<f64>| {
         json!({

@@ -1,7 +1,7 @@
 //! The error ladder between two pictures: bits, then the largest difference, then the visible
 //! difference.
 
-use preshade_passes::budget::Difference;
+use preshade_passes::budget::{Difference, or_infinite, unmeasured};
 use serde::{Deserialize, Serialize};
 
 use crate::render::{ColorImage, DepthImage, Rendered};
@@ -38,6 +38,10 @@ pub struct ErrorLadder {
     pub flip_mean: f64,
     /// 99th percentile of FLIP.
     pub flip_p99: f64,
+    /// Largest mean of FLIP over a tile of 16 x 16 pixels, fewer at the right and lower edge. Infinite in
+    /// a record of an older version, which did not measure it.
+    #[serde(default = "unmeasured", deserialize_with = "or_infinite")]
+    pub flip_tile: f64,
     /// Pixels with a NaN or an infinity in the variant where the original has none.
     pub nan_pixels: u64,
     /// Largest distance of two depths, in steps between neighbouring 32-bit floats.
@@ -54,14 +58,9 @@ pub(crate) fn counted(n: u64, one: &str) -> String {
     }
 }
 
-/// A number, or infinity where JSON has none.
-fn or_infinite<'de, D: serde::Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
-    Ok(Option::deserialize(from)?.unwrap_or(f64::INFINITY))
-}
-
 impl Difference for ErrorLadder {
-    fn by_metric(&self) -> [f64; 3] {
-        [self.flip_mean, self.flip_p99, self.max_abs]
+    fn by_metric(&self) -> [f64; 4] {
+        [self.flip_mean, self.flip_p99, self.flip_tile, self.max_abs]
     }
 }
 
@@ -84,6 +83,7 @@ impl ErrorLadder {
             pixels: self.pixels.max(other.pixels),
             flip_mean: self.flip_mean.max(other.flip_mean),
             flip_p99: self.flip_p99.max(other.flip_p99),
+            flip_tile: self.flip_tile.max(other.flip_tile),
             nan_pixels: self.nan_pixels.max(other.nan_pixels),
             depth_max_ulp: self.depth_max_ulp.max(other.depth_max_ulp),
             first_difference: self.first_difference.or(other.first_difference),
@@ -173,7 +173,7 @@ pub fn compare(original: &Rendered, variant: &Rendered) -> Result<ErrorLadder, M
     if out.changed_pixels > 0
         && let (Some(Some(a)), Some(Some(b))) = (original.colors.first(), variant.colors.first())
     {
-        (out.flip_mean, out.flip_p99) = flip(a, b);
+        [out.flip_mean, out.flip_p99, out.flip_tile] = flip(a, b);
     }
     Ok(out)
 }
@@ -224,10 +224,13 @@ pub fn ulps(a: f32, b: f32) -> u64 {
     key(a).abs_diff(key(b))
 }
 
-/// FLIP's mean and 99th percentile at its default viewing distance (67 pixels a degree).
-fn flip(a: &ColorImage, b: &ColorImage) -> (f64, f64) {
-    let map = flip_map(a, b);
-    let mut values = map.to_vec();
+/// Width and height of a tile, in pixels: a quarter of a degree at FLIP's viewing distance.
+const TILE: usize = 16;
+
+/// FLIP's mean, 99th percentile and worst tile at its default viewing distance (67 pixels a degree).
+fn flip(a: &ColorImage, b: &ColorImage) -> [f64; 3] {
+    let mut values = flip_map(a, b).to_vec();
+    let tile = worst_tile(&values, a.size[0] as usize);
     let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len().max(1) as f64;
     // The percentile is of pixels, not weighted by error.
     let rank = (values.len() * 99 / 100).min(values.len().saturating_sub(1));
@@ -235,7 +238,25 @@ fn flip(a: &ColorImage, b: &ColorImage) -> (f64, f64) {
         true => 0.0,
         false => f64::from(*values.select_nth_unstable_by(rank, f32::total_cmp).1),
     };
-    (mean, p99)
+    [mean, p99, tile]
+}
+
+/// The largest mean over a tile of a map with rows of `width`. A tile at an edge counts the pixels that
+/// it has.
+fn worst_tile(map: &[f32], width: usize) -> f64 {
+    let width = width.max(1);
+    let mut worst = 0.0_f64;
+    for band in map.chunks(width * TILE) {
+        let mut tiles = vec![(0.0_f64, 0_u32); width.div_ceil(TILE)];
+        for (i, value) in band.iter().enumerate() {
+            let (sum, pixels) = &mut tiles[i % width / TILE];
+            *sum += f64::from(*value);
+            *pixels += 1;
+        }
+        let means = tiles.iter().map(|(sum, n)| sum / f64::from(*n));
+        worst = means.fold(worst, f64::max);
+    }
+    worst
 }
 
 fn flip_map(a: &ColorImage, b: &ColorImage) -> nv_flip::FlipImageFloat {
@@ -255,7 +276,72 @@ fn flip_map(a: &ColorImage, b: &ColorImage) -> nv_flip::FlipImageFloat {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-    use super::ErrorLadder;
+    use preshade_passes::budget::Budget;
+
+    use super::{ErrorLadder, TILE, compare, worst_tile};
+    use crate::render::{ColorImage, Rendered};
+
+    /// A grey picture with a black square at `at`.
+    fn picture(size: [u32; 2], at: Option<[u32; 2]>) -> Rendered {
+        let is_black = |x: u32, y: u32| {
+            at.is_some_and(|[left, top]| {
+                let tile = TILE as u32;
+                (left..left + tile).contains(&x) && (top..top + tile).contains(&y)
+            })
+        };
+        let rows = (0..size[1]).flat_map(|y| (0..size[0]).map(move |x| (x, y)));
+        let texels = rows.flat_map(|(x, y)| match is_black(x, y) {
+            true => [0, 0, 0, 255],
+            false => [128, 128, 128, 255],
+        });
+        let image = ColorImage {
+            size,
+            format: wgpu::TextureFormat::Rgba8Unorm,
+            bytes: texels.collect(),
+        };
+        Rendered {
+            colors: vec![Some(image)],
+            depth: None,
+        }
+    }
+
+    #[test]
+    fn one_bad_tile_among_many_is_seen() {
+        let size = [320, 320];
+        let error = compare(&picture(size, None), &picture(size, Some([64, 96]))).unwrap();
+        assert!(error.flip_tile > 0.3, "{error:?}");
+        // A tile of 400: the mean hides it, and so does the 99th percentile.
+        assert!(
+            error.flip_mean < 0.01 && error.flip_p99 < error.flip_tile,
+            "{error:?}"
+        );
+        let allows = |budget: &str| Budget::parse(budget).unwrap().allows(&error);
+        assert!(allows("flip_mean=0.02") && !allows("flip_tile=0.02"));
+    }
+
+    #[test]
+    fn a_tile_at_the_edge_counts_its_own_pixels() {
+        // 20 x 18 pixels: the last tile has 4 x 2.
+        let mut map = vec![0.0; 20 * 18];
+        map[17 * 20 + 19] = 1.0;
+        assert_eq!(worst_tile(&map, 20), 1.0 / 8.0);
+        map.fill(0.0);
+        map[0] = 1.0;
+        assert_eq!(worst_tile(&map, 20), 1.0 / 256.0);
+        assert_eq!(worst_tile(&[], 0), 0.0);
+    }
+
+    #[test]
+    fn a_record_without_tiles_is_within_no_budget_of_them() {
+        let json = serde_json::to_value(ErrorLadder::default()).unwrap();
+        let mut old = json.as_object().unwrap().clone();
+        old.remove("flip_tile");
+        let old: ErrorLadder = serde_json::from_value(old.into()).unwrap();
+        assert!(!Budget::parse("flip_tile=1").unwrap().allows(&old));
+        // It stays so when it is written again.
+        let json = serde_json::to_string(&old).unwrap();
+        assert_eq!(serde_json::from_str::<ErrorLadder>(&json).unwrap(), old);
+    }
 
     #[test]
     fn an_infinite_difference_is_read_back() {

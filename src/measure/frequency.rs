@@ -130,6 +130,7 @@ fn measured(
             max_abs: worst.max_abs,
             flip_mean: worst.flip_mean,
             flip_p99: worst.flip_p99,
+            flip_tile: worst.flip_tile,
             nan_pixels: worst.nan_pixels,
             location: candidate.location.clone(),
         }));

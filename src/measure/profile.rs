@@ -4,10 +4,12 @@
 //! A part is the time that the frame is shorter by, over its time. What runs side by side on the adapter overlaps,
 //! so parts need not add up to 1.
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use preshade_passes::count;
 use preshade_passes::plan::{BindingKind, BindingUse, GpuPass, Plan};
+use preshade_passes::program::Program;
 use preshade_passes::reflect;
 use preshade_passes::state::{CompareFunction, StencilOperation};
 use serde::Serialize;
@@ -54,6 +56,9 @@ pub struct ViewProfile {
     pub vertices: Option<Estimate>,
     /// The materials with the largest parts, largest first.
     pub materials: Vec<MaterialProfile>,
+    /// Materials whose fragments could not be left out, or not what decides where they draw. No part has that time.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    pub kept: Vec<String>,
 }
 
 /// The time that the fragments of one material take.
@@ -63,9 +68,13 @@ pub struct MaterialProfile {
     pub material: String,
     /// Its draws.
     pub draws: usize,
-    /// The part of its fragments: what it writes depth for, but no colour. A driver that compiles both stages together
-    /// also leaves out what the vertex stage computes for them.
+    /// The part of its fragments, but for what decides where it draws: it writes depth all the same, but no colour. A
+    /// driver that compiles both stages together also leaves out what the vertex stage computes for them. Of a material
+    /// whose fragment stage writes depth, the part of all of it.
     pub fragments: Estimate,
+    /// The part of what decides where it draws, a discard for example. It is at least this: the frame draws what the
+    /// material hid. `None`: nothing decides, or it was not told apart.
+    pub coverage: Option<Estimate>,
     /// The part of its textures' texels: what they take beyond one texel each. `None`: they decide coverage, or
     /// the vertex stage reads them.
     pub textures: Option<Estimate>,
@@ -84,7 +93,10 @@ impl ViewProfile {
         ];
         let frame = frame.map(|(what, part)| (what.to_owned(), part));
         let materials = self.materials.iter().flat_map(|m| {
+            let whole = m.arithmetic.is_none() && m.fill.is_none();
             let parts = [
+                ("fragments", whole.then_some(m.fragments)),
+                ("the discards", m.coverage),
                 ("arithmetic", m.arithmetic),
                 ("textures", m.textures),
                 ("fill", m.fill),
@@ -140,7 +152,7 @@ fn profiled(
     aimed(session)?;
     let mut frames = Frames::new(session, frame, &view);
     frames.add(Some(originals.to_vec()))?;
-    let untested = untested(originals);
+    let untested: Option<Vec<Plan>> = originals.iter().map(gone).collect();
     frames.add(untested.clone())?;
     frames.add_with(untested, Prepared::one_triangle_a_draw)?;
     let scene = session.scene();
@@ -157,24 +169,36 @@ fn profiled(
         .collect();
     for m in &looked_at {
         frames.add(with(originals, *m, depth_only))?;
+        let decides = decides(&originals[*m]);
+        frames.add(decides.then(|| with(originals, *m, gone)).flatten())?;
     }
     let (clock, times) = frames.time(timing)?;
     let mut parts = times.iter().skip(1).map(|t| t.as_ref().map(part));
     let mut next = || parts.next().flatten();
     let (fragments, all) = (next(), next());
-    let mut found: Vec<(usize, Estimate)> = Vec::new();
+    let mut found: Vec<(usize, Estimate, Option<Estimate>)> = Vec::new();
+    let mut kept = Vec::new();
     for m in looked_at {
-        found.extend(next().map(|part| (m, part)));
+        let (colors, gone) = (next(), next());
+        let coverage = gone.zip(colors).map(|(gone, colors)| less(gone, colors));
+        found.extend(colors.or(gone).map(|part| (m, part, coverage)));
+        if gone.is_none() && (colors.is_none() || decides(&originals[m])) {
+            kept.push(originals[m].material.clone());
+        }
     }
-    found.sort_by(|a, b| b.1.median.total_cmp(&a.1.median));
+    let whole = |(_, part, coverage): &(usize, Estimate, Option<Estimate>)| {
+        part.median + coverage.map_or(0.0, |c| c.median)
+    };
+    found.sort_by(|a, b| whole(b).total_cmp(&whole(a)));
     found.truncate(TOLD_APART);
     let mut materials = Vec::new();
-    for (m, fragments) in found {
+    for (m, fragments, coverage) in found {
         let [flat, still] = told_apart(session, m, (&view, frame), timing)?;
         materials.push(MaterialProfile {
             material: originals[m].material.clone(),
             draws: draws(m),
             fragments,
+            coverage,
             textures: still,
             arithmetic: flat.map(|flat| still.map_or(flat, |still| less(flat, still))),
             fill: flat.map(|flat| less(fragments, flat)),
@@ -197,6 +221,7 @@ fn profiled(
         draws: all.map(|all| less(whole, all)),
         vertices: all.zip(fragments).map(|(all, f)| less(all, f)),
         materials,
+        kept,
     })
 }
 
@@ -209,16 +234,11 @@ fn told_apart(
 ) -> Result<[Option<Estimate>; 2], Error> {
     let is_texel =
         |b: &BindingUse| matches!(b.kind, BindingKind::Texture | BindingKind::DepthTexture);
-    let decides = |pass: &GpuPass| {
-        let plan = &session.originals()[material];
-        let in_vertex = pass
-            .bindings
-            .iter()
-            .any(|b| is_texel(b) && b.visibility.vertex);
-        in_vertex || plan.program(pass).is_some_and(|p| count::decides(p, pass))
-    };
-    let decides = session.originals()[material].passes.iter().any(decides);
-    let scene = (!decides).then(|| small_textures(session.scene(), material));
+    let in_vertex = |b: &BindingUse| is_texel(b) && b.visibility.vertex;
+    let plan = &session.originals()[material];
+    let mut bindings = plan.passes.iter().flat_map(|pass| &pass.bindings);
+    let is_needed = bindings.any(in_vertex) || decides(plan);
+    let scene = (!is_needed).then(|| small_textures(session.scene(), material));
     let small = scene.as_ref();
     let small = small.map(|scene| Session::new(session.gpu(), scene, session.form()));
     let small = small.transpose()?;
@@ -325,16 +345,22 @@ fn with(plans: &[Plan], material: usize, change: fn(&Plan) -> Option<Plan>) -> O
     Some(plans)
 }
 
-/// Plans none of whose fragments passes the depth test, or is shaded. `None`: a pass does not test depth, or
-/// tests it after shading.
-fn untested(plans: &[Plan]) -> Option<Vec<Plan>> {
-    let mut plans = plans.to_vec();
-    if plans.iter().any(|plan| flat(plan).is_none()) {
-        return None;
-    }
-    for pass in plans.iter_mut().flat_map(|p| &mut p.passes) {
-        let stores = pass.bindings.iter().any(|b| b.kind.is_writable());
-        let faces = pass.stencil.iter().flat_map(|s| [&s.front, &s.back]);
+/// Whether a discard, a depth or an alpha decides where a material draws.
+fn decides(plan: &Plan) -> bool {
+    plan.passes.iter().any(|pass| decides_in(plan, pass))
+}
+
+fn decides_in(plan: &Plan, pass: &GpuPass) -> bool {
+    plan.program(pass).is_some_and(|p| count::decides(p, pass))
+}
+
+/// The plan with no fragment that passes the depth test, or is shaded. `None`: a pass does not test depth, or its
+/// fragments do more than to draw.
+fn gone(plan: &Plan) -> Option<Plan> {
+    let mut out = plan.clone();
+    for (pass, authored) in out.passes.iter_mut().zip(&plan.passes) {
+        let stores = authored.bindings.iter().any(|b| b.kind.is_writable());
+        let faces = authored.stencil.iter().flat_map(|s| [&s.front, &s.back]);
         let mut fails = faces.map(|face| face.depth_fail);
         if stores || fails.any(|f| f != StencilOperation::Keep) {
             return None;
@@ -342,20 +368,39 @@ fn untested(plans: &[Plan]) -> Option<Vec<Plan>> {
         let depth = pass.depth.as_mut()?;
         depth.compare = CompareFunction::Never;
         depth.write = false;
+        // An adapter may test depth after such a fragment stage, so it has to go.
+        if decides_in(plan, authored) {
+            let program = count::nothing(plan, authored).ok()?;
+            replace(pass, program, &mut out.programs);
+            mask(pass);
+        }
     }
-    Some(plans)
+    Some(out)
+}
+
+/// Draws a pass with the blank fragment stage of `program`.
+fn replace(pass: &mut GpuPass, program: Program, programs: &mut BTreeMap<String, Program>) {
+    let name = format!("blank-{}", programs.len());
+    pass.program.clone_from(&name);
+    pass.fragment = Some(count::ENTRY.to_owned());
+    reflect::fill(pass, &program);
+    programs.insert(name, program);
+}
+
+/// Writes no colour.
+fn mask(pass: &mut GpuPass) {
+    for target in pass.targets.iter_mut().flatten() {
+        target.write_mask = 0;
+        target.blend = None;
+    }
 }
 
 /// The plan with the cheapest fragment stage that covers the same pixels.
 fn flat(plan: &Plan) -> Option<Plan> {
     let mut out = plan.clone();
     for pass in &mut out.passes {
-        pass.fragment.as_ref()?;
         let program = count::blank(plan, pass).ok()?;
-        pass.program = "blank".to_owned();
-        pass.fragment = Some(count::ENTRY.to_owned());
-        reflect::fill(pass, &program);
-        out.programs.insert("blank".to_owned(), program);
+        replace(pass, program, &mut out.programs);
     }
     Some(out)
 }
@@ -363,12 +408,7 @@ fn flat(plan: &Plan) -> Option<Plan> {
 /// The same without writing colours.
 fn depth_only(plan: &Plan) -> Option<Plan> {
     let mut out = flat(plan)?;
-    for pass in &mut out.passes {
-        for target in pass.targets.iter_mut().flatten() {
-            target.write_mask = 0;
-            target.blend = None;
-        }
-    }
+    out.passes.iter_mut().for_each(mask);
     Some(out)
 }
 

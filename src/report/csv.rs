@@ -9,7 +9,7 @@ use crate::measure::{ErrorLadder, Estimate};
 use crate::search::plan::decision::Decision;
 
 /// Columns of [`verify`].
-const COLUMNS: [&str; 19] = [
+const COLUMNS: [&str; 20] = [
     "variant",
     "recipe",
     "verdict",
@@ -22,6 +22,7 @@ const COLUMNS: [&str; 19] = [
     "max_abs",
     "flip_mean",
     "flip_p99",
+    "flip_tile",
     "time_ms",
     "time_low",
     "time_high",
@@ -83,7 +84,7 @@ pub fn decision(decision: &Decision) -> String {
     let mut out = "plan,verdict,camera,frame,order,shaded_per_pixel,overdraw,drawn_with,\
                    predicted_ms,time_ms,time_low,time_high,speedup,speedup_low,speedup_high,\
                    worst_changed_pixels,worst_changed_depth,worst_nan_pixels,worst_max_abs,\
-                   worst_flip_mean,worst_flip_p99,pipelines,creation_ms\n"
+                   worst_flip_mean,worst_flip_p99,worst_flip_tile,pipelines,creation_ms\n"
         .to_owned();
     for (number_of, plan) in decision.plans.iter().enumerate() {
         for (view, at) in decision.views.iter().zip(&plan.by_view) {
@@ -127,7 +128,7 @@ fn verdict(verdict: &Verdict) -> String {
     }
 }
 
-fn error(error: Option<&ErrorLadder>) -> [String; 6] {
+fn error(error: Option<&ErrorLadder>) -> [String; 7] {
     let count = |of: fn(&ErrorLadder) -> u64| error.map_or_else(String::new, |e| of(e).to_string());
     [
         count(|e| e.changed_pixels),
@@ -136,6 +137,7 @@ fn error(error: Option<&ErrorLadder>) -> [String; 6] {
         number(error.map(|e| e.max_abs)),
         number(error.map(|e| e.flip_mean)),
         number(error.map(|e| e.flip_p99)),
+        number(error.map(|e| e.flip_tile)),
     ]
 }
 

@@ -222,10 +222,11 @@ pub fn fate(point: &Point) -> String {
 
 /// Every point, one a line.
 pub fn csv(found: &Exploration) -> String {
-    let mut out = "name,recipe,fate,flip_mean,flip_p99,max_abs,changed_pixels,time_ms,speedup,\
+    let mut out =
+        "name,recipe,fate,flip_mean,flip_p99,flip_tile,max_abs,changed_pixels,time_ms,speedup,\
                    speedup_low,speedup_high,path_median_ms,path_p95_ms,predicted_error,\
                    predicted_work\n"
-        .to_owned();
+            .to_owned();
     for p in &found.points {
         let error = p.error.as_ref();
         let of = written;
@@ -235,6 +236,7 @@ pub fn csv(found: &Exploration) -> String {
             quoted(&fate(p)),
             of(error.map(|e| e.flip_mean)),
             of(error.map(|e| e.flip_p99)),
+            of(error.map(|e| e.flip_tile)),
             of(error.map(|e| e.max_abs)),
             error.map_or_else(String::new, |e| e.changed_pixels.to_string()),
             of(p.time_ms.map(|t| t.median)),

@@ -20,10 +20,17 @@ pub fn render(of: &Profile) -> String {
 
 fn view(of: &ViewProfile) -> Vec<String> {
     let mut lines = vec![format!("\n{}: {:.3} ms", of.view, of.time_ms.median)];
-    lines.push(match of.bound_by() {
-        Some((what, part)) => format!("  bound by {what}: {}", interval(part)),
-        None => "  nothing takes a part of the time that can be told from noise".to_owned(),
+    lines.push(match (of.bound_by(), of.kept.is_empty()) {
+        (Some((what, part)), true) => format!("  bound by {what}: {}", interval(part)),
+        (Some((what, part)), false) => format!(
+            "  of what could be left out, {what} is the largest part: {}",
+            interval(part)
+        ),
+        (None, _) => "  nothing takes a part of the time that can be told from noise".to_owned(),
     });
+    lines.extend(of.kept.iter().map(|material| {
+        format!("  fragments of `{material}` could not all be left out: no part has their time")
+    }));
     let frame = [
         ("the pass and its draw calls", of.draws),
         ("vertices", of.vertices),
@@ -33,18 +40,19 @@ fn view(of: &ViewProfile) -> Vec<String> {
     let names = of.materials.iter().map(|m| m.material.chars().count());
     let width = names.max().unwrap_or(0).max("material".len());
     lines.push(format!(
-        "  {:<width$}  draws  fragments  arithmetic  textures  fill",
+        "  {:<width$}  draws  fragments  arithmetic  textures  fill  discards",
         "material"
     ));
     lines.extend(of.materials.iter().map(|m| {
         format!(
-            "  {:<width$}  {:>5}  {:>9}  {:>10}  {:>8}  {:>4}",
+            "  {:<width$}  {:>5}  {:>9}  {:>10}  {:>8}  {:>4}  {:>8}",
             m.material,
             m.draws,
             percent(Some(m.fragments)),
             percent(m.arithmetic),
             percent(m.textures),
-            percent(m.fill)
+            percent(m.fill),
+            percent(m.coverage)
         )
     }));
     lines
@@ -65,8 +73,9 @@ fn interval(part: Estimate) -> String {
 
 /// One line a view and material. Parts are from 0 to 1.
 pub fn csv(of: &Profile) -> String {
-    let mut out = "view,ms,draw_calls,vertices,material,draws,fragments,arithmetic,textures,fill\n"
-        .to_owned();
+    let mut out =
+        "view,ms,draw_calls,vertices,material,draws,fragments,arithmetic,textures,fill,discards\n"
+            .to_owned();
     let cell = |part: Option<Estimate>| part.map_or(String::new(), |p| p.median.to_string());
     for v in &of.views {
         for m in &v.materials {
@@ -81,6 +90,7 @@ pub fn csv(of: &Profile) -> String {
                 cell(m.arithmetic),
                 cell(m.textures),
                 cell(m.fill),
+                cell(m.coverage),
             ];
             out.push_str(&(cells.join(",") + "\n"));
         }

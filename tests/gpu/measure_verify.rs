@@ -150,6 +150,7 @@ fn the_json_of_record_has_what_the_design_says() {
         "max_abs",
         "flip_mean",
         "flip_p99",
+        "flip_tile",
         "nan_pixels",
         "depth_max_ulp",
     ] {

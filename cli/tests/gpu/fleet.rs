@@ -171,11 +171,15 @@ fn jobs_are_of_what_verify_is_given_here_and_run_without_it_elsewhere() {
 
 #[test]
 fn jobs_of_changed_files_and_two_pictures_of_one_job_are_errors() {
-    let (dir, _) = listed("changed");
+    let (dir, all_jobs) = listed("changed");
     let folder = &dir;
     let all = ["evaluate", "--jobs", "jobs.jsonl", "--out", "out"];
     accepted(folder, &[&all[..], &["--partition", "hash:1/4"]].concat());
-    accepted(folder, &["merge", "out"]);
+    let part = results(&folder.join("out")).len();
+    let merge = ["merge", "out", "--jobs", "jobs.jsonl"];
+    let told = ended(&run(folder, &merge), 0, &merge);
+    let told_of = format!("{part} of {all_jobs} jobs have results\n");
+    assert!(told.contains(&told_of), "{told}");
     // Another picture of one job.
     let file = results(&folder.join("out")).into_keys().next().unwrap();
     let text = fs::read_to_string(&file).unwrap();

@@ -5,6 +5,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use crate::hostile_support::{ended, run, stderr};
+use crate::trees::fixture;
 
 /// A folder with these files.
 fn here(name: &str, files: &[(&str, &str)]) -> PathBuf {
@@ -195,5 +196,74 @@ struct U {{ octaves: i32, fog_density: f32 }}
     assert!(line.contains("fog ("), "{line}");
     for counter in [" i (", " k (", "unnamed"] {
         assert!(!line.contains(counter), "{line}");
+    }
+}
+
+/// What `rewrite` makes for the draws of a scene, `explain` offers.
+#[test]
+fn versions_for_groups_of_draws_are_offered() {
+    let museum = fixture("scenes/museum.toml");
+    let museum = museum.to_str().unwrap();
+    let folder = here("versions", &[]);
+    let brief = explained(&folder, &[museum]);
+    assert!(
+        brief.contains("8 versions, one for each group of draws"),
+        "{brief}"
+    );
+    assert!(!brief.contains("nothing-known"), "{brief}");
+    let asked = explained(
+        &folder,
+        &[museum, "--pass", "specialize", "--material", "museum"],
+    );
+    assert_eq!(asked.matches("applies to `fs_main`").count(), 8, "{asked}");
+}
+
+const LEGACY: &str = "#version 120\nvoid main() { gl_Position = ftransform(); }\n";
+const LIT_VERT: &str = "#version 330\nin vec3 position; out vec3 n; uniform mat4 mvp;\n\
+                        void main() { n = position; gl_Position = mvp * vec4(position, 1.0); }\n";
+const LIT_FRAG: &str = "#version 330\nin vec3 n; out vec4 c;\nvoid main() { c = vec4(n, 1.0); }\n";
+
+#[test]
+fn what_is_no_input_is_told_with_a_way_on() {
+    let files = [
+        ("legacy.vert", LEGACY),
+        ("tree/lit.vert", LIT_VERT),
+        ("tree/lit.frag", LIT_FRAG),
+        ("tree/lit.geom", "void main() {}\n"),
+    ];
+    let folder = here("ways-on", &[]);
+    fs::create_dir(folder.join("tree")).unwrap();
+    for (file, text) in files {
+        fs::write(folder.join(file), text).unwrap();
+    }
+    let told = |args: &[&str], status: i32| ended(&run(&folder, args), status, args);
+    let no_frame = told(&["profile", "tree"], 2);
+    assert!(no_frame.contains("it has no frame.json"), "{no_frame}");
+    let legacy = told(&["explain", "legacy.vert"], 2);
+    assert!(legacy.contains("declare `in vec4 position`"), "{legacy}");
+    let alone = told(&["explain", "tree/lit.vert"], 0);
+    assert!(alone.contains("`lit` has no fragment stage"), "{alone}");
+    for args in [
+        &["explain", "tree/lit.vert", "tree/lit.frag"][..],
+        &["rewrite", "tree/lit.vert", "tree/lit.frag"],
+        &["rewrite", "tree", "--out-dir", "out"],
+    ] {
+        let between = told(args, 0);
+        assert!(between.contains("left out: `tree/lit.geom`"), "{between}");
+    }
+}
+
+#[test]
+fn of_variants_that_draw_the_same_one_is_listed() {
+    let shader = fixture("shaders/pbr.wgsl");
+    let folder = here("jobs", &[]);
+    let args = ["jobs", shader.to_str().unwrap(), "--explore"];
+    let output = run(&folder, &args);
+    ended(&output, 0, &args);
+    let lines = String::from_utf8(output.stdout).unwrap();
+    assert!(lines.contains("\"variant\":\"depth-prepass\""), "{lines}");
+    // Nothing can be hoisted exactly, and a bare shader has no values to specialise by.
+    for same in ["hoist + depth-prepass", "specialize"] {
+        assert!(!lines.contains(same), "{same}: {lines}");
     }
 }

@@ -99,7 +99,7 @@ async function prepared(original, variant, options) {
 function seen(first, second, size) {
     const worker = new Worker(new URL('./draw/flip-worker.js', import.meta.url), { type: 'module', name: 'flip' });
     const answer = new Promise((resolve, reject) => {
-        worker.onmessage = ({ data }) => resolve({ flip_mean: data.mean, flip_p99: data.p99 });
+        worker.onmessage = ({ data }) => resolve({ flip_mean: data.mean, flip_p99: data.p99, flip_tile: data.tile });
         worker.onerror = (event) => reject(new Error(event.message || 'the worker cannot be loaded'));
     });
     worker.postMessage({ first: first.colors[0], second: second.colors[0], size });

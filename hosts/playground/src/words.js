@@ -75,6 +75,7 @@ function pass(pass, files) {
 const METRICS = {
     flip_mean: 'a mean FLIP',
     flip_p99: 'a 99th percentile of FLIP',
+    flip_tile: 'a mean FLIP of the worst tile',
     max_abs: 'a largest difference of a channel',
 };
 const budgeted = ({ metric, budget }) => `${METRICS[metric] ?? metric} of at most ${budget}`;

@@ -4,7 +4,7 @@ import assert from 'node:assert/strict';
 import { execFileSync } from 'node:child_process';
 import { test } from 'node:test';
 import { compare, difference, isBlank, verdict } from '../src/draw/compare.js';
-import { flip, map } from '../src/draw/flip.js';
+import { flip, map, worstTile } from '../src/draw/flip.js';
 import { meaning, normalise } from '../src/draw/names.js';
 import { estimate, time, told } from '../src/draw/timing.js';
 import { Material } from '../src/material.js';
@@ -90,10 +90,15 @@ test('FLIP is that of its authors', () => {
         ],
     };
     const found = map(a, b, size);
-    const { mean, p99 } = flip(a, b, size);
+    const { mean, p99, tile } = flip(a, b, size);
     const near = (value, expected) => assert.ok(Math.abs(value - expected) < 2e-5, `${value}, not ${expected}`);
     near(mean, EXPECTED.mean);
     near(p99, EXPECTED.p99);
+    assert.equal(tile, worstTile(found, size));
+    const spot = new Float64Array(20 * 20);
+    spot[399] = 1;
+    // The last tile has 4 x 4 pixels.
+    assert.equal(worstTile(spot, 20), 1 / 16);
     for (const [x, y, value] of EXPECTED.pixels) near(found[y * size + x], value);
 });
 

@@ -3,29 +3,33 @@
 use std::fmt;
 
 use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
+use serde::{Deserialize, Deserializer, Serialize};
 
 /// The metric of a budget.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "snake_case")]
 pub enum Metric {
-    /// Mean of FLIP over the picture, 0 to 1.
+    /// Mean of FLIP over the whole picture, 0 to 1, also where the material draws nothing. For a
+    /// material that covers little of the picture, take `flip_tile`.
     #[default]
     FlipMean,
     /// 99th percentile of FLIP.
     FlipP99,
+    /// Largest mean of FLIP over a tile of 16 x 16 pixels, 0 to 1, so that a small ruined spot counts.
+    /// A tile at the right or lower edge may be smaller; its mean is over the pixels it has.
+    FlipTile,
     /// Largest difference of a channel, 0 to 1.
     MaxAbs,
 }
 
 /// A difference that was measured in every metric.
 pub trait Difference {
-    /// Mean FLIP, its 99th percentile, and the largest difference of a channel.
-    fn by_metric(&self) -> [f64; 3];
+    /// Mean FLIP, its 99th percentile, that of the worst tile, and the largest difference of a channel.
+    fn by_metric(&self) -> [f64; 4];
 }
 
 impl<D: Difference> Difference for &D {
-    fn by_metric(&self) -> [f64; 3] {
+    fn by_metric(&self) -> [f64; 4] {
         (*self).by_metric()
     }
 }
@@ -33,10 +37,11 @@ impl<D: Difference> Difference for &D {
 impl Metric {
     /// The measured value.
     pub fn of(self, difference: &impl Difference) -> f64 {
-        let [flip_mean, flip_p99, max_abs] = difference.by_metric();
+        let [flip_mean, flip_p99, flip_tile, max_abs] = difference.by_metric();
         match self {
             Self::FlipMean => flip_mean,
             Self::FlipP99 => flip_p99,
+            Self::FlipTile => flip_tile,
             Self::MaxAbs => max_abs,
         }
     }
@@ -46,6 +51,7 @@ impl Metric {
         match self {
             Self::FlipMean => "flip_mean",
             Self::FlipP99 => "flip_p99",
+            Self::FlipTile => "flip_tile",
             Self::MaxAbs => "max_abs",
         }
     }
@@ -55,6 +61,19 @@ impl fmt::Display for Metric {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         f.write_str(self.name())
     }
+}
+
+/// A difference that no record has, which no budget allows.
+pub fn unmeasured() -> f64 {
+    f64::INFINITY
+}
+
+/// A number, or infinity where JSON has none.
+///
+/// # Errors
+/// The deserialiser's.
+pub fn or_infinite<'de, D: Deserializer<'de>>(from: D) -> Result<f64, D::Error> {
+    Ok(Option::deserialize(from)?.unwrap_or(f64::INFINITY))
 }
 
 /// The most that a picture may differ.
@@ -84,8 +103,9 @@ impl Budget {
         let (metric, limit) = text
             .split_once('=')
             .ok_or("expected METRIC=NUMBER, flip_mean=0.02 say")?;
-        let metric = serde_json::from_value(metric.trim().into())
-            .map_err(|_| format!("`{metric}` is none of flip_mean, flip_p99 and max_abs"))?;
+        let metric = serde_json::from_value(metric.trim().into()).map_err(|_| {
+            format!("`{metric}` is none of flip_mean, flip_p99, flip_tile and max_abs")
+        })?;
         match limit.trim().parse::<f64>() {
             Ok(limit) if limit > 0.0 && limit <= 1.0 => Ok(Self { metric, limit }),
             _ => Err(format!("`{limit}` is not a number above 0 and at most 1")),

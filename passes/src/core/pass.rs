@@ -4,7 +4,7 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize, de::DeserializeOwned};
 
-use crate::core::budget::Difference;
+use crate::core::budget::{Difference, or_infinite, unmeasured};
 use crate::core::contract::Assumption;
 use crate::core::guard::{Assumed, Guard};
 use crate::core::plan::{Plan, Role};
@@ -437,6 +437,9 @@ pub struct Frequency {
     pub flip_mean: f64,
     /// Its 99th percentile.
     pub flip_p99: f64,
+    /// Its largest mean over a tile. Infinite where an older version measured.
+    #[serde(default = "unmeasured", deserialize_with = "or_infinite")]
+    pub flip_tile: f64,
     /// Pixels that are NaN or infinite with it and were not without.
     pub nan_pixels: u64,
     /// Where it is in the author's source.
@@ -444,8 +447,8 @@ pub struct Frequency {
 }
 
 impl Difference for Frequency {
-    fn by_metric(&self) -> [f64; 3] {
-        [self.flip_mean, self.flip_p99, self.max_abs]
+    fn by_metric(&self) -> [f64; 4] {
+        [self.flip_mean, self.flip_p99, self.flip_tile, self.max_abs]
     }
 }
 

@@ -99,6 +99,24 @@ pub fn blank(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
     author.with_module(place::retain(&module, &kept))
 }
 
+/// The program of `pass` with an entry point [`ENTRY`] that computes and writes nothing. Nothing of what decides coverage
+/// is left, so it is for frames in which no fragment passes the depth test.
+///
+/// # Errors
+/// As [`program`].
+pub fn nothing(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
+    let author = plan
+        .program(pass)
+        .ok_or_else(|| invalid("the plan has no program of that name".to_owned()))?;
+    let mut module = author.module().clone();
+    module.entry_points.push(color::empty_fragment(ENTRY));
+    let kept = [
+        (ShaderStage::Vertex, pass.vertex.as_str()),
+        (ShaderStage::Fragment, ENTRY),
+    ];
+    author.with_module(place::retain(&module, &kept))
+}
+
 fn invalid(message: String) -> Box<Invalid> {
     Box::new(Invalid {
         message,

@@ -551,6 +551,7 @@ fn measurements_of_another_material_allow_nothing() {
         max_abs: 0.0,
         flip_mean: 0.0,
         flip_p99: 0.0,
+        flip_tile: 0.0,
         nan_pixels: 0,
         location: None,
     };

@@ -170,6 +170,7 @@ mod tests {
             max_abs: 0.0,
             flip_mean,
             flip_p99: 0.0,
+            flip_tile: 0.0,
             nan_pixels: 0,
             location: None,
         }

@@ -131,6 +131,16 @@ fn left(
             ratio(gain),
             ratio(loss)
         ),
+        None if gain.low > super::choose::WORTHWHILE => {
+            let of = at.and_then(|at| beside(decision, at, gain, (gained, &views)));
+            format!(
+                "as written: the best {} that changes it, `{}`, is {} at {gained}; {}",
+                how(decision),
+                plan.name,
+                ratio(gain),
+                of.unwrap_or_else(|| "it is not known to pay in all views of a rule".to_owned())
+            )
+        }
         _ => format!(
             "as written: nothing {}{}. The best {}, `{}`, is {} at {gained}{}",
             match decision.clock {
@@ -141,15 +151,41 @@ fn left(
                 true => " there",
                 false => "",
             },
-            match decision.clock {
-                Some(_) => "tried",
-                None => "by prediction",
-            },
+            how(decision),
             plan.name,
             ratio(gain),
             hidden(decision, &views)
         ),
     }
+}
+
+fn how(decision: &Decision) -> &'static str {
+    match decision.clock {
+        Some(_) => "tried",
+        None => "by prediction",
+    }
+}
+
+/// Why a plan is drawn in place of one that changes another material too and gains `gain`. `None`: it is the original, or has no
+/// figure at that view.
+fn beside(
+    decision: &Decision,
+    drawn: usize,
+    gain: &Estimate,
+    (at, views): (&str, &dyn Fn(&usize) -> bool),
+) -> Option<String> {
+    let plan = decision.plans.get(drawn).filter(|_| drawn > 0)?;
+    let all = speedups(decision, plan, views);
+    let (own, _) = all.iter().find(|(_, view)| view == at)?;
+    let why = match gain.median <= own.median {
+        true => "",
+        false => ", and better over all views or in what it promises",
+    };
+    Some(format!(
+        "`{}`, which is drawn, is {} there{why}",
+        plan.name,
+        ratio(own)
+    ))
 }
 
 /// The most that hiding fragments could gain.
@@ -162,5 +198,126 @@ fn hidden(decision: &Decision, views: &dyn Fn(&usize) -> bool) -> String {
              to nothing to hide"
         ),
         false => String::new(),
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use preshade_passes::contract::Contract;
+
+    use super::*;
+    use crate::measure::{Clock, View};
+    use crate::render::AdapterReport;
+    use crate::scene::DrawOrder;
+    use crate::search::plan::decision::{PlanView, SCHEMA, ViewReport};
+    use crate::search::plan::model::Model;
+    use crate::search::plan::policy::{Held, Policy, Rule};
+
+    fn about(median: f64) -> Estimate {
+        Estimate {
+            median,
+            low: median - 0.002,
+            high: median + 0.002,
+        }
+    }
+
+    /// One view, and a plan of each name that changes these materials, the original first.
+    fn decision(plans: &[(&str, &[&str], f64)], drawn: usize) -> Decision {
+        let plan = |(name, materials, speedup): &(&str, &[&str], f64)| PlanReport {
+            name: (*name).to_owned(),
+            recipes: materials
+                .iter()
+                .map(|m| ((*m).to_owned(), "depth-prepass".to_owned()))
+                .collect(),
+            contract: Contract::exact(),
+            verdict: Verdict::Holds,
+            error: None,
+            cost: None,
+            notes: Vec::new(),
+            by_view: vec![PlanView {
+                predicted_ms: 1.0,
+                time_ms: None,
+                speedup: Some(about(*speedup)),
+            }],
+        };
+        Decision {
+            schema: SCHEMA.to_owned(),
+            scene: String::new(),
+            resolution: [1, 1],
+            command: String::new(),
+            adapter: AdapterReport {
+                name: String::new(),
+                driver: String::new(),
+                backend: String::new(),
+                kind: String::new(),
+                timestamps: false,
+                pipeline_statistics: false,
+                features: Vec::new(),
+                checked_shaders: false,
+            },
+            clock: Some(Clock::WallClock),
+            policy: Policy(vec![Held {
+                orders: vec![DrawOrder::AsGiven],
+                rule: Rule::One { plan: drawn },
+            }]),
+            materials: Vec::new(),
+            plans: plans.iter().map(plan).collect(),
+            views: vec![ViewReport {
+                view: View {
+                    camera: "wall".to_owned(),
+                    frame: 0,
+                    order: DrawOrder::AsGiven,
+                },
+                shaded_per_pixel: 2.0,
+                overdraw: 2.0,
+                materials: Vec::new(),
+                plan: drawn,
+                alone: drawn,
+                sorted: None,
+                ahead: None,
+            }],
+            warnings: Vec::new(),
+            switch_cost: Vec::new(),
+            model: Model::nominal(),
+        }
+    }
+
+    fn said(plans: &[(&str, &[&str], f64)], drawn: usize) -> String {
+        let predicted = PredictedRecipe {
+            recipe: "depth-prepass".to_owned(),
+            relative_time: 0.9,
+        };
+        let recipes = [String::new()];
+        of("a", &recipes, &[predicted], &decision(plans, drawn)).join("; ")
+    }
+
+    #[test]
+    fn a_gain_is_not_said_to_be_none() {
+        let original = ("original", &[][..], 1.0);
+        let plans = |both: f64| {
+            [
+                original,
+                ("B", &["b"][..], 1.41),
+                ("A and B", &["a", "b"], both),
+            ]
+        };
+        assert_eq!(
+            said(&plans(1.4), 1),
+            "as written: the best tried that changes it, `A and B`, is 1.400x [1.398, 1.402] at wall, \
+             as given; `B`, which is drawn, is 1.410x [1.408, 1.412] there"
+        );
+        assert!(
+            said(&plans(1.415), 1).ends_with("and better over all views or in what it promises")
+        );
+        let none = said(&[original, ("A", &["a"], 1.001)], 0);
+        assert!(
+            none.starts_with("as written: nothing pays. The best tried, `A`"),
+            "{none}"
+        );
+        let unknown = said(&[original, ("A", &["a"], 1.2)], 0);
+        assert!(
+            unknown.ends_with("it is not known to pay in all views of a rule"),
+            "{unknown}"
+        );
     }
 }

@@ -15,6 +15,7 @@ export function compare(original, variant) {
         // Of equal pictures. Of others, `drawing.js` adds it.
         flip_mean: 0,
         flip_p99: 0,
+        flip_tile: 0,
         nan_pixels: 0,
         depth_max_ulp: 0,
         first_difference: null,
@@ -68,7 +69,7 @@ export function isBlank({ colors }) {
     });
 }
 
-const METRICS = { flip_mean: 'flip_mean', flip_p99: 'flip_p99', max_abs: 'max_abs' };
+const METRICS = { flip_mean: 'flip_mean', flip_p99: 'flip_p99', flip_tile: 'flip_tile', max_abs: 'max_abs' };
 
 /** How an error exceeds budgets, or `null`. */
 function beyond(budgets, error) {

@@ -157,10 +157,26 @@ export function map(a, b, size) {
     return out;
 }
 
-/** The map's mean and 99th percentile. */
+/** Width and height of a tile, as in `preshade verify`. */
+const TILE = 16;
+
+/** The largest mean over a tile. A tile at the right or lower edge counts the pixels that it has. */
+export function worstTile(map, size) {
+    let worst = 0;
+    for (let top = 0; top < size; top += TILE)
+        for (let left = 0; left < size; left += TILE) {
+            const [bottom, right] = [top, left].map((from) => Math.min(from + TILE, size));
+            let total = 0;
+            for (let y = top; y < bottom; y++) for (let x = left; x < right; x++) total += map[y * size + x];
+            worst = Math.max(worst, total / ((bottom - top) * (right - left)));
+        }
+    return worst;
+}
+
+/** The map's mean, 99th percentile and worst tile. */
 export function flip(a, b, size) {
     const found = map(a, b, size);
     const sorted = [...found].sort((x, y) => x - y);
     const at = Math.min(sorted.length - 1, Math.floor(sorted.length * 0.99));
-    return { mean: sum(found) / found.length, p99: sorted[at] };
+    return { mean: sum(found) / found.length, p99: sorted[at], tile: worstTile(found, size) };
 }
