@@ -29,7 +29,8 @@ for (const { id, half } of list.frames ?? list) {
 await mkdir(RESULTS, { recursive: true });
 await writeFile(file, rows.map((row) => `${JSON.stringify(row)}\n`).join(''));
 const report = fileURLToPath(new URL('../../../docs/results/gains.md', import.meta.url));
-await writeFile(report, placed(await readFile(report, 'utf8'), name, table(rows)));
+const gained = placed(await readFile(report, 'utf8'), name, table(rows));
+await writeFile(report, placed(gained, `bounds of ${name}`, bounds(rows)));
 
 async function row(frame, half) {
     const said = await readFile(join(folder, `${frame}.txt`), 'utf8');
@@ -111,6 +112,27 @@ ${lines.join('')}
 `;
 }
 
+/** What the time of the main pass goes to, of frames that gain less than 5 %. */
+function bounds(rows) {
+    const few = rows.filter(({ same, within, profile }) => profile && Math.max(same.median, within.median) < 1.05);
+    const lines = few.map(({ frame, profile, passes }) => {
+        const fragments = profile.materials.map((m) => m.fragments).filter((part) => part !== undefined);
+        const sum = fragments.length ? fragments.reduce((all, part) => all + part, 0) : undefined;
+        const { overdraw } = passes.find((p) => p.overdraw) ?? {};
+        const parts = [profile.pass, profile.vertices, sum].map((part) => (part === undefined ? '' : percent(part)));
+        return `| \`${frame}\` | ${[...parts, overdraw?.toFixed(2) ?? ''].join(' | ')} |\n`;
+    });
+    return `
+| frame | the pass and its draw calls | vertices | fragments | fragments a covered pixel |
+|---|--:|--:|--:|--:|
+${lines.join('')}
+`;
+}
+
+function percent(part) {
+    return `${Math.round(part * 100)} %`;
+}
+
 function cell(text) {
     return text.replaceAll('|', '\\|').replaceAll('\n', ' ').slice(0, 200);
 }
@@ -130,5 +152,5 @@ function bound(profile) {
             parts.push([`${what} of \`${material}\``, part]);
     }
     const [what, part] = parts.filter(([, part]) => part !== undefined).sort((a, b) => b[1] - a[1])[0];
-    return `${what}, ${Math.round(part * 100)} %`;
+    return `${what}, ${percent(part)}`;
 }

@@ -4,7 +4,7 @@
  * What a plan gains: the fastest that changes nothing, another order of the draws and a pre-pass of some of them
  * included, and the one that is chosen within the budget. A gain counts if its interval does.
  */
-export function planned({ plans, views: [{ plan, sorted, ahead }] }) {
+export function planned({ plans, views: [{ plan, sorted, ahead, overdraw }] }) {
     const one = ({ name, by_view, error, verdict, contract }, index) => ({
         index,
         contract: contract.kind,
@@ -17,7 +17,7 @@ export function planned({ plans, views: [{ plan, sorted, ahead }] }) {
         flip: error?.flip_mean ?? 0,
         holds: verdict.kind === 'holds',
     });
-    const found = { ms: plans[0].by_view[0].time_ms?.median };
+    const found = { ms: plans[0].by_view[0].time_ms?.median, overdraw: rounded(overdraw) };
     const all = plans.map(one).slice(1);
     const gains = ({ speedup, holds }) => holds && speedup?.low > 1;
     const isSame = ({ pixels, alpha }) => pixels === 0 && alpha === 0;
