@@ -106,12 +106,7 @@ pub fn measured(args: &PlanArgs, jobs: &[Job]) -> Result<Ending, Failure> {
     let session = Session::new(&gpu, &scene, ShaderForm::Text)?;
     let (recipes, facts) = plan::prepare(args, &session, &bar)?;
     let settings = plan::settings(args, &model);
-    let name = plan::path_of(job);
-    let name = name.file_stem().unwrap_or_default().to_string_lossy();
-    let scene = decide::Exhausted {
-        scene: name.into_owned(),
-        ..decide::exhaust(&session, &recipes, &facts, &settings)?
-    };
+    let scene = decide::exhaust(&session, &recipes, &facts, &settings)?;
     // What could not be drawn any more looks like what cannot be drawn.
     if let Some(why) = gpu.lost() {
         return Err(Failure(format!(
