@@ -1,5 +1,5 @@
 // Draws what `plan` chose on a GPU with the software adapters, and counts the pixels that change: writes
-// docs/results/workload/pictures.json and the table of docs/results/gains.md.
+// docs/results/workload/pictures.json and the table of docs/results/gains.md. A frame that is not given keeps its rows.
 //
 //     node pictures.mjs PROGRAM PLANS OUT FRAME..     PLANS is the folder that scripts/gains.sh wrote
 //
@@ -18,21 +18,25 @@ const RESULTS = fileURLToPath(new URL('../../../docs/results/workload', import.m
 const ADAPTERS = ['llvmpipe', 'SwiftShader'];
 const [program, plans, out, ...frames] = process.argv.slice(2);
 
-const rows = [];
+const file = join(RESULTS, 'pictures.json');
+const lines = existsSync(file) ? (await readFile(file, 'utf8')).trim().split('\n') : [];
+let rows = lines.map((line) => JSON.parse(line));
 for (const frame of frames) {
+    const drawn = [];
     for (let pass = 0; pass < 64; pass++) {
-        const file = join(plans, `${basename(frame)}.${pass}.plan.json`);
-        if (!existsSync(file)) continue;
-        const recipes = chosen(JSON.parse(await readFile(file, 'utf8')));
+        const plan = join(plans, `${basename(frame)}.${pass}.plan.json`);
+        if (!existsSync(plan)) continue;
+        const recipes = chosen(JSON.parse(await readFile(plan, 'utf8')));
         for (const adapter of recipes.length ? ADAPTERS : []) {
-            const drawn = await verified(frame, pass, adapter, recipes);
-            rows.push({ frame: basename(frame), pass, adapter, ...drawn });
+            drawn.push({ frame: basename(frame), pass, adapter, ...(await verified(frame, pass, adapter, recipes)) });
         }
     }
+    // A frame takes minutes: what is drawn is written at once.
+    rows = [...rows.filter((row) => row.frame !== basename(frame)), ...drawn];
+    await writeFile(file, rows.map((row) => `${JSON.stringify(row)}\n`).join(''));
+    const report = fileURLToPath(new URL('../../../docs/results/gains.md', import.meta.url));
+    await writeFile(report, placed(await readFile(report, 'utf8'), 'pictures', table()));
 }
-await writeFile(join(RESULTS, 'pictures.json'), rows.map((row) => `${JSON.stringify(row)}\n`).join(''));
-const report = fileURLToPath(new URL('../../../docs/results/gains.md', import.meta.url));
-await writeFile(report, placed(await readFile(report, 'utf8'), 'pictures', table()));
 
 async function verified(frame, pass, adapter, recipes) {
     const variants = recipes.flatMap((recipe) => ['--variant', recipe]);

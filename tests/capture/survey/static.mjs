@@ -1,5 +1,5 @@
 // How much of the fragment stages of other people's materials `preamble`, `hoist` and `specialize` save, as `explain`
-// counts it: writes docs/results/workload/static.json and the table of docs/results/gains.md.
+// counts it: writes docs/results/workload/static.json and the table of docs/results/static.md.
 //
 //     node static.mjs BEFORE AFTER FOLDER..     two builds of preshade; folders of frames, and of shaders
 //
@@ -44,7 +44,7 @@ for (const folder of folders) {
 const file = join(RESULTS, 'static.json');
 if (folders.length) await writeFile(file, [...found.values()].map((one) => `${JSON.stringify(one)}\n`).join(''));
 const all = (await readFile(file, 'utf8')).trim().split('\n').map((line) => JSON.parse(line));
-const report = fileURLToPath(new URL('../../../docs/results/gains.md', import.meta.url));
+const report = fileURLToPath(new URL('../../../docs/results/static.md', import.meta.url));
 await writeFile(report, placed(await readFile(report, 'utf8'), 'static', table()));
 
 function isFrame(folder) {
