@@ -16,12 +16,12 @@ use crate::graph::{FunctionGraph, FunctionId, Graph};
 use crate::rebuild::place;
 
 /// The plan with explicit levels in the fragment stage of its main pass.
-pub fn steady(plan: &Plan) -> Cow<'_, Plan> {
+pub fn explicit(plan: &Plan) -> Cow<'_, Plan> {
     let main = plan.main();
     let built = main.and_then(|pass| {
         let program = plan.program(pass)?;
         let (entry, _) = program.entry_point(ShaderStage::Fragment, pass.fragment.as_deref()?)?;
-        Some((&pass.program, explicit(program, entry)?))
+        Some((&pass.program, edited(program, entry)?))
     });
     match built {
         Some((key, program)) => {
@@ -33,8 +33,9 @@ pub fn steady(plan: &Plan) -> Cow<'_, Plan> {
     }
 }
 
-/// The program with explicit levels; `None` if nothing changes.
-fn explicit(program: &Program, entry: usize) -> Option<Program> {
+/// The program with explicit levels; `None` if nothing changes. A coordinate from a sample that gets one keeps its own
+/// implicit level.
+fn edited(program: &Program, entry: usize) -> Option<Program> {
     let graph = Graph::build(program);
     let mut module = None;
     for f in graph.functions() {

@@ -71,7 +71,7 @@ mod remainder;
 mod single;
 mod vertex;
 
-pub use crate::rebuild::levels::steady as with_explicit_levels;
+pub use crate::rebuild::levels::explicit as with_explicit_levels;
 pub use candidates::{Candidate, MOST_CANDIDATES, candidates};
 pub use params::{Allow, Params};
 pub use rounding::{MOST as MOST_ROUNDING, STEEPEST_SRGB};
@@ -188,7 +188,7 @@ impl Pass for Hoist {
     }
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
-        let plan = levels::steady(plan);
+        let plan = levels::explicit(plan);
         let plan = &*plan;
         let material = HoistMaterial::examine(plan, params)?;
         let graph = Graph::build(material.program);

@@ -149,7 +149,7 @@ impl Pass for Preamble {
     ];
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
-        let plan = levels::steady(plan);
+        let plan = levels::explicit(plan);
         let plan = &*plan;
         let stage = simplify::examine(
             plan,
@@ -355,6 +355,11 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         let contract = self.contract(given);
         let change = self.change();
         next.add_step(Preamble::INFO.name, params, &change, contract);
+        for name in preamble::textures(self.values, &self.choice.moved) {
+            next.notes.push(format!(
+                "`{name}` is read at the start of the frame: if a pass writes it before the draw, take the original"
+            ));
+        }
         next.fallback = Some(ORIGINAL.to_owned());
         Outcome {
             plan: next,
@@ -366,7 +371,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
     fn given(&self) -> Vec<Assumption> {
         let mut given = self.stage.given.clone();
         given.push(Assumption::StagesAgree);
-        if preamble::reads_texture(self.values, &self.choice.moved) {
+        if !preamble::textures(self.values, &self.choice.moved).is_empty() {
             given.push(Assumption::SteadyTextures);
         }
         if self.choice.class == Class::Rounded {

@@ -484,6 +484,16 @@ fn a_sample_of_a_texture_that_no_pass_writes_moves() {
     assert!(next.compute[0].bindings.iter().any(|b| b.name == "map"));
 }
 
+/// What decides a branch is computed with the value behind it.
+#[test]
+fn a_value_behind_a_texel_of_another_pass_stays() {
+    let body = "var gain = 1.0;
+        if textureSample(map, s, u.d.xy).x > 0.5 { gain = exp2(exp2(exp2(u.a))); }
+        return vec4(v.uv * gain, 0.0, 1.0);";
+    let (code, _) = stays(body, "gain", &EXACT);
+    assert_eq!(code, "nothing-pays");
+}
+
 /// They end in a product with a constant, which a sum takes in.
 #[test]
 fn unpacked_numbers_may_be_fused() {

@@ -134,7 +134,7 @@ pub const MOST_CANDIDATES: usize = 48;
 /// # Errors
 /// Nothing can be hoisted.
 pub fn candidates(plan: &Plan, facts: &Facts) -> Result<Vec<Candidate>, Box<Refusal>> {
-    let plan = levels::steady(plan);
+    let plan = levels::explicit(plan);
     let stages = HoistStages::of(&plan)?;
     let graph = stages.graph();
     let candidates = Candidates::new(&stages, &graph, facts)?;

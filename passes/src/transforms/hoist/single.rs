@@ -19,7 +19,7 @@ pub struct HoistStages<'p> {
 }
 
 impl<'p> HoistStages<'p> {
-    /// The stages of a plan's main pass, with explicit levels ([`levels::steady`]).
+    /// The stages of a plan's main pass, with explicit levels ([`levels::explicit`]).
     ///
     /// # Errors
     /// Nothing can be hoisted.
@@ -142,7 +142,7 @@ impl<'a, 'p> Candidates<'a, 'p> {
 /// # Errors
 /// Nothing can be hoisted, or this value cannot move.
 pub fn alone(plan: &Plan, id: &str) -> Result<Plan, Box<Refusal>> {
-    let plan = levels::steady(plan);
+    let plan = levels::explicit(plan);
     let stages = HoistStages::of(&plan)?;
     let graph = stages.graph();
     Candidates::within(&stages, &graph, &Precision::EXACT)?.alone(id)
@@ -166,7 +166,7 @@ pub struct Computed {
 /// # Errors
 /// As [`alone`].
 pub fn computed(plan: &Plan, id: &str) -> Result<Computed, Box<Refusal>> {
-    let plan = levels::steady(plan);
+    let plan = levels::explicit(plan);
     let stages = HoistStages::of(&plan)?;
     let graph = stages.graph();
     Candidates::within(&stages, &graph, &Precision::EXACT)?.computed(id)
