@@ -5,7 +5,7 @@ use std::path::PathBuf;
 
 use preshade::unstable::jobs::{self, JOB_SCHEMA, Kind};
 use preshade::unstable::measure;
-use preshade::unstable::passes::pass::{Facts, Pass};
+use preshade::unstable::passes::pass::Pass;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::specialize::Specialize;
 use preshade::unstable::recipe::Recipe;
@@ -254,8 +254,8 @@ impl<'a> List<'a> {
         let mut found = Vec::new();
         for (recipe, is_given) in recipes {
             // Facts of an adapter, which change few texts, are not known here.
-            let variant = measure::variant(&originals, recipe, &Facts::default());
-            // Nor are the values of the scene that `specialize` takes. A made-up scene has none.
+            let variant = measure::variant(&originals, recipe, &measure::known_for(scene, recipe));
+            // Nor are the groups of draws that `specialize` makes versions for. A made-up scene has none.
             let specialises = recipe.steps.iter().any(|s| s.pass == Specialize::INFO.name);
             let is_chosen_there =
                 measure::leaves_a_choice(recipe) || specialises && !scene.is_made_up;

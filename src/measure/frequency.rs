@@ -1,7 +1,6 @@
 //! Measures how well each value of a fragment stage can be interpolated on the scene's triangles,
 //! and chooses under a budget.
 
-use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 
@@ -71,8 +70,7 @@ fn measured(
     let plans = session.originals();
     let frames = choosing(session.scene());
     let references = session.pictures(plans, &frames, DrawOrder::AsGiven)?;
-    let explicit: Vec<_> = plans.iter().map(hoist::with_explicit_levels).collect();
-    let stages = stages(&explicit);
+    let stages = stages(plans);
     let graphs = graphs(&stages);
     let found = found(&stages, &graphs, facts);
     let least: Vec<f64> = match detail {
@@ -211,7 +209,7 @@ fn values<'f, 'a, 'p>(
 }
 
 /// The stages of each plan. `None`: nothing can be hoisted.
-fn stages<'p>(plans: &'p [Cow<'p, Plan>]) -> Vec<Option<HoistStages<'p>>> {
+fn stages(plans: &[Plan]) -> Vec<Option<HoistStages<'_>>> {
     plans.iter().map(|p| HoistStages::of(p).ok()).collect()
 }
 

@@ -62,7 +62,7 @@ pub fn iterated(values: &Values<'_, '_>) -> Vec<bool> {
     iterated
 }
 
-/// Whether the loops end that each value depends on, or runs in.
+/// Whether the loops end that each value depends on, runs in, or has in the condition under which it runs.
 pub struct LoopEnds {
     of: Vec<Ends>,
 }
@@ -83,6 +83,13 @@ impl LoopEnds {
                 }
             }
         }
+        let conditions = (0..own.len()).map(|id| values.condition(id));
+        let conditions: Vec<Ends> = conditions
+            .map(|c| c.map_or(Ends::Always, |c| of[c]))
+            .collect();
+        for (of, condition) in of.iter_mut().zip(conditions) {
+            *of = (*of).max(condition);
+        }
         Self { of }
     }
 
@@ -100,8 +107,10 @@ impl LoopEnds {
             return None;
         }
         let module = values.graph.module();
-        let contexts = (0..values.contexts.len()).map(|context| values.function(context));
-        let loops = contexts.flat_map(|f| {
+        let entry = FunctionId::EntryPoint(values.entry);
+        let functions = values.graph.functions().iter();
+        let functions = functions.filter(|f| values.graph.reaches(entry, f.id));
+        let loops = functions.flat_map(|f| {
             let all = f.statements.iter();
             all.filter(|(_, node)| matches!(node.statement, Statement::Loop { .. }))
                 .map(move |(at, _)| (f, at))
@@ -143,17 +152,24 @@ fn own_ends(
         Node::Input(_) => None,
     };
     let mut worst = Ends::Always;
+    let mut guarded = 0;
     while let Some((context, at)) = place {
         let f = values.function(context);
         for s in std::iter::once(at).chain(f.statements.ancestors(at)) {
             if matches!(f.statements.get(s).statement, Statement::Loop { .. }) {
                 let of = known.entry((f.id, s));
-                worst = worst.max(*of.or_insert_with(|| counted::ends(module, f, s)));
+                let of = *of.or_insert_with(|| counted::ends(module, f, s));
+                guarded += u32::from(of == Ends::Guarded);
+                worst = worst.max(of);
             }
         }
         place = values.contexts[context].call;
     }
-    worst
+    // A guard bounds each loop, and not the product of two.
+    match guarded {
+        0 | 1 => worst,
+        _ => Ends::Unknown,
+    }
 }
 
 type LoopId = usize;

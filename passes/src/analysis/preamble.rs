@@ -5,6 +5,8 @@
 //! it back, and a value below another that moves costs nothing more. If the values don't fit into the
 //! room, we raise the price of reading until they do.
 
+use std::collections::BTreeSet;
+
 use naga::{AddressSpace, Expression, Handle, ResourceBinding, ScalarKind, TypeInner};
 
 use crate::analysis::below::{below, is_cheap};
@@ -167,7 +169,7 @@ fn subnormal(values: &Values<'_, '_>, known: &[SourceRange]) -> Vec<bool> {
     with_users(values, all.filter(is_small).collect())
 }
 
-/// For each value, what it depends on that a compute stage lacks or might see too early.
+/// For each value, what it or its condition depends on that a compute stage lacks or might see too early.
 fn foreign(
     values: &Values<'_, '_>,
     is_steady: &dyn Fn(&ResourceBinding) -> bool,
@@ -207,6 +209,12 @@ fn foreign(
             *known = known.or(reached.then_some(stays));
         }
     }
+    let of_draw = |id: &ValueId| values.values[*id].fact.rate <= Rate::Draw;
+    let conditions = (0..found.len()).map(|id| found[values.condition(id).filter(of_draw)?]);
+    let conditions: Vec<Option<Stays>> = conditions.collect();
+    for (known, condition) in found.iter_mut().zip(conditions) {
+        *known = known.or(condition);
+    }
     found
 }
 
@@ -234,16 +242,23 @@ fn binding<'p>(
     }
 }
 
-/// Whether values depend on a texture.
-pub fn reads_texture(values: &Values<'_, '_>, ids: &[ValueId]) -> bool {
-    let needed = with_operands(values, ids.to_vec());
-    let mut needed = (0..needed.len()).filter(|id| needed[*id]);
-    needed.any(|id| match values.values[id].node {
-        Node::Expression(context, e, _) => {
-            texture(&values.function(context).function.expressions[e]).is_some()
+/// Names of the textures that values and their conditions depend on.
+pub fn textures(values: &Values<'_, '_>, ids: &[ValueId]) -> BTreeSet<String> {
+    let conditions = ids.iter().filter_map(|id| values.condition(*id));
+    let needed = with_operands(values, ids.iter().copied().chain(conditions).collect());
+    let needed = (0..needed.len()).filter(|id| needed[*id]);
+    let module = values.graph.module();
+    let named = needed.filter_map(|id| {
+        let Node::Expression(context, e, _) = values.values[id].node else {
+            return None;
+        };
+        let expressions = &values.function(context).function.expressions;
+        match expressions[texture(&expressions[e])?] {
+            Expression::GlobalVariable(global) => module.global_variables[global].name.clone(),
+            _ => None,
         }
-        _ => false,
-    })
+    });
+    named.collect()
 }
 
 /// Number of components of a 32-bit scalar or vector of numbers.

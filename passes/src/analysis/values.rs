@@ -465,6 +465,13 @@ impl<'g, 'p> Values<'g, 'p> {
         None
     }
 
+    /// The value of the condition under which an expression is evaluated; `None` if it always is. It is no operand: code
+    /// that computes the value alone decides the condition, too.
+    pub fn condition(&self, value: ValueId) -> Option<ValueId> {
+        let (context, _, at) = self.expression(value)?;
+        self.get(&self.decider(context, at)?)
+    }
+
     /// The condition under which a statement runs; `None` if it always runs.
     fn decider(&self, mut context: ContextId, mut statement: StmtId) -> Option<Node> {
         loop {

@@ -11,7 +11,6 @@ pub(crate) mod depth_pass;
 pub(crate) mod fetch;
 pub(crate) mod gradients;
 pub(crate) mod isolate;
-pub(crate) mod levels;
 pub(crate) mod outline;
 pub(crate) mod outputs;
 pub mod place;

@@ -53,7 +53,6 @@ use crate::core::refusals::RefusalInfo;
 use crate::core::self_test;
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
-use crate::rebuild::levels;
 use crate::rebuild::outline;
 use crate::rebuild::place;
 use crate::slice::Termination;
@@ -71,7 +70,6 @@ mod remainder;
 mod single;
 mod vertex;
 
-pub use crate::rebuild::levels::steady as with_explicit_levels;
 pub use candidates::{Candidate, MOST_CANDIDATES, candidates};
 pub use params::{Allow, Params};
 pub use rounding::{MOST as MOST_ROUNDING, STEEPEST_SRGB};
@@ -188,8 +186,6 @@ impl Pass for Hoist {
     }
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
-        let plan = levels::steady(plan);
-        let plan = &*plan;
         let material = HoistMaterial::examine(plan, params)?;
         let graph = Graph::build(material.program);
         let values = material.values(&graph)?;

@@ -24,7 +24,8 @@
 //! There, a dispatch is added and nothing is saved.
 //!
 //! Storage buffers stay, because an earlier pass of the frame may write them after the compute pass. A texture read
-//! moves if its coordinates are the draw's, and the scene or the captured frame shows that no pass writes the texture.
+//! moves if it names its level, its coordinates are the draw's, and the scene or the captured frame shows that no pass
+//! writes the texture.
 //! Uniforms must be written before the compute pass.
 
 use naga::{
@@ -59,7 +60,6 @@ use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
 use crate::graph::FunctionId;
 use crate::graph::effect::Effect;
-use crate::rebuild::levels;
 use crate::rebuild::outline::{self, Extracted, Failed, Names, Wanted};
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::remainder::{self, Given};
@@ -149,8 +149,6 @@ impl Pass for Preamble {
     ];
 
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
-        let plan = levels::steady(plan);
-        let plan = &*plan;
         let stage = simplify::examine(
             plan,
             Self::INFO.name,
@@ -355,6 +353,11 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         let contract = self.contract(given);
         let change = self.change();
         next.add_step(Preamble::INFO.name, params, &change, contract);
+        for name in preamble::textures(self.values, &self.choice.moved) {
+            next.notes.push(format!(
+                "`{name}` is read at the start of the frame: if a pass writes it before the draw, take the original"
+            ));
+        }
         next.fallback = Some(ORIGINAL.to_owned());
         Outcome {
             plan: next,
@@ -366,7 +369,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
     fn given(&self) -> Vec<Assumption> {
         let mut given = self.stage.given.clone();
         given.push(Assumption::StagesAgree);
-        if preamble::reads_texture(self.values, &self.choice.moved) {
+        if !preamble::textures(self.values, &self.choice.moved).is_empty() {
             given.push(Assumption::SteadyTextures);
         }
         if self.choice.class == Class::Rounded {

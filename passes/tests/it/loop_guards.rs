@@ -64,7 +64,7 @@ fn guard(plan: &Plan) -> Vec<String> {
     values.map(ToString::to_string).collect()
 }
 
-/// The sum of 16 products for each of the lamps, up to a bound.
+/// The sum over the lamps up to a bound.
 fn light(bound: &str) -> String {
     format!(
         "var sum = 0.0;
@@ -194,6 +194,72 @@ fn a_loop_that_moved_is_gone() {
             );
         }
     }
+}
+
+/// What decides a branch is computed with the value behind it.
+#[test]
+fn a_loop_in_a_condition_is_guarded_or_refused() {
+    let body = |bound: &str| {
+        format!(
+            "var sum = 0.0; var gain = 1.0;
+            for (var i = 0u; i < {bound}; i++) {{ sum += frame.lamps[i].reach; }}
+            if sum > 1.0 {{ gain = exp2(exp2(exp2(frame.counts.part))); }}
+            return vec4<f32>(v.uv * gain, v.n.x, 1.0);"
+        )
+    };
+    for pass in [once, hoisted] {
+        if let Ok(done) = pass(&original(&body("frame.count"))) {
+            assert_eq!(guard(&done.plan), ["frame.count = 0..1024"]);
+        }
+        if let Ok(done) = pass(&original(&body("numbers[0]"))) {
+            assert!(!done.change.what.contains("gain"), "{}", done.change.what);
+        }
+    }
+}
+
+/// A guard bounds each loop, and not the product of two.
+#[test]
+fn nested_loops_stay() {
+    let nested = light("frame.count").replace(
+        "sum +=",
+        "for (var j = 0i; j < frame.counts.taps; j++) { sum += 0.25; }\nsum +=",
+    );
+    let refused = half(&original(&nested)).unwrap_err();
+    let left = refused.left.iter();
+    let reasons: Vec<&str> = left.map(|l| l.reason.as_str()).collect();
+    assert!(
+        reasons.iter().any(|r| r.contains("may not end")),
+        "{reasons:?}"
+    );
+}
+
+#[test]
+fn a_loop_of_a_callee_is_guarded_unless_a_call_gives_its_bound() {
+    let text = |bound: &str, argument: &str| {
+        format!(
+            "{HEAD}fn lit(n: vec3<f32>, count: u32) -> f32 {{
+                var sum = 0.0;
+                for (var i = 0u; i < {bound}; i++) {{
+                    sum += max(dot(n, frame.lamps[i].place) / length(frame.lamps[i].place), 0.0);
+                }}
+                return exp2(exp2(sum));
+            }}
+            @fragment fn fs(v: V) -> @location(0) vec4<f32> {{
+                return vec4<f32>(lit(v.n, {argument})) * textureLoad(map, vec2<i32>(v.at.xy), 0);
+            }}"
+        )
+    };
+    let plan = |text: &str| {
+        let state = MaterialState {
+            depth_compare: Some(CompareFunction::Always),
+            depth_write: false,
+            ..MaterialState::default()
+        };
+        Plan::original("test", common::program(text), "vs", Some("fs"), &state)
+    };
+    let next = half(&plan(&text("frame.count", "0u"))).unwrap().plan;
+    assert_eq!(guard(&next), ["frame.count = 0..1024"]);
+    assert!(half(&plan(&text("count", "frame.count"))).is_err());
 }
 
 #[test]

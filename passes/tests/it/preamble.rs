@@ -445,11 +445,10 @@ fn a_value_of_a_storage_buffer_stays() {
     assert!(left.reason.contains("storage buffer"), "{}", left.reason);
 }
 
-/// The implicit level of a sample at the draw's coordinates is the smallest, which a compute stage can name.
 #[test]
 fn a_sample_of_a_texture_that_no_pass_writes_moves() {
     let plan = original(
-        "let tone = textureSample(map, s, u.d.xy).x;
+        "let tone = textureSampleLevel(map, s, u.d.xy, 0.0).x;
         let gain = exp2(tone * u.a);
         return vec4(v.uv * gain, textureSample(map, s, v.uv).x, 1.0);",
     );
@@ -482,6 +481,16 @@ fn a_sample_of_a_texture_that_no_pass_writes_moves() {
         "{main}"
     );
     assert!(next.compute[0].bindings.iter().any(|b| b.name == "map"));
+}
+
+/// What decides a branch is computed with the value behind it.
+#[test]
+fn a_value_behind_a_texel_of_another_pass_stays() {
+    let body = "var gain = 1.0;
+        if textureSampleLevel(map, s, u.d.xy, 0.0).x > 0.5 { gain = exp2(exp2(exp2(u.a))); }
+        return vec4(v.uv * gain, 0.0, 1.0);";
+    let (code, _) = stays(body, "gain", &EXACT);
+    assert_eq!(code, "nothing-pays");
 }
 
 /// They end in a product with a constant, which a sum takes in.

@@ -166,8 +166,7 @@ fn how(decision: &Decision) -> &'static str {
     }
 }
 
-/// Why a plan is drawn in place of one that changes another material too and gains `gain`. `None`: it is the original, or has no
-/// figure at that view.
+/// Why a plan is drawn in place of one that gains `gain`. `None`: the original is drawn, or it has no figure at that view.
 fn beside(
     decision: &Decision,
     drawn: usize,

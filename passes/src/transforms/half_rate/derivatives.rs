@@ -1,9 +1,10 @@
 //! Derivatives of neighbouring pixels, in a pass whose quads span twice as many.
 
-use naga::{Expression, Handle, Literal, Module, SampleLevel};
+use naga::{
+    Expression, Handle, ImageClass, ImageDimension, Literal, Module, SampleLevel, TypeInner,
+};
 
 use crate::graph::FunctionId;
-use crate::rebuild::levels;
 use crate::rebuild::place::{self, Replacement, Rewrite};
 
 /// The half-rate module with the derivatives and implicit levels of neighbouring pixels, and whether
@@ -69,5 +70,12 @@ fn takes_bias(module: &Module, id: FunctionId, sample: Handle<Expression>) -> bo
         // An element of an array of bindings.
         _ => return false,
     };
-    levels::has_levels(&module.types[ty].inner)
+    matches!(
+        module.types[ty].inner,
+        TypeInner::Image {
+            dim: ImageDimension::D2 | ImageDimension::D3 | ImageDimension::Cube,
+            class: ImageClass::Sampled { .. },
+            ..
+        }
+    )
 }

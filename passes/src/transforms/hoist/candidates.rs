@@ -12,7 +12,6 @@ use crate::core::pass::{Facts, Frequency, Refusal};
 use crate::core::plan::Plan;
 use crate::core::program::{Location, SourceMap};
 use crate::graph::FunctionId;
-use crate::rebuild::levels;
 use crate::slice::{self, Criterion};
 
 /// How each value may move according to the code and the measurements. `all` are the verdicts of
@@ -134,8 +133,7 @@ pub const MOST_CANDIDATES: usize = 48;
 /// # Errors
 /// Nothing can be hoisted.
 pub fn candidates(plan: &Plan, facts: &Facts) -> Result<Vec<Candidate>, Box<Refusal>> {
-    let plan = levels::steady(plan);
-    let stages = HoistStages::of(&plan)?;
+    let stages = HoistStages::of(plan)?;
     let graph = stages.graph();
     let candidates = Candidates::new(&stages, &graph, facts)?;
     Ok(candidates.list().cloned().collect())

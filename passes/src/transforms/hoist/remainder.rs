@@ -31,7 +31,7 @@ pub struct Remainder {
 }
 
 /// The module with unchanged author's functions, and the fragment entry point of `values` reading
-/// `wanted` from `slots`. `kept` is of the loops that decide nothing more.
+/// `wanted` from `slots`. `termination` is of the loops that decide nothing more.
 ///
 /// # Errors
 /// [`Failed`].
@@ -41,12 +41,13 @@ pub fn rebuild(
     values: &Values<'_, '_>,
     wanted: &[Wanted],
     slots: &[VaryingSlot],
-    kept: Termination,
+    termination: Termination,
 ) -> Result<Remainder, Failed> {
     let entry = values.entry;
-    let mut module = remainder::rebuild(program, module, values, wanted, kept, &mut |build| {
-        from_varyings(build, wanted, slots)
-    })?;
+    let mut module =
+        remainder::rebuild(program, module, values, wanted, termination, &mut |build| {
+            from_varyings(build, wanted, slots)
+        })?;
     let placed = &module.entry_points[entry].function;
     let kept: BTreeSet<u32> = reflect::inputs(&module, placed)
         .iter()

@@ -10,7 +10,6 @@ use crate::analysis::values::{ValueId, Values};
 use crate::core::pass::{Facts, Pass, Refusal};
 use crate::core::plan::Plan;
 use crate::graph::Graph;
-use crate::rebuild::levels;
 
 /// The stages of a plan between which values may move.
 pub struct HoistStages<'p> {
@@ -19,7 +18,7 @@ pub struct HoistStages<'p> {
 }
 
 impl<'p> HoistStages<'p> {
-    /// The stages of a plan's main pass, with explicit levels ([`levels::steady`]).
+    /// The stages of a plan's main pass.
     ///
     /// # Errors
     /// Nothing can be hoisted.
@@ -142,8 +141,7 @@ impl<'a, 'p> Candidates<'a, 'p> {
 /// # Errors
 /// Nothing can be hoisted, or this value cannot move.
 pub fn alone(plan: &Plan, id: &str) -> Result<Plan, Box<Refusal>> {
-    let plan = levels::steady(plan);
-    let stages = HoistStages::of(&plan)?;
+    let stages = HoistStages::of(plan)?;
     let graph = stages.graph();
     Candidates::within(&stages, &graph, &Precision::EXACT)?.alone(id)
 }
@@ -166,8 +164,7 @@ pub struct Computed {
 /// # Errors
 /// As [`alone`].
 pub fn computed(plan: &Plan, id: &str) -> Result<Computed, Box<Refusal>> {
-    let plan = levels::steady(plan);
-    let stages = HoistStages::of(&plan)?;
+    let stages = HoistStages::of(plan)?;
     let graph = stages.graph();
     Candidates::within(&stages, &graph, &Precision::EXACT)?.computed(id)
 }
