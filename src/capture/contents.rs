@@ -54,6 +54,22 @@ impl Contents {
         Ok(contents)
     }
 
+    /// The textures that a frame of the capture writes.
+    ///
+    /// # Errors
+    /// A draw comes before its pipeline.
+    pub fn written(capture: &Capture) -> Result<BTreeSet<usize>, Error> {
+        let mut contents = Self::default();
+        for command in capture.file.frames.iter().flat_map(|f| &f.commands) {
+            let draws = match command {
+                Command::RenderPass { commands, .. } => pass::draws(commands, "a frame")?,
+                _ => Vec::new(),
+            };
+            contents.writes_of_gpu(capture, command, &draws);
+        }
+        Ok(contents.changed_textures)
+    }
+
     /// Applies a command. `draws` are those of a render pass.
     pub(super) fn apply(
         &mut self,

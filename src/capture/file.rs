@@ -778,7 +778,7 @@ pub struct Blend {
 }
 
 /// A `GPUBlendComponent`.
-#[derive(Clone, Copy, Debug, Deserialize, Serialize)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase", default)]
 #[allow(missing_docs)]
 pub struct BlendComponent {
@@ -1059,8 +1059,22 @@ pub struct CapturedFrame {
     pub time: f64,
     pub size: [u32; 2],
     pub canvas: Option<usize>,
+    #[serde(default, rename = "alphaMode", skip_serializing_if = "Option::is_none")]
+    pub alpha_mode: Option<AlphaMode>,
     pub commands: Vec<Command>,
     pub picture: Option<Picture>,
+}
+
+/// What the alpha of a canvas means to who shows it.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum AlphaMode {
+    /// Nothing: it counts as 1.
+    Opaque,
+    /// Colours are multiplied by it.
+    Premultiplied,
+    /// Colours have to be multiplied by it.
+    Postmultiplied,
 }
 
 /// What the page showed, upright.

@@ -9,6 +9,7 @@
 //! 5. [`scene`] makes a [`crate::scene::Scene`] of one pass: its pipelines are the materials.
 
 #[cfg(feature = "capture")]
+mod alpha;
 pub mod browser;
 mod check;
 pub mod codes;

@@ -310,7 +310,7 @@ impl PassDraw {
 }
 
 /// The textures that a draw binds.
-fn sampled(capture: &Capture, draw: &PassDraw) -> BTreeSet<usize> {
+pub(super) fn sampled(capture: &Capture, draw: &PassDraw) -> BTreeSet<usize> {
     let groups = draw.groups.values();
     let bound = groups.flat_map(|(group, _)| bound(capture, *group));
     let named = draw.named.and_then(|n| capture.file.named.get(n));
@@ -320,7 +320,7 @@ fn sampled(capture: &Capture, draw: &PassDraw) -> BTreeSet<usize> {
 }
 
 /// The textures that a command reads other than by draws: copies, resolves and compute.
-fn read_otherwise(capture: &Capture, command: &Command) -> Vec<usize> {
+pub(super) fn read_otherwise(capture: &Capture, command: &Command) -> Vec<usize> {
     match command {
         Command::CopyTextureToBuffer { source, .. }
         | Command::CopyTextureToTexture { source, .. } => vec![source.texture],

@@ -8,6 +8,7 @@ use glam::{Mat4, Vec3};
 use preshade_passes::plan::BindingKind;
 use preshade_passes::state::{DepthDirection, DepthFormat};
 
+use super::alpha;
 use super::contents::{Contents, cut};
 use super::file::{self, Load, RenderPipeline, Resource, View};
 use super::folder::{Capture, get};
@@ -58,8 +59,10 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
     let mut made = Maker {
         capture,
         pass,
+        leaves_alpha_out: alpha::is_left_out(capture, pass),
         before: &all[..index],
         contents,
+        written: Contents::written(capture)?,
         replay: None,
         gpu,
         frame: choice.frame,
@@ -204,9 +207,13 @@ fn chosen(all: &[Pass<'_>], choice: Choice) -> Result<usize, Error> {
 pub(super) struct Maker<'c> {
     pub(super) capture: &'c Capture,
     pass: &'c Pass<'c>,
+    /// Whether materials leave the alpha of their targets alone, because nobody sees it.
+    leaves_alpha_out: bool,
     /// The passes of the frame before it.
     before: &'c [Pass<'c>],
     contents: Contents,
+    /// The textures that a frame writes.
+    written: BTreeSet<usize>,
     replay: Option<Replay<'c>>,
     gpu: Option<&'c Gpu>,
     frame: usize,
@@ -229,6 +236,12 @@ impl<'c> Maker<'c> {
         self.size = target.size;
         let mut draws = Vec::new();
         self.note_clears();
+        if self.leaves_alpha_out {
+            let note = "the canvas is opaque, and nothing in the capture reads its alpha: materials do not write it \
+                        (`write_mask` 7), and those that blend alpha alone do not blend. If you read that alpha, \
+                        do not use what is exact here";
+            self.notes.insert(note.to_owned());
+        }
         for (index, draw) in self
             .pass
             .draws
@@ -511,6 +524,10 @@ impl<'c> Maker<'c> {
             Ok(mut material) => {
                 if let Some(stencil) = &mut material.state.stencil {
                     stencil.reference = key.1;
+                }
+                if self.leaves_alpha_out {
+                    let targets = material.state.targets.iter_mut().flatten();
+                    targets.for_each(alpha::leave_out);
                 }
                 self.materials.push(material);
                 Some(self.materials.len() - 1)
@@ -893,7 +910,7 @@ impl<'c> Maker<'c> {
             sample_type,
             multisampled: false,
             is_invented: false,
-            is_steady: self.contents.is_as_at_start(view.texture),
+            is_steady: !self.written.contains(&view.texture),
         })
     }
 

@@ -1,5 +1,6 @@
 //! The table for a terminal: plain text, aligned.
 
+use preshade_passes::budget::Metric;
 use preshade_passes::contract::Verdict;
 
 use super::headline::{headline, verdict};
@@ -55,8 +56,12 @@ pub fn render(report: &Report, coloured: bool) -> String {
         "speedup",
         "shaded/px",
     ];
-    let mut rows = vec![header.map(plain).to_vec()];
-    rows.extend(report.variants.iter().map(|v| row(report, v).to_vec()));
+    let metrics = budgeted(report);
+    let mut header: Vec<Cell> = header.map(plain).to_vec();
+    let names = metrics.iter().map(|metric| plain(&metric.to_string()));
+    header.splice(AFTER_FLIP..AFTER_FLIP, names);
+    let mut rows = vec![header];
+    rows.extend(report.variants.iter().map(|v| row(report, v, &metrics)));
     let widths = widths(&rows);
     rows.insert(1, widths.iter().map(|w| plain(&"-".repeat(*w))).collect());
     out.push('\n');
@@ -97,10 +102,30 @@ fn aligned(rows: &[Vec<Cell>], widths: &[usize], words: usize, coloured: bool) -
     out
 }
 
-fn row(report: &Report, v: &VariantReport) -> [Cell; 9] {
+/// The number of columns up to the mean of FLIP.
+const AFTER_FLIP: usize = 6;
+
+/// The metrics of the variants' budgets that have no column of their own.
+fn budgeted(report: &Report) -> Vec<Metric> {
+    let contracts = report.variants.iter().map(|v| v.contract.budgets());
+    let metrics = contracts.flatten().map(|budget| budget.metric);
+    let mut found = Vec::new();
+    for metric in metrics.filter(|m| matches!(m, Metric::FlipP99 | Metric::FlipTile)) {
+        if !found.contains(&metric) {
+            found.push(metric);
+        }
+    }
+    found
+}
+
+fn row(report: &Report, v: &VariantReport, metrics: &[Metric]) -> Vec<Cell> {
     let dash = || "-".to_owned();
     let error = v.error.as_ref();
     let drawn = |f: &dyn Fn(&crate::measure::ErrorLadder) -> String| error.map_or_else(dash, f);
+    let flip = |f: f64| match f {
+        0.0 => "0".to_owned(),
+        m => format!("{m:.5}"),
+    };
     let cells = [
         v.name.clone(),
         verdict(report, v),
@@ -110,10 +135,7 @@ fn row(report: &Report, v: &VariantReport) -> [Cell; 9] {
             0.0 => "0".to_owned(),
             m => format!("{m:.4}"),
         }),
-        drawn(&|e| match e.flip_mean {
-            0.0 => "0".to_owned(),
-            m => format!("{m:.5}"),
-        }),
+        drawn(&|e| flip(e.flip_mean)),
         v.time_ms
             .as_ref()
             .map_or_else(dash, |t| format!("{:.3}", t.estimate.median)),
@@ -124,6 +146,9 @@ fn row(report: &Report, v: &VariantReport) -> [Cell; 9] {
     ];
     let mut cells = cells.map(|text| (text, None));
     cells[7].1 = v.speedup;
+    let mut cells = cells.to_vec();
+    let values = metrics.iter().map(|metric| drawn(&|e| flip(metric.of(e))));
+    cells.splice(AFTER_FLIP..AFTER_FLIP, values.map(|text| (text, None)));
     cells
 }
 

@@ -5,9 +5,9 @@ use std::io::Write as _;
 
 use preshade::unstable::capture::{self, Capture, Choice, Kind};
 use preshade::unstable::limits::Limits;
-use serde_json::json;
+use serde_json::{Value, json};
 
-use crate::capture_support::{folder, name, point};
+use crate::capture_support::{SIZE, folder, name, point};
 
 #[test]
 fn a_broken_capture_is_an_error_that_names_the_place() {
@@ -150,4 +150,95 @@ fn a_draw_of_webgl_has_resources_by_name() {
     let found: Vec<_> = passes.iter().map(|p| (p.kind, p.draws[0].named)).collect();
     assert_eq!(found, [(Kind::FullScreen, Some(0))]);
     fs::remove_dir_all(path).unwrap();
+}
+
+/// What a scene of the main pass has for its target, after `edit`: the write mask, and whether it blends. All
+/// frames blend alpha alone.
+fn target(name: &str, edit: impl Fn(&mut Value)) -> (u8, bool) {
+    let mut own = folder();
+    let add = json!({ "srcFactor": "one", "dstFactor": "one" });
+    own.file["renderPipelines"][1]["fragment"]["targets"][0]["blend"] =
+        json!({ "color": {}, "alpha": add });
+    own.file["frames"][0]["alphaMode"] = json!("opaque");
+    edit(&mut own.file);
+    let path = own.write(name);
+    let capture = Capture::open(&path, &Limits::default()).unwrap();
+    let main = Choice {
+        frame: 0,
+        pass: Some(1),
+    };
+    let scene = capture::scene(&capture, main, None).unwrap();
+    let target = scene.materials[0].state.targets[0].as_ref().unwrap();
+    let is_left_out = target.write_mask == 0b0111;
+    let said = scene
+        .notes
+        .iter()
+        .any(|n| n.contains("the canvas is opaque"));
+    assert_eq!(said, is_left_out, "{name}: {:?}", scene.notes);
+    fs::remove_dir_all(path).unwrap();
+    (target.write_mask, target.is_blended())
+}
+
+#[test]
+fn alpha_that_nobody_sees_is_left_out() {
+    assert_eq!(target("alpha", |_| ()), (0b0111, false));
+    // A pass that draws to a texture of several samples, which is resolved to the canvas.
+    let resolved = |file: &mut Value| {
+        let samples = json!({ "count": 4 });
+        file["renderPipelines"][1]["multisample"] = samples;
+        file["textures"][2]["sampleCount"] = json!(4);
+        let mut drawn = file["textures"][0].clone();
+        drawn["sampleCount"] = json!(4);
+        file["textures"].as_array_mut().unwrap().push(drawn);
+        let color = &mut file["frames"][0]["commands"][2]["descriptor"]["colorAttachments"][0];
+        color["resolveTarget"] = color["view"].clone();
+        color["view"] = json!({ "texture": 3 });
+    };
+    assert_eq!(target("alpha-resolved", resolved), (0b0111, false));
+}
+
+#[test]
+fn alpha_that_something_reads_stays() {
+    let kept = (0b1111, true);
+    let mode = |mode: Value| move |file: &mut Value| file["frames"][0]["alphaMode"] = mode.clone();
+    assert_eq!(target("alpha-seen", mode(json!("premultiplied"))), kept);
+    assert_eq!(target("alpha-unknown", mode(Value::Null)), kept);
+    let copied = |file: &mut Value| {
+        let copy = json!({
+            "do": "copyTextureToTexture",
+            "source": { "texture": 0 },
+            "destination": { "texture": 1 },
+            "size": [SIZE, SIZE, 1],
+        });
+        file["frames"][0]["commands"]
+            .as_array_mut()
+            .unwrap()
+            .push(copy);
+    };
+    assert_eq!(target("alpha-copied", copied), kept);
+    let sampled = |file: &mut Value| {
+        // A later pass draws to the other texture, and samples the canvas.
+        let mut group = file["bindGroups"][1].clone();
+        group["entries"][0]["texture"] = json!(0);
+        file["bindGroups"].as_array_mut().unwrap().push(group);
+        let commands = file["frames"][0]["commands"].as_array_mut().unwrap();
+        let mut later = commands[2].clone();
+        later["descriptor"]["colorAttachments"][0]["view"] = json!({ "texture": 1 });
+        let draws = later["commands"].as_array_mut().unwrap();
+        draws[2]["bindGroup"] = json!(2);
+        draws.truncate(5);
+        commands.push(later);
+    };
+    assert_eq!(target("alpha-sampled", sampled), kept);
+    let blended = |file: &mut Value| {
+        let color = json!({ "srcFactor": "one-minus-dst-alpha", "dstFactor": "one" });
+        file["renderPipelines"][0]["fragment"]["targets"][0]["blend"] =
+            json!({ "color": color, "alpha": {} });
+        let commands = file["frames"][0]["commands"].as_array_mut().unwrap();
+        let mut later = commands[1].clone();
+        later["descriptor"]["colorAttachments"][0] =
+            json!({ "view": { "texture": 0 }, "loadOp": "load" });
+        commands.push(later);
+    };
+    assert_eq!(target("alpha-blended", blended), kept);
 }

@@ -1,8 +1,8 @@
-//! The values that a specialised variant assumes, as data, and the check that a host runs before it
-//! draws.
+//! The values that a variant assumes, as data, and the check that a host runs before it draws.
 //!
-//! A variant made for `fog_density = 0` has no fog. Its plan therefore lists the assumed numbers
-//! with their bounds. If a value leaves them, the host draws the original
+//! A variant that `specialize` made for `fog_density = 0` has no fog, and a loop that `hoist` moved
+//! ends only if its bound is a sensible number. The plan therefore lists the assumed numbers with
+//! their bounds. If a value leaves them, the host draws the original
 //! ([`crate::core::plan::ORIGINAL`]), whose files are emitted beside the variant's.
 
 use schemars::JsonSchema;
@@ -143,14 +143,26 @@ impl std::fmt::Display for Assumed {
     }
 }
 
-/// All assumptions of a variant about the scene's values.
+/// All assumptions of a variant about the scene's values. Its text form lists them.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Guard {
     /// Unique by place and type, and sorted by them.
     pub values: Vec<Assumed>,
 }
 
+impl std::fmt::Display for Guard {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        let values: Vec<String> = self.values.iter().map(ToString::to_string).collect();
+        f.write_str(&values.join(", "))
+    }
+}
+
 impl Guard {
+    /// The condition before a description of what holds under it: empty without a guard.
+    pub(crate) fn condition(of: Option<&Self>) -> String {
+        of.map_or_else(String::new, |guard| format!("with {guard}: "))
+    }
+
     /// Adds another guard's assumptions. A number that both assume must be in both ranges.
     #[must_use]
     pub fn and(mut self, other: Self) -> Self {

@@ -689,8 +689,23 @@ impl<P: Pass + 'static> AnyPass for Erased<P> {
         let mut outcome = P::run(plan, facts, &params).map_err(|refused| {
             shared_binding(refused, plan, |apart| P::run(apart, facts, &params))
         })?;
+        if let Some(value) = outcome.plan.guard.as_ref().and_then(Guard::contradicted) {
+            let reason = format!(
+                "an earlier step of the recipe excludes the value of `{}` that the pass assumes",
+                value.name
+            );
+            let remedy = refusals::CONTRADICTION.remedy;
+            return Err(vec![Refusal::new(
+                P::INFO.name,
+                &refusals::CONTRADICTION,
+                reason,
+                remedy,
+            )]
+            .into());
+        }
         let first = plan.steps.len();
         hold_budgets(&mut outcome.plan, first, facts);
+        tell_unguarded(&mut outcome.plan, facts);
         match is_founded(plan, &outcome.plan) {
             true => Ok(outcome),
             false => Err(vec![Refusal::bug(
@@ -736,6 +751,34 @@ fn hold_budgets(plan: &mut Plan, first: usize, facts: &Facts) {
     plan.contract.base_budgets_on(&given);
     for step in plan.steps.iter_mut().skip(first) {
         step.contract.base_budgets_on(&given);
+    }
+}
+
+/// Says so if no draw of the scene matches the guard.
+fn tell_unguarded(plan: &mut Plan, facts: &Facts) {
+    let Some(guard) = &plan.guard else { return };
+    let own = facts
+        .constants
+        .iter()
+        .filter(|c| c.material == plan.material);
+    let each = own
+        .filter(|c| guard.values.iter().any(|v| v.place == c.value.place))
+        .map(|c| Guard {
+            values: vec![c.value.clone()],
+        });
+    let scene = each.fold(Guard::default(), Guard::and);
+    let Some(out) = guard.clone().and(scene.clone()).contradicted().cloned() else {
+        return;
+    };
+    let seen = scene
+        .values
+        .iter()
+        .find(|v| v.place == out.place && v.ty == out.ty);
+    let Some(seen) = seen else { return };
+    let note =
+        format!("the scene has {seen}, which the guard excludes ({guard}): the original is drawn");
+    if !plan.notes.contains(&note) {
+        plan.notes.push(note);
     }
 }
 

@@ -36,6 +36,9 @@ refusals! {
         "`budget=` is the largest difference of a colour that you allow. It is missing, or \
          outside 0 to 1.",
         "Give one: `budget=0.02`, say.";
+    CONTRADICTION = "contradiction":
+        "The pass assumes a value that an earlier step of the recipe excludes.",
+        "Leave one of the two steps out, or give `specialize` a value that both allow.";
     INTERNAL = "internal":
         "A transform built an invalid program. This is a bug in preshade. The original is kept.",
         "Please report it with the shader.";

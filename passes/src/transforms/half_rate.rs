@@ -25,6 +25,8 @@
 //! The values of one draw fill the attachments: draw the material once a frame, over the whole screen, as one instance.
 //! The viewport has fractions of a pixel, which OpenGL and WebGL do not have: there, draw the original.
 //!
+//! A loop may end at a number in a uniform buffer. The plan then has a [guard](../guides/specialize.md#the-guard) for it.
+//!
 //! The contract is your budget.
 
 use naga::ShaderStage;
@@ -211,8 +213,9 @@ fn examine(plan: &Plan) -> Result<FragmentStage<'_>, Refused> {
     let mut told = |code, reason: &str, remedy: &str| found.push(*refuse(code, reason, remedy));
     let depth = pass.depth.as_ref();
     if depth.is_some_and(|d| d.write || d.compare != CompareFunction::Always) {
-        let remedy = "set `depth_compare` to `always` and `depth_write` to false, if it covers the \
-                      screen";
+        let remedy = "if it covers the screen, draw it without depth: `--depth-compare always \
+                      --no-depth-write`, or `depth_compare = \"always\"` and `depth_write = false` in \
+                      a scene";
         told(
             &refusals::DEPTH_TEST,
             "the material tests or writes depth",

@@ -31,6 +31,8 @@
 //!
 //! Noise uses `floor` but is continuous across cells. We can't prove that, so we hoist noise only
 //! if `verify` measured it, if you list it in `carry`, or if you pass `jumps=carried`.
+//!
+//! A loop may end at a number in a uniform buffer. The plan then has a [guard](../guides/specialize.md#the-guard) for it.
 
 use naga::ShaderStage;
 
@@ -465,8 +467,9 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             })
             .collect();
         format!(
-            "carries {}; with interpolation, a fragment costs {:.0} ops instead of {:.0}, a vertex \
+            "{}carries {}; with interpolation, a fragment costs {:.0} ops instead of {:.0}, a vertex \
              {:.0} more",
+            Guard::condition(self.guard.as_ref()),
             carried.join(", "),
             self.choice.after,
             self.choice.before,

@@ -27,6 +27,8 @@
 //! moves if it names its level, its coordinates are the draw's, and the scene or the captured frame shows that no pass
 //! writes the texture.
 //! Uniforms must be written before the compute pass.
+//!
+//! A loop may end at a number in a uniform buffer. The plan then has a [guard](../guides/specialize.md#the-guard) for it.
 
 use naga::{
     AddressSpace, Expression, Function, GlobalVariable, Handle, Module, ResourceBinding,
@@ -407,7 +409,8 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
                 slice: outline::hash(self.values, moved()),
             },
             what: format!(
-                "computes {} once a draw ({:.0} ops); a fragment costs {:.0} ops instead of {:.0}",
+                "{}computes {} once a draw ({:.0} ops); a fragment costs {:.0} ops instead of {:.0}",
+                Guard::condition(self.guard.as_ref()),
                 names.join(", "),
                 self.choice.once,
                 self.choice.after,

@@ -258,8 +258,16 @@ impl Specialized {
                          constant"
                     }
                 },
-                "set values by hand (specialize:set=NAME=NUMBER), or under `values` in a scene \
-                 file; fold=rounding also folds weights of 0 and 1",
+                match params.set {
+                    Some(_) => {
+                        "set values that a branch, a selection or a loop depends on (`preshade \
+                         explain` names them); fold=rounding also folds weights of 0 and 1"
+                    }
+                    None => {
+                        "set values by hand (specialize:set=NAME=NUMBER), or under `values` in a \
+                         scene file; fold=rounding also folds weights of 0 and 1"
+                    }
+                },
             )));
         }
         let set = assumptions.set_overrides();
@@ -270,17 +278,6 @@ impl Specialized {
         let mut used = folded.used;
         used.extend(assumptions.set_overrides().map(|(_, _, at)| at));
         let guard = assumptions.guard(&used);
-        let before = plan.guard.clone().unwrap_or_default();
-        if let Some(none) = before.and(guard.clone()).contradicted() {
-            return Err(Box::new(refusal(
-                &refusals::UNFIT_VALUES,
-                format!(
-                    "an earlier step of the recipe assumes another value of `{}`",
-                    none.name
-                ),
-                "give each value once",
-            )));
-        }
         let shrunk =
             shrink::shrink(&program_folded, &pass.vertex, pass.fragment.as_deref()).map_err(bug)?;
         let graphs = [program, &shrunk.program].map(Graph::build);
@@ -345,11 +342,10 @@ impl Specialized {
 
     fn describe(&self) -> String {
         let [[vertex, less], [fragment, left]] = self.cost;
-        let names: Vec<String> = self.guard.values.iter().map(ToString::to_string).collect();
         format!(
-            "with {}: a fragment costs {left:.0} ops instead of {fragment:.0}, a vertex {less:.0} \
+            "{}a fragment costs {left:.0} ops instead of {fragment:.0}, a vertex {less:.0} \
              instead of {vertex:.0}",
-            names.join(", ")
+            Guard::condition(Some(&self.guard))
         )
     }
 

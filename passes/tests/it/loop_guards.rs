@@ -1,9 +1,10 @@
 //! Loops to a number in a uniform buffer: which guard ends them, and what each pass makes of it.
 
-use preshade_passes::guard::{Assumed, Place, ScalarType};
+use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};
 use preshade_passes::half_rate::{self, HalfRate};
 use preshade_passes::hoist::{self, Hoist};
-use preshade_passes::pass::{Facts, Outcome, Pass, Refused};
+use preshade_passes::pass::{Constant, Facts, Outcome, Pass, Refused};
+use preshade_passes::pass_named;
 use preshade_passes::plan::{Plan, Role};
 use preshade_passes::preamble::{self, Preamble};
 use preshade_passes::state::{CompareFunction, MaterialState};
@@ -272,4 +273,61 @@ fn other_values_need_no_guard() {
     assert_eq!(next.guard, None);
     let main = common::wgsl(next.program(next.main().unwrap()).unwrap());
     assert!(main.contains("loop"), "{main}");
+}
+
+const LAMPS: &str = "
+    var sum = 0.0;
+    for (var i = 0u; i < frame.count; i++) { sum += exp(frame.lamps[i % 16u].reach * v.uv.x); }
+    return vec4(sum);";
+
+/// A step that excludes what an earlier one assumes is refused; two that agree share a guard.
+#[test]
+fn a_value_outside_an_earlier_guard_is_refused() {
+    let moved = hoisted(&original(LAMPS)).unwrap();
+    let what = &moved.change.what;
+    assert!(
+        what.starts_with("with frame.count = 0..1024: carries"),
+        "{what}"
+    );
+    let set = |count: u32| {
+        let params = serde_json::json!({ "set": format!("frame.count={count}") });
+        let specialize = pass_named("specialize").unwrap();
+        specialize.run(&moved.plan, &Facts::default(), &params)
+    };
+    let few = set(3).unwrap().plan;
+    let guard = few.guard.map(|g| g.to_string());
+    assert_eq!(guard.as_deref(), Some("frame.count = 3"));
+    let refused = set(2000).unwrap_err().first();
+    assert_eq!(refused.code, "contradiction");
+    assert!(
+        refused.reason.contains("`frame.count`"),
+        "{}",
+        refused.reason
+    );
+}
+
+/// A scene that the guard leaves out gets the variant, and is told that it draws the original.
+#[test]
+fn a_scene_outside_the_guard_is_told() {
+    let plan = original(LAMPS);
+    let hoist = pass_named("hoist").unwrap();
+    let params = serde_json::json!({ "budget": 0.02, "finite": "assumed", "jumps": "carried" });
+    let mut value = hoisted(&plan).unwrap().plan.guard.unwrap().values.remove(0);
+    let mut notes = |count: f64| {
+        value.bounds = Bounds::one(count);
+        let constant = Constant {
+            material: plan.material.clone(),
+            value: value.clone(),
+        };
+        let facts = Facts {
+            constants: vec![constant],
+            ..Facts::default()
+        };
+        let next = hoist.run(&plan, &facts, &params).unwrap().plan;
+        next.notes
+            .iter()
+            .filter(|n| n.contains("the original is drawn"))
+            .count()
+    };
+    assert_eq!((notes(16.0), notes(2000.0)), (0, 1));
 }

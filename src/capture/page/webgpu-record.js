@@ -153,6 +153,7 @@ class WebgpuWriter {
         for (const command of commands) this.command(command, list);
         await this.contents();
         const { thing, staged } = shown;
+        const { alphaMode } = thing.canvas;
         const { size, format } = thing.descriptor;
         const picture = {
             data: this.folder.data(await staged.take()),
@@ -162,6 +163,7 @@ class WebgpuWriter {
         return {
             size: size.slice(0, 2),
             canvas: this.value(thing),
+            alphaMode,
             commands: list,
             picture,
         };

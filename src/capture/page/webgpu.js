@@ -435,6 +435,7 @@ function wrapCanvas() {
                     context: this,
                     device: configuration.device,
                     viewFormats: configuration.viewFormats,
+                    alphaMode: configuration.alphaMode ?? 'opaque',
                 };
                 return result;
             },
@@ -450,7 +451,7 @@ function wrapCanvas() {
                     const canvas = this[THING];
                     thing.descriptor.viewFormats = [...(canvas?.viewFormats ?? [])];
                     thing.device = canvas?.device;
-                    thing.canvas = { context: this, thing };
+                    thing.canvas = { context: this, thing, alphaMode: canvas?.alphaMode };
                     object[THING] = thing;
                 }
                 return object;

@@ -71,6 +71,8 @@ pub(super) struct Module {
 #[derive(Clone)]
 pub(super) struct Surface {
     pub texture: crate::capture::file::Texture,
+    /// `None` if the app left it to the system.
+    pub alpha_mode: Option<crate::capture::file::AlphaMode>,
     /// The texture that the app draws to until it presents it.
     pub acquired: Option<usize>,
 }

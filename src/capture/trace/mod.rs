@@ -333,6 +333,7 @@ fn write(
             time: 0.0,
             size: [width, height],
             canvas: mark.canvas,
+            alpha_mode: mark.alpha_mode,
             commands: commands.filter_map(|s| s.command.clone()).collect(),
             picture: None,
         });

@@ -18,9 +18,9 @@ use super::shaders;
 use super::version::Version;
 use super::{FramesBy, Made, Refusal, TraceError, passes, refusal};
 use crate::capture::file::{
-    BindGroup, BufferRange, CaptureFile, Command, ComputePipeline, Extent, FragmentState,
-    GroupEntry, GroupLayout, LayoutChoice, Origin, PipelineLayout, RenderPipeline, Resource,
-    Shader, TexelLayout, TexelPlace, Texture, VertexState, View,
+    AlphaMode, BindGroup, BufferRange, CaptureFile, Command, ComputePipeline, Extent,
+    FragmentState, GroupEntry, GroupLayout, LayoutChoice, Origin, PipelineLayout, RenderPipeline,
+    Resource, Shader, TexelLayout, TexelPlace, Texture, VertexState, View,
 };
 
 /// A command of the queue, and what was left out of it or in its place.
@@ -36,6 +36,7 @@ pub(super) struct Mark {
     pub end: usize,
     /// What the app shows.
     pub canvas: Option<usize>,
+    pub alpha_mode: Option<AlphaMode>,
     pub by: FramesBy,
 }
 
@@ -79,12 +80,20 @@ impl Recorder {
                     label: String::new(),
                 };
                 let acquired = None;
-                self.ids.surfaces.set(id, Ok(Surface { texture, acquired }));
+                let alpha_mode = alpha_mode(config.alpha_mode);
+                let surface = Surface {
+                    texture,
+                    alpha_mode,
+                    acquired,
+                };
+                self.ids.surfaces.set(id, Ok(surface));
             }
             Action::GetSurfaceTexture { id, parent } => self.acquire(id, parent),
             Action::Present(surface) => {
-                let canvas = self.ids.surfaces.get(surface).ok().and_then(|s| s.acquired);
-                self.mark(canvas, FramesBy::Present);
+                let surface = self.ids.surfaces.get(surface).ok();
+                let canvas = surface.as_ref().and_then(|s| s.acquired);
+                let alpha_mode = surface.and_then(|s| s.alpha_mode);
+                self.mark(canvas, alpha_mode, FramesBy::Present);
             }
             Action::WriteBuffer {
                 id,
@@ -228,9 +237,18 @@ impl Recorder {
         self.ids.textures.set(id, made);
     }
 
-    pub(super) fn mark(&mut self, canvas: Option<usize>, by: FramesBy) {
-        let end = self.steps.len();
-        self.marks.push(Mark { end, canvas, by });
+    pub(super) fn mark(
+        &mut self,
+        canvas: Option<usize>,
+        alpha_mode: Option<AlphaMode>,
+        by: FramesBy,
+    ) {
+        self.marks.push(Mark {
+            end: self.steps.len(),
+            canvas,
+            alpha_mode,
+            by,
+        });
     }
 
     pub(super) fn step(&mut self, made: Made<Command>) {
@@ -436,4 +454,14 @@ impl Recorder {
 fn push<T>(list: &mut Vec<T>, entry: T) -> usize {
     list.push(entry);
     list.len() - 1
+}
+
+/// `None` if the app left it to the system.
+fn alpha_mode(of: wgpu::CompositeAlphaMode) -> Option<AlphaMode> {
+    match of {
+        wgpu::CompositeAlphaMode::Opaque => Some(AlphaMode::Opaque),
+        wgpu::CompositeAlphaMode::PreMultiplied => Some(AlphaMode::Premultiplied),
+        wgpu::CompositeAlphaMode::PostMultiplied => Some(AlphaMode::Postmultiplied),
+        wgpu::CompositeAlphaMode::Auto | wgpu::CompositeAlphaMode::Inherit => None,
+    }
 }

@@ -29,7 +29,7 @@ impl Recorder {
         });
         if let Some(last) = passes.next() {
             let canvas = last.or_else(|| passes.flatten().next());
-            self.mark(canvas, FramesBy::Submit);
+            self.mark(canvas, None, FramesBy::Submit);
         }
     }
 

@@ -146,8 +146,12 @@ impl Choice {
         let drawn: Vec<Compared<'_>> = drawn
             .filter_map(|variant| {
                 let error = variant.error.as_ref()?;
-                let was_drawn = !matches!(variant.verdict, Verdict::NotMeasured { .. });
-                (was_drawn && error.nan_pixels == 0).then(|| Compared {
+                // One that breaks its own promise is not for shipping, whatever this budget allows.
+                let stands = !matches!(
+                    variant.verdict,
+                    Verdict::NotMeasured { .. } | Verdict::Broken { .. }
+                );
+                (stands && error.nan_pixels == 0).then(|| Compared {
                     variant,
                     error: budget.of(error),
                     speedup: variant.speedup,

@@ -28,7 +28,7 @@ export function planned({ plans, views: [{ plan, sorted, ahead, overdraw }] }) {
     }
     if (ahead && ahead.changed_pixels === 0 && ahead.speedup.low > 1) {
         const plan = `${ahead.recipe}: ${ahead.draws.length} of ${ahead.of} draws ahead`;
-        kept.push({ plan, speedup: ahead.speedup, pixels: 0, flip: 0, holds: true });
+        kept.push({ plan, recipes: [ahead.recipe], speedup: ahead.speedup, pixels: 0, flip: 0, holds: true });
     }
     found.same = kept.sort((a, b) => b.speedup.median - a.speedup.median)[0];
     const best = plan > 0 && one(plans[plan], plan);
@@ -36,11 +36,11 @@ export function planned({ plans, views: [{ plan, sorted, ahead, overdraw }] }) {
     return found;
 }
 
-/** The recipes of what {@link planned} finds, each once. */
+/** The recipes of what {@link planned} finds, each once; a pre-pass of some draws counts as one of all. */
 export function chosen(decision) {
     const { same, within } = planned(decision);
-    const recipes = [same, within].flatMap((plan) => Object.values(decision.plans[plan?.index]?.recipes ?? {}));
-    return [...new Set(recipes)];
+    const of = (plan) => plan?.recipes ?? Object.values(decision.plans[plan?.index]?.recipes ?? {});
+    return [...new Set([same, within].flatMap(of))];
 }
 
 /** A plan without the keys of what it hoists. */

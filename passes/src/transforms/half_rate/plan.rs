@@ -6,6 +6,7 @@ use crate::analysis::half_rate;
 use crate::analysis::named::span;
 use crate::core::budget::Budget;
 use crate::core::contract::Contract;
+use crate::core::guard::Guard;
 use crate::core::pass::{Change, Outcome, Pass, Site, SiteCost};
 use crate::core::plan::{
     Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ClearValue, Draws,
@@ -110,8 +111,9 @@ impl Found<'_, '_, '_> {
                 slice: outline::hash(self.values, moved()),
             },
             what: format!(
-                "computes {} for one pixel of each 2x2 ({:.0} ops); {guided}, and {alone}; a pixel \
-                 costs {:.0} ops instead of {:.0}",
+                "{}computes {} for one pixel of each 2x2 ({:.0} ops); {guided}, and {alone}; a \
+                 pixel costs {:.0} ops instead of {:.0}",
+                Guard::condition(self.guard.as_ref()),
                 names.join(", "),
                 self.choice.half,
                 self.choice.after,

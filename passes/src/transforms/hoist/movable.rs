@@ -131,7 +131,10 @@ impl std::fmt::Display for Missed {
             Self::Fragment { because } => f.write_str(because),
             Self::InLoop => f.write_str("it changes with each iteration of a loop"),
             Self::Conditional => f.write_str("some fragments do not compute it"),
-            Self::MayNotEnd => f.write_str("it depends on a loop that may not end"),
+            Self::MayNotEnd => f.write_str(
+                "it depends on a loop that may not end: count to a constant, to `min(n, 16)`, or \
+                 to a number in a uniform buffer",
+            ),
             Self::FlatAndSmooth => f.write_str("it mixes a flat value with an interpolated one"),
             Self::Coverage => f.write_str("it decides a discard, a depth or the sample mask"),
             Self::Discontinuous { operation } => {
