@@ -12,6 +12,9 @@ use super::file::{AlphaMode, BlendComponent, Command, RenderPassDescriptor, Rend
 use super::folder::Capture;
 use super::pass::{self, Pass};
 
+/// The bit of alpha in a write mask.
+const ALPHA: u8 = 0b1000;
+
 /// Whether a scene of the pass leaves alpha out: a draw blends alpha alone, and nobody sees it. Where no draw does,
 /// alpha stands in nobody's way, and a write mask could.
 pub(super) fn is_left_out(capture: &Capture, pass: &Pass<'_>) -> bool {
@@ -111,7 +114,15 @@ fn reads_target_alpha(factor: wgpu::BlendFactor) -> bool {
 
 /// Leaves alpha as it is in the target.
 pub(super) fn leave_out(target: &mut ColorTarget) {
-    target.write_mask &= 0b0111;
+    target.write_mask &= !ALPHA;
+    drop_unwritten(target);
+}
+
+/// Drops the blending of alpha that is not written.
+pub(super) fn drop_unwritten(target: &mut ColorTarget) {
+    if target.write_mask & ALPHA != 0 {
+        return;
+    }
     if let Some(blend) = &mut target.blend {
         blend.alpha = Blend::REPLACE.alpha;
     }

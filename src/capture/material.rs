@@ -11,6 +11,7 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::Error;
+use super::alpha;
 use super::file::{self, Cull, RenderPipeline, ShaderLanguage};
 use super::folder::{Capture, get};
 use super::points;
@@ -262,5 +263,6 @@ fn color_target(of: &file::ColorTarget) -> Result<ColorTarget, String> {
     let mut target = ColorTarget::opaque(same::<String>(of.format)?);
     target.blend = blend.transpose()?;
     target.write_mask = (of.write_mask & 0xf) as u8;
+    alpha::drop_unwritten(&mut target);
     Ok(target)
 }

@@ -174,7 +174,8 @@ fn target(name: &str, edit: impl Fn(&mut Value)) -> (u8, bool) {
         .notes
         .iter()
         .any(|n| n.contains("the canvas is opaque"));
-    assert_eq!(said, is_left_out, "{name}: {:?}", scene.notes);
+    let is_opaque = own.file["frames"][0]["alphaMode"] == json!("opaque");
+    assert_eq!(said, is_left_out && is_opaque, "{name}: {:?}", scene.notes);
     fs::remove_dir_all(path).unwrap();
     (target.write_mask, target.is_blended())
 }
@@ -195,6 +196,15 @@ fn alpha_that_nobody_sees_is_left_out() {
         color["view"] = json!({ "texture": 3 });
     };
     assert_eq!(target("alpha-resolved", resolved), (0b0111, false));
+}
+
+#[test]
+fn alpha_that_is_not_written_does_not_blend() {
+    let masked = |file: &mut Value| {
+        file["frames"][0]["alphaMode"] = Value::Null;
+        file["renderPipelines"][1]["fragment"]["targets"][0]["writeMask"] = json!(7);
+    };
+    assert_eq!(target("alpha-masked", masked), (0b0111, false));
 }
 
 #[test]

@@ -171,8 +171,10 @@ fn hyperqueue_runs_a_list_as_one_machine_does_though_a_worker_is_killed() {
     assert_eq!(ran, keys.iter().collect());
     accepted(&dir, &["merge", "the results", "-o", "parts.json"]);
     let read = |name: &str| fs::read_to_string(dir.join(name)).unwrap();
-    let merged = read("whole.json");
-    assert!(merged == read("parts.json"), "the merges differ");
+    let (merged, parts) = (read("whole.json"), read("parts.json"));
+    let lines = merged.lines().zip(parts.lines());
+    let differ: Vec<_> = lines.filter(|(a, b)| a != b).take(9).collect();
+    assert!(merged == parts, "the merges differ: {differ:#?}");
     for reason in ["device-lost", "timed-out"] {
         let said = format!("\"reason\": \"{reason}\"");
         assert_eq!(merged.matches(&said).count(), 1, "{reason}");
