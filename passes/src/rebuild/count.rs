@@ -54,11 +54,7 @@ pub fn program(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
         None => module.entry_points.push(color::empty_fragment(ENTRY)),
     }
     add_color(&mut module);
-    let kept = [
-        (ShaderStage::Vertex, pass.vertex.as_str()),
-        (ShaderStage::Fragment, ENTRY),
-    ];
-    program.with_module(place::retain(&module, &kept))
+    alone(program, &module, pass)
 }
 
 /// The program of `pass` with an entry point [`ENTRY`] that covers the same pixels and is as cheap as that allows: all its
@@ -92,11 +88,7 @@ pub fn blank(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
         blank.function.body = Block::from_vec(vec![Statement::Return { value: Some(zero) }]);
     }
     module.entry_points.push(blank);
-    let kept = [
-        (ShaderStage::Vertex, pass.vertex.as_str()),
-        (ShaderStage::Fragment, ENTRY),
-    ];
-    author.with_module(place::retain(&module, &kept))
+    alone(author, &module, pass)
 }
 
 /// The program of `pass` with an entry point [`ENTRY`] that computes and writes nothing. Nothing of what decides coverage
@@ -110,11 +102,16 @@ pub fn nothing(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
         .ok_or_else(|| invalid("the plan has no program of that name".to_owned()))?;
     let mut module = author.module().clone();
     module.entry_points.push(color::empty_fragment(ENTRY));
+    alone(author, &module, pass)
+}
+
+/// The vertex stage of `pass` and [`ENTRY`], without what neither needs.
+fn alone(author: &Program, module: &Module, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
     let kept = [
         (ShaderStage::Vertex, pass.vertex.as_str()),
         (ShaderStage::Fragment, ENTRY),
     ];
-    author.with_module(place::retain(&module, &kept))
+    author.with_module(place::retain(module, &kept))
 }
 
 fn invalid(message: String) -> Box<Invalid> {
