@@ -54,13 +54,17 @@ impl Contents {
         Ok(contents)
     }
 
-    /// The textures that a frame of the capture writes.
+    /// The textures that a frame writes, before or after a draw. `setup` may hold passes of earlier frames, so what
+    /// they draw or compute counts. Its uploads and copies are work that is done once.
     ///
     /// # Errors
     /// A draw comes before its pipeline.
     pub fn written(capture: &Capture) -> Result<BTreeSet<usize>, Error> {
         let mut contents = Self::default();
-        for command in capture.file.frames.iter().flat_map(|f| &f.commands) {
+        let is_pass =
+            |c: &&Command| matches!(c, Command::RenderPass { .. } | Command::ComputePass { .. });
+        let setup = capture.file.setup.iter().filter(is_pass);
+        for command in setup.chain(capture.file.frames.iter().flat_map(|f| &f.commands)) {
             let draws = match command {
                 Command::RenderPass { commands, .. } => pass::draws(commands, "a frame")?,
                 _ => Vec::new(),

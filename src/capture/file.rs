@@ -77,6 +77,15 @@ pub struct CaptureFile {
     pub frames: Vec<CapturedFrame>,
 }
 
+impl CaptureFile {
+    /// Whether every command that draws, copies or computes was recorded. Queries only ask.
+    pub fn is_complete(&self) -> bool {
+        self.refused
+            .iter()
+            .all(|r| r.what.to_lowercase().contains("query"))
+    }
+}
+
 /// What was captured, and by whom.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(default)]

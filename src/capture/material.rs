@@ -11,7 +11,6 @@ use serde::Serialize;
 use serde::de::DeserializeOwned;
 
 use super::Error;
-use super::alpha;
 use super::file::{self, Cull, RenderPipeline, ShaderLanguage};
 use super::folder::{Capture, get};
 use super::points;
@@ -263,6 +262,5 @@ fn color_target(of: &file::ColorTarget) -> Result<ColorTarget, String> {
     let mut target = ColorTarget::opaque(same::<String>(of.format)?);
     target.blend = blend.transpose()?;
     target.write_mask = (of.write_mask & 0xf) as u8;
-    alpha::drop_unwritten(&mut target);
     Ok(target)
 }

@@ -59,7 +59,7 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
     let mut made = Maker {
         capture,
         pass,
-        leaves_alpha_out: alpha::is_left_out(capture, pass),
+        unblended: alpha::unblended(capture, pass),
         before: &all[..index],
         contents,
         written: Contents::written(capture)?,
@@ -207,8 +207,8 @@ fn chosen(all: &[Pass<'_>], choice: Choice) -> Result<usize, Error> {
 pub(super) struct Maker<'c> {
     pub(super) capture: &'c Capture,
     pass: &'c Pass<'c>,
-    /// Whether materials leave the alpha of their targets alone, because nobody sees it.
-    leaves_alpha_out: bool,
+    /// Pipelines that are drawn without the blending of alpha that nobody sees.
+    unblended: BTreeSet<usize>,
     /// The passes of the frame before it.
     before: &'c [Pass<'c>],
     contents: Contents,
@@ -236,12 +236,6 @@ impl<'c> Maker<'c> {
         self.size = target.size;
         let mut draws = Vec::new();
         self.note_clears();
-        if self.leaves_alpha_out {
-            let note = "the canvas is opaque, and nothing in the capture reads its alpha: materials do not write it \
-                        (`write_mask` 7), and those that blend alpha alone do not blend. If you read that alpha, \
-                        do not use what is exact here";
-            self.notes.insert(note.to_owned());
-        }
         for (index, draw) in self
             .pass
             .draws
@@ -525,9 +519,15 @@ impl<'c> Maker<'c> {
                 if let Some(stencil) = &mut material.state.stencil {
                     stencil.reference = key.1;
                 }
-                if self.leaves_alpha_out {
+                if self.unblended.contains(&draw.pipeline) {
                     let targets = material.state.targets.iter_mut().flatten();
-                    targets.for_each(alpha::leave_out);
+                    targets.for_each(|target| target.blend = None);
+                    if alpha::is_written(of) {
+                        self.notes.insert(format!(
+                            "`{name}` blends alpha alone, on an opaque canvas whose alpha nothing in the capture reads: it is \
+                             drawn without blending. If you read that alpha, what is exact here may change it"
+                        ));
+                    }
                 }
                 self.materials.push(material);
                 Some(self.materials.len() - 1)
@@ -910,7 +910,7 @@ impl<'c> Maker<'c> {
             sample_type,
             multisampled: false,
             is_invented: false,
-            is_steady: !self.written.contains(&view.texture),
+            is_steady: self.capture.file.is_complete() && !self.written.contains(&view.texture),
         })
     }
 

@@ -1,4 +1,4 @@
-//! Textures that the frame does not write before a material reads them.
+//! Textures that no frame writes.
 
 use std::collections::BTreeMap;
 

@@ -54,7 +54,7 @@ impl Chosen {
             ),
             Choice::None { .. } => format!(
                 "No variant within {name}={most} stood beside the original: each that was drawn is \
-                 slower, further off, or was not verified."
+                 slower, further off, broke its own promise, or was not verified."
             ),
         }
     }

@@ -302,7 +302,7 @@ mod tests {
 
     use super::*;
     use crate::measure::outputs::OutputsReport;
-    use crate::measure::record::Chosen;
+    use crate::measure::record::{Choice, Chosen};
     use crate::measure::{Clock, ErrorLadder, FrameTime};
     use crate::render::AdapterReport;
 
@@ -518,6 +518,30 @@ mod tests {
             report.chosen = Some(Chosen::among(&report.variants, budget(limit)));
             assert_eq!(verdict(&report, &report.variants[1]), said);
         }
+    }
+
+    #[test]
+    fn a_variant_that_breaks_its_promise_is_not_chosen() {
+        let broken = Verdict::Broken {
+            r#where: "here".to_owned(),
+        };
+        let mut variants = vec![
+            variant("fast", &[("wall", 2.0)], broken),
+            variant("slower", &[("wall", 1.5)], Verdict::Holds),
+        ];
+        variants
+            .iter_mut()
+            .for_each(|v| v.error = Some(ErrorLadder::default()));
+        let budget = Budget {
+            metric: Metric::FlipTile,
+            limit: 0.1,
+        };
+        let chosen = |variants: &[VariantReport]| match Chosen::among(variants, budget).choice {
+            Choice::Within { variant, .. } => Some(variant),
+            _ => None,
+        };
+        assert_eq!(chosen(&variants).as_deref(), Some("slower"));
+        assert_eq!(chosen(&variants[..1]), None);
     }
 
     #[test]

@@ -132,7 +132,7 @@ pub struct TextureBinding {
     pub multisampled: bool,
     /// Whether preshade made up the content.
     pub is_invented: bool,
-    /// Whether the frame so far has not written it.
+    /// Whether no frame writes it.
     pub is_steady: bool,
 }
 

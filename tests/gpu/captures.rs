@@ -65,6 +65,34 @@ fn a_captured_frame_is_drawn_as_it_was_and_takes_variants() {
     fs::remove_dir_all(path).unwrap();
 }
 
+/// A scene without the blending of alpha that nobody sees has the colours of the frame, which is drawn with it.
+#[test]
+fn colours_are_the_same_without_the_blending_of_alpha() {
+    let mut own = folder();
+    let add = serde_json::json!({ "srcFactor": "one", "dstFactor": "one" });
+    own.file["renderPipelines"][1]["fragment"]["targets"][0]["blend"] =
+        serde_json::json!({ "color": {}, "alpha": add });
+    own.file["frames"][0]["alphaMode"] = "opaque".into();
+    let path = own.write("unblended");
+    let capture = Capture::open(&path, &Limits::default()).unwrap();
+    let found = check(&capture, gpu()).unwrap();
+    let scene = capture::scene(&capture, Choice::default(), Some(gpu())).unwrap();
+    assert!(!scene.materials[0].state.is_blended());
+    let drawn = render(gpu(), &scene);
+    let pixels = |bytes: &[u8]| -> Vec<[u8; 3]> {
+        bytes
+            .as_chunks::<4>()
+            .0
+            .iter()
+            .map(|p| [p[0], p[1], p[2]])
+            .collect()
+    };
+    let frame = pixels(&found.pictures[0].bytes);
+    assert!(frame.contains(&[0, 0, 0]) && frame.len() == (SIZE * SIZE) as usize);
+    assert_eq!(pixels(&drawn.colors[0].as_ref().unwrap().bytes), frame);
+    fs::remove_dir_all(path).unwrap();
+}
+
 /// The near quad is drawn first, in a pass of its own. The far one is drawn onto that picture, behind it.
 #[test]
 fn a_pass_that_loads_its_attachments_starts_from_what_they_held() {

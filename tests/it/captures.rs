@@ -152,9 +152,8 @@ fn a_draw_of_webgl_has_resources_by_name() {
     fs::remove_dir_all(path).unwrap();
 }
 
-/// What a scene of the main pass has for its target, after `edit`: the write mask, and whether it blends. All
-/// frames blend alpha alone.
-fn target(name: &str, edit: impl Fn(&mut Value)) -> (u8, bool) {
+/// Whether the material of the main pass blends, after `edit`. As the page drew it, it blends alpha alone.
+fn blends(name: &str, edit: impl Fn(&mut Value)) -> bool {
     let mut own = folder();
     let add = json!({ "srcFactor": "one", "dstFactor": "one" });
     own.file["renderPipelines"][1]["fragment"]["targets"][0]["blend"] =
@@ -168,34 +167,81 @@ fn target(name: &str, edit: impl Fn(&mut Value)) -> (u8, bool) {
         pass: Some(1),
     };
     let scene = capture::scene(&capture, main, None).unwrap();
-    let target = scene.materials[0].state.targets[0].as_ref().unwrap();
-    let is_left_out = target.write_mask == 0b0111;
-    let said = scene
-        .notes
-        .iter()
-        .any(|n| n.contains("the canvas is opaque"));
-    let is_opaque = own.file["frames"][0]["alphaMode"] == json!("opaque");
-    assert_eq!(said, is_left_out && is_opaque, "{name}: {:?}", scene.notes);
     fs::remove_dir_all(path).unwrap();
-    (target.write_mask, target.is_blended())
+    let target = scene.materials[0].state.targets[0].as_ref().unwrap();
+    let is_written = target.write_mask == 0b1111;
+    let said = scene.notes.iter().any(|n| n.contains("blends alpha alone"));
+    let is_dropped = target.blend.is_none();
+    assert_eq!(said, is_written && is_dropped, "{name}: {:?}", scene.notes);
+    !is_dropped
 }
 
 #[test]
 fn alpha_that_nobody_sees_is_left_out() {
-    assert_eq!(target("alpha", |_| ()), (0b0111, false));
-    // A pass that draws to a texture of several samples, which is resolved to the canvas.
-    let resolved = |file: &mut Value| {
-        let samples = json!({ "count": 4 });
-        file["renderPipelines"][1]["multisample"] = samples;
-        file["textures"][2]["sampleCount"] = json!(4);
-        let mut drawn = file["textures"][0].clone();
-        drawn["sampleCount"] = json!(4);
-        file["textures"].as_array_mut().unwrap().push(drawn);
-        let color = &mut file["frames"][0]["commands"][2]["descriptor"]["colorAttachments"][0];
-        color["resolveTarget"] = color["view"].clone();
-        color["view"] = json!({ "texture": 3 });
+    assert!(!blends("alpha", |_| ()));
+    assert!(!blends("alpha-resolved", resolved));
+    let asked = |file: &mut Value| {
+        file["refused"] =
+            json!([{ "what": "resolveQuerySet", "why": "results of queries are not recorded" }]);
     };
-    assert_eq!(target("alpha-resolved", resolved), (0b0111, false));
+    assert!(!blends("alpha-asked", asked));
+}
+
+/// The main pass draws to a texture of several samples, which is resolved to the canvas.
+fn resolved(file: &mut Value) {
+    let samples = json!({ "count": 4 });
+    file["renderPipelines"][1]["multisample"] = samples;
+    file["textures"][2]["sampleCount"] = json!(4);
+    let mut drawn = file["textures"][0].clone();
+    drawn["sampleCount"] = json!(4);
+    file["textures"].as_array_mut().unwrap().push(drawn);
+    let color = &mut file["frames"][0]["commands"][2]["descriptor"]["colorAttachments"][0];
+    color["resolveTarget"] = color["view"].clone();
+    color["view"] = json!({ "texture": 3 });
+}
+
+#[test]
+fn alpha_of_two_frames_is_left_out() {
+    // Each frame of WebGPU has a canvas of its own, and both resolve one texture.
+    let two = |file: &mut Value| {
+        resolved(file);
+        let mut next = file["frames"][0].clone();
+        let canvas = file["textures"][0].clone();
+        file["textures"].as_array_mut().unwrap().push(canvas);
+        next["canvas"] = json!(4);
+        let color = &mut next["commands"][2]["descriptor"]["colorAttachments"][0];
+        color["resolveTarget"] = json!({ "texture": 4 });
+        file["frames"].as_array_mut().unwrap().push(next);
+    };
+    assert!(!blends("alpha-frames", two));
+    let seen = |file: &mut Value| {
+        two(file);
+        file["frames"][1]["alphaMode"] = json!("premultiplied");
+    };
+    assert!(blends("alpha-frames-seen", seen));
+}
+
+/// Draws of a second pipeline, which blends colour, before or after those of the first.
+fn lit(file: &mut Value, first: bool) {
+    let add = json!({ "srcFactor": "one", "dstFactor": "one" });
+    let mut light = file["renderPipelines"][1].clone();
+    light["fragment"]["targets"][0]["blend"] = json!({ "color": add, "alpha": add });
+    file["renderPipelines"].as_array_mut().unwrap().push(light);
+    let draws = file["frames"][0]["commands"][2]["commands"]
+        .as_array_mut()
+        .unwrap();
+    // Ahead of its own draws each pipeline is set: 0 sets the first one, 3 and 5 choose the numbers of a draw.
+    draws.insert(5, json!({ "do": "setPipeline", "pipeline": 2 }));
+    if first {
+        draws[0]["pipeline"] = json!(2);
+        draws[5]["pipeline"] = json!(1);
+    }
+}
+
+#[test]
+fn what_is_drawn_over_blended_colour_keeps_its_place() {
+    assert!(!blends("alpha-first", |file| lit(file, false)));
+    assert!(blends("alpha-later", |file| lit(file, true)));
 }
 
 #[test]
@@ -204,15 +250,24 @@ fn alpha_that_is_not_written_does_not_blend() {
         file["frames"][0]["alphaMode"] = Value::Null;
         file["renderPipelines"][1]["fragment"]["targets"][0]["writeMask"] = json!(7);
     };
-    assert_eq!(target("alpha-masked", masked), (0b0111, false));
+    assert!(!blends("alpha-masked", masked));
 }
 
 #[test]
 fn alpha_that_something_reads_stays() {
-    let kept = (0b1111, true);
     let mode = |mode: Value| move |file: &mut Value| file["frames"][0]["alphaMode"] = mode.clone();
-    assert_eq!(target("alpha-seen", mode(json!("premultiplied"))), kept);
-    assert_eq!(target("alpha-unknown", mode(Value::Null)), kept);
+    assert!(blends("alpha-seen", mode(json!("premultiplied"))));
+    assert!(blends("alpha-unknown", mode(Value::Null)));
+    let refused = |file: &mut Value| {
+        file["refused"] = json!([{ "what": "a draw", "why": "it binds a video" }]);
+    };
+    assert!(blends("alpha-refused", refused));
+    let elsewhere = |file: &mut Value| {
+        resolved(file);
+        let color = &mut file["frames"][0]["commands"][2]["descriptor"]["colorAttachments"][0];
+        color["resolveTarget"] = json!({ "texture": 1 });
+    };
+    assert!(blends("alpha-elsewhere", elsewhere));
     let copied = |file: &mut Value| {
         let copy = json!({
             "do": "copyTextureToTexture",
@@ -225,7 +280,7 @@ fn alpha_that_something_reads_stays() {
             .unwrap()
             .push(copy);
     };
-    assert_eq!(target("alpha-copied", copied), kept);
+    assert!(blends("alpha-copied", copied));
     let sampled = |file: &mut Value| {
         // A later pass draws to the other texture, and samples the canvas.
         let mut group = file["bindGroups"][1].clone();
@@ -239,7 +294,7 @@ fn alpha_that_something_reads_stays() {
         draws.truncate(5);
         commands.push(later);
     };
-    assert_eq!(target("alpha-sampled", sampled), kept);
+    assert!(blends("alpha-sampled", sampled));
     let blended = |file: &mut Value| {
         let color = json!({ "srcFactor": "one-minus-dst-alpha", "dstFactor": "one" });
         file["renderPipelines"][0]["fragment"]["targets"][0]["blend"] =
@@ -250,5 +305,47 @@ fn alpha_that_something_reads_stays() {
             json!({ "view": { "texture": 0 }, "loadOp": "load" });
         commands.push(later);
     };
-    assert_eq!(target("alpha-blended", blended), kept);
+    assert!(blends("alpha-blended", blended));
+}
+
+#[test]
+fn a_texture_is_steady_if_no_frame_writes_it() {
+    let steady = |name: &str, edit: &dyn Fn(&mut Value)| {
+        let mut own = folder();
+        // The pass that fills the texture, out of the frame.
+        own.file["frames"][0]["commands"]
+            .as_array_mut()
+            .unwrap()
+            .remove(1);
+        edit(&mut own.file);
+        let path = own.write(name);
+        let capture = Capture::open(&path, &Limits::default()).unwrap();
+        let scene = capture::scene(&capture, Choice::default(), None).unwrap();
+        fs::remove_dir_all(path).unwrap();
+        let bound = scene.draws[0].captured.as_ref().unwrap();
+        bound.textures[0].is_steady
+    };
+    let write = json!({
+        "do": "copyTextureToTexture",
+        "source": { "texture": 0 },
+        "destination": { "texture": 1 },
+        "size": [SIZE, SIZE, 1],
+    });
+    assert!(steady("steady", &|_| ()));
+    assert!(steady("steady-uploaded", &|file| file["setup"] = json!([write])));
+    let draw = folder().file["frames"][0]["commands"][1].clone();
+    assert!(!steady("steady-drawn-before", &|file| file["setup"] = json!([draw])));
+    assert!(!steady("steady-drawn", &|file| {
+        let commands = file["frames"][0]["commands"].as_array_mut().unwrap();
+        commands.push(draw.clone());
+    }));
+    assert!(!steady("steady-in-the-next-frame", &|file| {
+        let mut next = file["frames"][0].clone();
+        next["commands"].as_array_mut().unwrap().push(write.clone());
+        file["frames"].as_array_mut().unwrap().push(next);
+    }));
+    assert!(!steady("steady-refused", &|file| {
+        file["refused"] =
+            json!([{ "what": "a clear of a texture", "why": "outside a render pass" }]);
+    }));
 }

@@ -170,7 +170,14 @@ fn hyperqueue_runs_a_list_as_one_machine_does_though_a_worker_is_killed() {
     let ran: BTreeSet<&String> = times.keys().collect();
     assert_eq!(ran, keys.iter().collect());
     accepted(&dir, &["merge", "the results", "-o", "parts.json"]);
-    let read = |name: &str| fs::read_to_string(dir.join(name)).unwrap();
+    // On a machine that is busy, the endless job may be stopped before it draws its original.
+    let read = |name: &str| {
+        let text = fs::read_to_string(dir.join(name)).unwrap();
+        text.replace(
+            "the original was not measured: it was stopped",
+            "it was stopped",
+        )
+    };
     let (merged, parts) = (read("whole.json"), read("parts.json"));
     let lines = merged.lines().zip(parts.lines());
     let differ: Vec<_> = lines.filter(|(a, b)| a != b).take(9).collect();

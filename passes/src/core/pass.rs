@@ -691,7 +691,7 @@ impl<P: Pass + 'static> AnyPass for Erased<P> {
         })?;
         if let Some(value) = outcome.plan.guard.as_ref().and_then(Guard::contradicted) {
             let reason = format!(
-                "an earlier step of the recipe excludes the value of `{}` that the pass assumes",
+                "the plan's guard already excludes the value of `{}` that the pass assumes",
                 value.name
             );
             let remedy = refusals::CONTRADICTION.remedy;
@@ -742,7 +742,7 @@ fn hold_budgets(plan: &mut Plan, first: usize, facts: &Facts) {
     let guard = plan.guard.clone().unwrap_or_default().and(drawn.clone());
     let mut given = vec![facts.evidence()];
     if guard.contradicted().is_some() {
-        // An earlier step assumes other values than those that were drawn.
+        // The plan assumes other values than those that were drawn.
         given = vec![Assumption::NotMeasured];
     } else if !drawn.values.is_empty() {
         given.push(Assumption::ValuesOfTheGuard);
@@ -754,32 +754,30 @@ fn hold_budgets(plan: &mut Plan, first: usize, facts: &Facts) {
     }
 }
 
-/// Says so if no draw of the scene matches the guard.
+/// Says so if a value of the scene is outside the guard in every draw.
 fn tell_unguarded(plan: &mut Plan, facts: &Facts) {
-    let Some(guard) = &plan.guard else { return };
-    let own = facts
-        .constants
-        .iter()
-        .filter(|c| c.material == plan.material);
-    let each = own
-        .filter(|c| guard.values.iter().any(|v| v.place == c.value.place))
-        .map(|c| Guard {
-            values: vec![c.value.clone()],
-        });
-    let scene = each.fold(Guard::default(), Guard::and);
-    let Some(out) = guard.clone().and(scene.clone()).contradicted().cloned() else {
-        return;
+    let values = plan.guard.iter().flat_map(|guard| &guard.values);
+    let is_outside = |seen: &Assumed, guarded: &Assumed| {
+        seen.place == guarded.place
+            && seen.ty == guarded.ty
+            && (seen.bounds.high < guarded.bounds.low || seen.bounds.low > guarded.bounds.high)
     };
-    let seen = scene
-        .values
-        .iter()
-        .find(|v| v.place == out.place && v.ty == out.ty);
-    let Some(seen) = seen else { return };
-    let note =
-        format!("the scene has {seen}, which the guard excludes ({guard}): the original is drawn");
-    if !plan.notes.contains(&note) {
-        plan.notes.push(note);
-    }
+    let own = || {
+        facts
+            .constants
+            .iter()
+            .filter(|c| c.material == plan.material)
+    };
+    let found = values.flat_map(|guarded| {
+        let outside = own()
+            .map(|c| &c.value)
+            .filter(|seen| is_outside(seen, guarded));
+        outside.map(move |seen| {
+            format!("the scene has {seen}, and the guard wants {guarded}: the original is drawn")
+        })
+    });
+    let new: Vec<String> = found.filter(|note| !plan.notes.contains(note)).collect();
+    plan.notes.extend(new);
 }
 
 /// Names the cause if a variant is invalid because one stage has both variables of a binding or of

@@ -37,8 +37,9 @@ refusals! {
          outside 0 to 1.",
         "Give one: `budget=0.02`, say.";
     CONTRADICTION = "contradiction":
-        "The pass assumes a value that an earlier step of the recipe excludes.",
-        "Leave one of the two steps out, or give `specialize` a value that both allow.";
+        "The pass assumes a value that the plan's guard already excludes: an earlier step assumes \
+         another one, or its budget was measured with another one.",
+        "Leave one of the steps out, or give values that both allow.";
     INTERNAL = "internal":
         "A transform built an invalid program. This is a bug in preshade. The original is kept.",
         "Please report it with the shader.";

@@ -65,7 +65,7 @@ fn is_zero(number: &usize) -> bool {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Choice {
-    /// The fastest variant within the budget, if it is faster than the original beyond its 95 %
+    /// The fastest variant that keeps its promise and is within the budget, if it is faster than the original beyond its 95 %
     /// interval. If nothing was timed, the one with the least error.
     Within {
         /// Name of the variant.
@@ -86,7 +86,7 @@ pub enum Choice {
     },
     /// None is within the budget.
     None {
-        /// The one that comes nearest, the fastest of several; `None`: nothing was drawn.
+        /// The one that comes nearest, the fastest of several; `None`: none was drawn and kept its promise.
         nearest: Option<String>,
         /// Its error.
         error: Option<f64>,

@@ -1,5 +1,6 @@
 // Draws what `plan` chose on a GPU with the software adapters, and counts the pixels that change: writes
-// docs/results/workload/pictures.json and the table of docs/results/gains.md. A frame that is not given keeps its rows.
+// docs/results/workload/pictures.json and the table of docs/results/gains.md. A frame that is not given keeps its rows,
+// and without arguments only the table is written.
 //
 //     node pictures.mjs PROGRAM PLANS OUT FRAME..     PLANS is the folder that scripts/gains.sh wrote
 //
@@ -33,6 +34,11 @@ for (const frame of frames) {
     }
     // A frame takes minutes: what is drawn is written at once.
     rows = [...rows.filter((row) => row.frame !== basename(frame)), ...drawn];
+    await save();
+}
+await save();
+
+async function save() {
     await writeFile(file, rows.map((row) => `${JSON.stringify(row)}\n`).join(''));
     const report = fileURLToPath(new URL('../../../docs/results/gains.md', import.meta.url));
     await writeFile(report, placed(await readFile(report, 'utf8'), 'pictures', table()));
@@ -58,15 +64,15 @@ async function verified(frame, pass, adapter, recipes) {
         verdict: verdict.kind,
         pixels: error?.changed_pixels,
         flip: error?.flip_mean,
+        why: verdict.why,
     }));
     return { variants: each };
 }
 
 function table() {
     const lines = rows.map(({ frame, pass, adapter, variants, error }) => {
-        const each = (variants ?? []).map(
-            (v) => `\`${v.recipe}\`: ${v.verdict}, ${v.pixels} px, FLIP ${v.flip?.toPrecision(1)}`,
-        );
+        const said = (v) => v.why ?? `${v.verdict}, ${v.pixels} px, FLIP ${v.flip?.toPrecision(1)}`;
+        const each = (variants ?? []).map((v) => `\`${v.recipe}\`: ${said(v)}`);
         return `| \`${frame}\` | ${pass} | ${adapter} | ${error ?? each.join('<br>')} |\n`;
     });
     return `
