@@ -390,6 +390,10 @@ fn make(
     for original in &materials.asked {
         check_name(&original.material)?;
     }
+    // What a captured frame is drawn without.
+    let notes = materials.scene.iter().flat_map(|scene| &scene.notes);
+    made.messages
+        .extend(notes.map(|note| format!("note: {note}")));
     let is_given = job.shader.state.state.is_some() || job.shader.is_scene();
     if !is_given && !recipe.steps.is_empty() {
         made.assumed

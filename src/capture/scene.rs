@@ -525,7 +525,7 @@ impl<'c> Maker<'c> {
                     if alpha::is_written(of) {
                         self.notes.insert(format!(
                             "`{name}` blends alpha alone, on an opaque canvas whose alpha nothing in the capture reads: it is \
-                             drawn without blending. If you read that alpha, what is exact here may change it"
+                             drawn without blending. If your own code reads the canvas's alpha, keep the blending"
                         ));
                     }
                 }

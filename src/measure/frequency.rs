@@ -406,7 +406,8 @@ pub fn written_out(recipe: &Recipe, facts: &Facts) -> Option<Recipe> {
 /// The recipe for a host: its approximations promise `budget`, and their selected values are
 /// written out. `None`: it approximates nothing.
 pub fn promised(recipe: &Recipe, budget: Budget, facts: &Facts) -> Option<Recipe> {
-    let mut recipe = recipe.clone();
+    // A threshold is in the metric of the recipe.
+    let mut recipe = written_out(recipe, facts).unwrap_or_else(|| recipe.clone());
     let mut changed = false;
     for step in &mut recipe.steps {
         // A budget without a metric limits roundings, not the picture.
@@ -423,8 +424,7 @@ pub fn promised(recipe: &Recipe, budget: Budget, facts: &Facts) -> Option<Recipe
         }
         changed = true;
     }
-    let written = written_out(&recipe, facts).unwrap_or(recipe);
-    changed.then_some(written)
+    changed.then_some(recipe)
 }
 
 /// The threshold with the fewest digits that selects the same values as the one at `index`.

@@ -105,10 +105,11 @@ fn aligned(rows: &[Vec<Cell>], widths: &[usize], words: usize, coloured: bool) -
 /// The number of columns up to the mean of FLIP.
 const AFTER_FLIP: usize = 6;
 
-/// The metrics of the variants' budgets that have no column of their own.
+/// The metrics of the budgets, those of the variants and the one asked for, that have no column of their own.
 fn budgeted(report: &Report) -> Vec<Metric> {
     let contracts = report.variants.iter().map(|v| v.contract.budgets());
-    let metrics = contracts.flatten().map(|budget| budget.metric);
+    let asked = report.chosen.iter().map(|chosen| chosen.budget);
+    let metrics = contracts.flatten().chain(asked).map(|budget| budget.metric);
     let mut found = Vec::new();
     for metric in metrics.filter(|m| matches!(m, Metric::FlipP99 | Metric::FlipTile)) {
         if !found.contains(&metric) {

@@ -694,7 +694,7 @@ impl<P: Pass + 'static> AnyPass for Erased<P> {
                 "the plan's guard already excludes the value of `{}` that the pass assumes",
                 value.name
             );
-            let remedy = refusals::CONTRADICTION.remedy;
+            let remedy = "leave one of the steps out, or give values that both allow";
             return Err(vec![Refusal::new(
                 P::INFO.name,
                 &refusals::CONTRADICTION,
