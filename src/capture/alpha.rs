@@ -16,7 +16,6 @@ use super::pass::{self, Pass};
 /// The pipelines of a pass that a scene draws without blending, because they replace the colour and nobody sees
 /// the alpha, or it is not written.
 pub(super) fn unblended(capture: &Capture, pass: &Pass<'_>) -> BTreeSet<usize> {
-    let is_unseen = is_unseen(capture, pass);
     let all = &capture.file.render_pipelines;
     let used: BTreeSet<usize> = pass.draws.iter().map(|d| d.pipeline).collect();
     let blended = |pipeline: &usize| all.get(*pipeline).map(blended_targets).unwrap_or_default();
@@ -24,6 +23,10 @@ pub(super) fn unblended(capture: &Capture, pass: &Pass<'_>) -> BTreeSet<usize> {
         .into_iter()
         .filter(|p| !blended(p).is_empty())
         .collect();
+    if blending.is_empty() {
+        return blending;
+    }
+    let is_unseen = is_unseen(capture, pass);
     let is_replaced = |pipeline: &usize| {
         let targets = blended(pipeline);
         targets.iter().all(|t| replaces_color(t, is_unseen))
@@ -119,11 +122,7 @@ fn textures(of: &RenderPassDescriptor) -> BTreeSet<usize> {
 
 /// Whether a command reads the alpha of `drawn`, other than by resolving one of them to another.
 fn reads_alpha(capture: &Capture, command: &Command, drawn: &BTreeSet<usize>) -> bool {
-    let Command::RenderPass {
-        descriptor,
-        commands,
-    } = command
-    else {
+    let Command::RenderPass { descriptor, .. } = command else {
         let mut read = pass::read_otherwise(capture, command).into_iter();
         return read.any(|texture| drawn.contains(&texture));
     };
@@ -132,7 +131,7 @@ fn reads_alpha(capture: &Capture, command: &Command, drawn: &BTreeSet<usize>) ->
         let target = c.resolve_target.as_ref();
         drawn.contains(&c.view.texture) && target.is_some_and(|t| !drawn.contains(&t.texture))
     });
-    let Ok(draws) = pass::draws(commands, "a pass") else {
+    let Ok(draws) = pass::draws(command, "the capture") else {
         return true;
     };
     let is_drawn = !textures(descriptor).is_disjoint(drawn);

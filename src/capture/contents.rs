@@ -7,7 +7,7 @@ use std::sync::Arc;
 use super::Error;
 use super::file::{BufferType, Command, ComputeCommand, GroupLayout, Resource};
 use super::folder::{Capture, get};
-use super::pass::{self, PassDraw, passes};
+use super::pass::{self, PassDraw};
 
 /// Contents before a command.
 #[derive(Debug, Default)]
@@ -27,29 +27,21 @@ impl Contents {
     /// The capture is broken, or lacks data.
     pub fn before(capture: &Capture, frame: usize, command: usize) -> Result<Self, Error> {
         let mut contents = Self::default();
-        for (index, command) in capture.file.setup.iter().enumerate() {
-            let draws = match command {
-                Command::RenderPass { commands, .. } => {
-                    pass::draws(commands, &format!("setup, command {index}"))?
-                }
-                _ => Vec::new(),
-            };
-            contents.apply(capture, command, &draws)?;
-        }
+        let mut apply = |place: &str, commands: &[Command]| {
+            for (index, command) in commands.iter().enumerate() {
+                let draws = pass::draws(command, &format!("{place}, command {index}"))?;
+                contents.apply(capture, command, &draws)?;
+            }
+            Ok::<_, Error>(())
+        };
+        apply("setup", &capture.file.setup)?;
         for earlier in 0..=frame {
             let of = get(&capture.file.frames, earlier, "frame", "the capture")?;
-            let draws: BTreeMap<usize, Vec<PassDraw>> = passes(capture, earlier)?
-                .into_iter()
-                .map(|p| (p.command, p.draws))
-                .collect();
             let most = match earlier == frame {
-                true => command,
+                true => command.min(of.commands.len()),
                 false => of.commands.len(),
             };
-            for (index, command) in of.commands.iter().enumerate().take(most) {
-                let draws = draws.get(&index).map_or(&[][..], |d| d);
-                contents.apply(capture, command, draws)?;
-            }
+            apply(&format!("frame {earlier}"), &of.commands[..most])?;
         }
         Ok(contents)
     }
@@ -65,10 +57,7 @@ impl Contents {
             |c: &&Command| matches!(c, Command::RenderPass { .. } | Command::ComputePass { .. });
         let setup = capture.file.setup.iter().filter(is_pass);
         for command in setup.chain(capture.file.frames.iter().flat_map(|f| &f.commands)) {
-            let draws = match command {
-                Command::RenderPass { commands, .. } => pass::draws(commands, "a frame")?,
-                _ => Vec::new(),
-            };
+            let draws = pass::draws(command, "the capture")?;
             contents.writes_of_gpu(capture, command, &draws);
         }
         Ok(contents.changed_textures)

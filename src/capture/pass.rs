@@ -175,9 +175,12 @@ pub(super) enum Step<'c> {
     Clear(&'c Clear),
 }
 
-/// The draws of a pass.
-pub(super) fn draws(commands: &[DrawCommand], place: &str) -> Result<Vec<PassDraw>, Error> {
-    Ok(only_draws(steps(commands, place)?))
+/// The draws of a command: none, if it is no render pass.
+pub(super) fn draws(command: &Command, place: &str) -> Result<Vec<PassDraw>, Error> {
+    match command {
+        Command::RenderPass { commands, .. } => Ok(only_draws(steps(commands, place)?)),
+        _ => Ok(Vec::new()),
+    }
 }
 
 fn only_draws(steps: Vec<Step<'_>>) -> Vec<PassDraw> {

@@ -263,6 +263,7 @@ impl<'c> Maker<'c> {
                 format!("none of its draws can be read\n{}", why.join("\n")),
             ));
         }
+        self.note_order(&draws);
         Ok(Scene {
             name: capture.name(),
             size: target.size,
@@ -292,6 +293,19 @@ impl<'c> Maker<'c> {
             rows: self.reader().rows(capture),
             notes: Vec::new(),
         })
+    }
+
+    /// A scene draws what blends last.
+    fn note_order(&mut self, draws: &[Draw]) {
+        let is_blended = |d: &&Draw| self.materials[d.material].state.is_blended();
+        let behind = draws.iter().skip_while(|d| !is_blended(d));
+        let opaque = match behind.filter(|d| !is_blended(d)).count() {
+            0 => return,
+            1 => "1 opaque draw comes".to_owned(),
+            n => format!("{n} opaque draws come"),
+        };
+        let note = format!("{opaque} after one that blends: the scene draws what blends last");
+        self.notes.insert(note);
     }
 
     /// A scene clears its attachments only as a whole, and before it draws.

@@ -440,3 +440,43 @@ fn shortest(thresholds: &[f64], index: usize) -> f64 {
 fn set(step: &mut crate::recipe::Step, threshold: f64) {
     step.params.insert("threshold".to_owned(), threshold.into());
 }
+#[cfg(test)]
+#[allow(clippy::unwrap_used)]
+mod tests {
+    use super::*;
+
+    /// A threshold is in the metric of the recipe, and not in that of the budget.
+    #[test]
+    fn a_promised_recipe_selects_what_was_measured() {
+        let frequency = |value: &str, flip_mean: f64, flip_tile: f64| Frequency {
+            material: "m".to_owned(),
+            value: value.to_owned(),
+            name: String::new(),
+            cost: 10.0,
+            interpolation: None,
+            bound: None,
+            max_abs: 0.0,
+            flip_mean,
+            flip_p99: 0.0,
+            flip_tile,
+            nan_pixels: 0,
+            location: None,
+        };
+        let facts = Facts {
+            frequencies: vec![frequency("a", 0.001, 0.02), frequency("b", 0.5, 0.6)],
+            ..Facts::default()
+        };
+        let recipe = Recipe::parse(["hoist:budget=0.5,threshold=0.01"]).unwrap();
+        let budget = Budget {
+            metric: Metric::FlipTile,
+            limit: 0.3,
+        };
+        let promised = promised(&recipe, budget, &facts).unwrap();
+        let params = &promised.steps[0].params;
+        assert_eq!(params["carry"], "a");
+        assert_eq!(
+            (&params["metric"], &params["budget"]),
+            (&"flip_tile".into(), &0.3.into())
+        );
+    }
+}

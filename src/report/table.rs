@@ -45,21 +45,18 @@ pub fn render(report: &Report, coloured: bool) -> String {
         report.adapter.backend,
         report.adapter.kind,
     );
-    let header = [
+    let metrics = budgeted(report);
+    let words = [
         "variant",
         "verdict",
         "changed px",
         "depths",
         "max abs",
         "FLIP",
-        "ms",
-        "speedup",
-        "shaded/px",
     ];
-    let metrics = budgeted(report);
-    let mut header: Vec<Cell> = header.map(plain).to_vec();
-    let names = metrics.iter().map(|metric| plain(&metric.to_string()));
-    header.splice(AFTER_FLIP..AFTER_FLIP, names);
+    let mut header: Vec<Cell> = words.map(plain).to_vec();
+    header.extend(metrics.iter().map(|metric| plain(&metric.to_string())));
+    header.extend(["ms", "speedup", "shaded/px"].map(plain));
     let mut rows = vec![header];
     rows.extend(report.variants.iter().map(|v| row(report, v, &metrics)));
     let widths = widths(&rows);
@@ -102,9 +99,6 @@ fn aligned(rows: &[Vec<Cell>], widths: &[usize], words: usize, coloured: bool) -
     out
 }
 
-/// The number of columns up to the mean of FLIP.
-const AFTER_FLIP: usize = 6;
-
 /// The metrics of the budgets, those of the variants and the one asked for, that have no column of their own.
 fn budgeted(report: &Report) -> Vec<Metric> {
     let contracts = report.variants.iter().map(|v| v.contract.budgets());
@@ -137,19 +131,18 @@ fn row(report: &Report, v: &VariantReport, metrics: &[Metric]) -> Vec<Cell> {
             m => format!("{m:.4}"),
         }),
         drawn(&|e| flip(e.flip_mean)),
-        v.time_ms
-            .as_ref()
-            .map_or_else(dash, |t| format!("{:.3}", t.estimate.median)),
-        v.speedup.as_ref().map_or_else(dash, |s| {
-            format!("{:.2}x [{:.2}, {:.2}]", s.median, s.low, s.high)
-        }),
-        v.shaded_per_pixel.map_or_else(dash, |s| format!("{s:.2}")),
     ];
-    let mut cells = cells.map(|text| (text, None));
-    cells[7].1 = v.speedup;
-    let mut cells = cells.to_vec();
+    let mut cells: Vec<Cell> = cells.map(|text| (text, None)).to_vec();
     let values = metrics.iter().map(|metric| drawn(&|e| flip(metric.of(e))));
-    cells.splice(AFTER_FLIP..AFTER_FLIP, values.map(|text| (text, None)));
+    cells.extend(values.map(|text| (text, None)));
+    let time = v.time_ms.as_ref();
+    let time = time.map_or_else(dash, |t| format!("{:.3}", t.estimate.median));
+    let speedup = v.speedup.as_ref().map_or_else(dash, |s| {
+        format!("{:.2}x [{:.2}, {:.2}]", s.median, s.low, s.high)
+    });
+    let shaded = v.shaded_per_pixel;
+    let shaded = shaded.map_or_else(dash, |s| format!("{s:.2}"));
+    cells.extend([(time, None), (speedup, v.speedup), (shaded, None)]);
     cells
 }
 

@@ -5,6 +5,8 @@ use std::io::Write as _;
 
 use preshade::unstable::capture::{self, Capture, Choice, Kind};
 use preshade::unstable::limits::Limits;
+use preshade::unstable::passes::state::{Blend, ColorTarget};
+use preshade::unstable::scene::Scene;
 use serde_json::{Value, json};
 
 use crate::capture_support::{SIZE, folder, name, point};
@@ -154,6 +156,22 @@ fn a_draw_of_webgl_has_resources_by_name() {
 
 /// Whether the material of the main pass blends, after `edit`. As the page drew it, it blends alpha alone.
 fn blends(name: &str, edit: impl Fn(&mut Value)) -> bool {
+    let scene = alpha_alone(name, edit);
+    let mut targets = scene
+        .materials
+        .iter()
+        .filter_map(|m| m.state.targets[0].as_ref());
+    let keeps_color = |t: &&ColorTarget| t.blend.is_none_or(|b| b.color == Blend::REPLACE.color);
+    let target = targets.find(keeps_color).unwrap();
+    let is_written = target.write_mask == 0b1111;
+    let said = scene.notes.iter().any(|n| n.contains("blends alpha alone"));
+    let is_dropped = target.blend.is_none();
+    assert_eq!(said, is_written && is_dropped, "{name}: {:?}", scene.notes);
+    !is_dropped
+}
+
+/// The scene of the main pass, whose material blends alpha alone on an opaque canvas before `edit`.
+fn alpha_alone(name: &str, edit: impl Fn(&mut Value)) -> Scene {
     let mut own = folder();
     let add = json!({ "srcFactor": "one", "dstFactor": "one" });
     own.file["renderPipelines"][1]["fragment"]["targets"][0]["blend"] =
@@ -168,12 +186,7 @@ fn blends(name: &str, edit: impl Fn(&mut Value)) -> bool {
     };
     let scene = capture::scene(&capture, main, None).unwrap();
     fs::remove_dir_all(path).unwrap();
-    let target = scene.materials[0].state.targets[0].as_ref().unwrap();
-    let is_written = target.write_mask == 0b1111;
-    let said = scene.notes.iter().any(|n| n.contains("blends alpha alone"));
-    let is_dropped = target.blend.is_none();
-    assert_eq!(said, is_written && is_dropped, "{name}: {:?}", scene.notes);
-    !is_dropped
+    scene
 }
 
 #[test]
@@ -242,6 +255,24 @@ fn lit(file: &mut Value, first: bool) {
 fn what_is_drawn_over_blended_colour_keeps_its_place() {
     assert!(!blends("alpha-first", |file| lit(file, false)));
     assert!(blends("alpha-later", |file| lit(file, true)));
+}
+
+#[test]
+fn a_note_counts_opaque_draws_after_a_blended_one() {
+    let opaque = |first: bool| {
+        move |file: &mut Value| {
+            lit(file, first);
+            file["renderPipelines"][1]["fragment"]["targets"][0]["blend"] = Value::Null;
+        }
+    };
+    let is_told = |scene: Scene| {
+        scene
+            .notes
+            .iter()
+            .any(|n| n.contains("1 opaque draw comes after"))
+    };
+    assert!(is_told(alpha_alone("opaque-later", opaque(true))));
+    assert!(!is_told(alpha_alone("opaque-first", opaque(false))));
 }
 
 #[test]

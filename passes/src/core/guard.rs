@@ -64,6 +64,11 @@ impl Bounds {
         self.low <= number && number <= self.high
     }
 
+    /// Whether no number is in both ranges.
+    pub fn is_apart_from(&self, other: &Self) -> bool {
+        self.high < other.low || other.high < self.low
+    }
+
     /// The smallest range that contains both.
     #[must_use]
     pub fn or(self, other: Self) -> Self {

@@ -760,7 +760,7 @@ fn tell_unguarded(plan: &mut Plan, facts: &Facts) {
     let is_outside = |seen: &Assumed, guarded: &Assumed| {
         seen.place == guarded.place
             && seen.ty == guarded.ty
-            && (seen.bounds.high < guarded.bounds.low || seen.bounds.low > guarded.bounds.high)
+            && seen.bounds.is_apart_from(&guarded.bounds)
     };
     let own = || {
         facts

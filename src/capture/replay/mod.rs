@@ -119,6 +119,10 @@ impl<'a> Replay<'a> {
     /// # Errors
     /// As [`Self::frame`].
     pub(super) fn timed(&mut self, frame: usize) -> Result<Vec<f64>, Error> {
+        self.gpu.alone(|| self.timed_alone(frame))?
+    }
+
+    fn timed_alone(&mut self, frame: usize) -> Result<Vec<f64>, Error> {
         let capture = self.capture;
         let of = get(&capture.file.frames, frame, "frame", "the replay")?;
         let clock = Clock::new(self.gpu)?;
