@@ -349,6 +349,7 @@ impl Run<'_, '_> {
             depth_ties: None,
             made_up: scene.is_made_up,
             assumed: Vec::new(),
+            notes: scene.notes.clone(),
             warnings: Vec::new(),
             untested: Vec::new(),
             not_drawn: None,

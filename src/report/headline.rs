@@ -353,6 +353,7 @@ mod tests {
             depth_ties: None,
             made_up: false,
             assumed: Vec::new(),
+            notes: Vec::new(),
             warnings: Vec::new(),
             untested: Vec::new(),
             not_drawn: None,

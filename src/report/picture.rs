@@ -10,9 +10,7 @@ use crate::measure::record::{Picture, Pictures};
 /// difference, then magenta to white.
 pub fn flip(original: &Picture, variant: &Picture) -> Picture {
     let rgb = |picture: &Picture| {
-        let texels = picture.rgba.as_chunks::<4>().0.iter();
-        let bytes: Vec<u8> = texels.flat_map(|[r, g, b, _]| [*r, *g, *b]).collect();
-        nv_flip::FlipImageRgb8::with_data(picture.size[0], picture.size[1], &bytes)
+        nv_flip::FlipImageRgb8::with_data(picture.size[0], picture.size[1], &picture.rgb())
     };
     let map = nv_flip::flip(
         rgb(original),
@@ -69,7 +67,14 @@ impl Pictures {
 }
 
 impl Picture {
-    /// The picture as a PNG file.
+    /// Without alpha, as an opaque canvas shows it.
+    fn rgb(&self) -> Vec<u8> {
+        let texels = self.rgba.as_chunks::<4>().0.iter();
+        texels.flat_map(|[r, g, b, _]| [*r, *g, *b]).collect()
+    }
+
+    /// The picture as a PNG file, without alpha: many materials write an alpha that nobody sees, and with it a viewer
+    /// would show them blank.
     ///
     /// # Errors
     ///
@@ -77,10 +82,10 @@ impl Picture {
     pub fn file(&self, name: &str) -> Result<File, image::ImageError> {
         let mut bytes = Vec::new();
         image::codecs::png::PngEncoder::new(&mut bytes).write_image(
-            &self.rgba,
+            &self.rgb(),
             self.size[0],
             self.size[1],
-            ExtendedColorType::Rgba8,
+            ExtendedColorType::Rgb8,
         )?;
         Ok(File {
             name: name.to_owned(),

@@ -200,6 +200,13 @@ pub(super) fn notes(report: &Report) -> String {
             ));
         }
         let is_swept = is_swept(report, &v.name);
+        let alpha = v.error.as_ref().map_or(0, |e| e.changed_alpha);
+        if alpha > 0 && !is_swept {
+            out.push_str(&format!(
+                "{}: alpha alone differs at {alpha} pixels, and FLIP does not see alpha\n",
+                v.name
+            ));
+        }
         let divided = v.cost.as_ref().and_then(|c| c.subdivision.as_ref());
         if let Some(cost) = divided.filter(|_| !is_swept) {
             let at_load = match cost.at_load {

@@ -17,7 +17,7 @@ use crate::core::plan::{ClearValue, GpuPass, Phase, Plan, Role};
 use crate::core::program::Program;
 use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
-use crate::core::state::{CompareFunction, DepthDirection, DepthState};
+use crate::core::state::{Blend, CompareFunction, DepthDirection, DepthState};
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
 use crate::slice::Slice;
@@ -169,13 +169,24 @@ impl Examination {
             );
         }
         if pass.phase == Phase::Blended || pass.targets.iter().flatten().any(|t| t.is_blended()) {
-            self.refuse(
-                &refusals::BLENDED,
-                "the material is blended: what lies behind it shows through, so its depth must not \
-                 hide anything",
-                "keep blended materials out of the pre-pass (they are drawn last, as they are), or \
-                 draw it opaque",
-            );
+            let blended = pass.targets.iter().flatten().filter(|t| t.is_blended());
+            let mut colors = blended.filter_map(|t| Some(t.blend?.color)).peekable();
+            let is_alpha_alone =
+                colors.peek().is_some() && colors.all(|c| c == Blend::REPLACE.color);
+            let (reason, remedy) = match is_alpha_alone {
+                true => (
+                    "the material blends alpha: the alpha of what lies behind it becomes part of \
+                     its own, so its depth must not hide anything",
+                    "draw it without blending, if nothing reads its alpha",
+                ),
+                false => (
+                    "the material is blended: what lies behind it shows through, so its depth must \
+                     not hide anything",
+                    "keep blended materials out of the pre-pass (they are drawn last, as they are), \
+                     or draw it opaque",
+                ),
+            };
+            self.refuse(&refusals::BLENDED, reason, remedy);
         }
         let depth = self.depth(plan, pass);
         if let Some(stencil) = &pass.stencil {

@@ -9,7 +9,7 @@ use preshade_passes::graph::{FunctionId, Graph};
 use preshade_passes::hoist::{self, Allow, Hoist};
 use preshade_passes::pass::{Facts, Outcome, Pass, Refused};
 use preshade_passes::plan::{Plan, SelfTestDraw};
-use preshade_passes::state::{DepthFormat, MaterialState};
+use preshade_passes::state::{Blend, ColorTarget, DepthFormat, MaterialState};
 
 use crate::common;
 
@@ -349,4 +349,33 @@ fn lanes_leave_early_only_where_derivatives_are_defined() {
     assert_eq!(codes(discard, "in.uv.y > 0.5"), ["undefined-derivative"]);
     assert!(codes(discard, "u.b > 0.5").is_empty());
     assert!(codes("", "in.uv.y > 0.5").is_empty());
+}
+
+#[test]
+fn a_refusal_tells_alpha_alone_from_blended_colour() {
+    let source = material("", "", "    return vec4<f32>(in.uv, 0.0, 0.5);");
+    let told = |blend: Blend| {
+        let plan = plan(&source, |state| {
+            state.targets = vec![Some(ColorTarget {
+                blend: Some(blend),
+                ..ColorTarget::opaque("rgba8unorm")
+            })];
+        });
+        let refused = DepthPrepass::run(&plan, &Facts::default(), &Default::default());
+        refused.unwrap_err().refusals[0].reason.clone()
+    };
+    let alone = Blend {
+        color: Blend::REPLACE.color,
+        ..Blend::ALPHA
+    };
+    assert!(
+        told(alone).starts_with("the material blends alpha"),
+        "{}",
+        told(alone)
+    );
+    assert!(
+        told(Blend::ALPHA).starts_with("the material is blended"),
+        "{}",
+        told(Blend::ALPHA)
+    );
 }

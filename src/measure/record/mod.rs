@@ -53,6 +53,10 @@ pub struct Report {
     pub made_up: bool,
     /// Inputs that the scene does not give: filled by convention, or made up.
     pub assumed: Vec<Guessed>,
+    /// Notes about a captured frame: what the scene does not draw as the frame did, where its time goes, and how
+    /// its replay compares with the page.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub notes: Vec<String>,
     /// Reasons to trust the pictures less: a single colour, or attributes that are made up.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,

@@ -161,6 +161,7 @@ fn said(report: &Report) -> Vec<String> {
     }
     let mut said = vec![parts.join(", ") + "."];
     said.extend(report.warnings.iter().map(|w| format!("Warning: {w}.")));
+    said.extend(report.notes.iter().map(|n| format!("Note: {n}.")));
     said
 }
 

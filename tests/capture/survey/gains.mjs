@@ -103,7 +103,8 @@ function table(rows) {
         const timed = drawn.map((p) => `${p.pass}: ${Math.round(p.part * 100)} %, ${p.ms.toFixed(3)} ms`);
         const cells = [`\`${frame}\``, half, timed.join('<br>'), bound(profile), ratio(same), kept.join('<br>')];
         const isOther = within.median > same.median;
-        return `| ${[...cells, isOther ? ratio(within) : '', changed.join('<br>')].join(' | ')} |\n`;
+        const others = isOther ? [ratio(within), changed.join('<br>')] : ['', ''];
+        return `| ${[...cells, ...others].join(' | ')} |\n`;
     });
     return `
 | frame | half | passes that were planned: part of the frame, time | largest part of the main pass | no pixel changes | by | within FLIP 0.01 | by |
