@@ -94,10 +94,11 @@ function table(rows) {
         const { frame, half, profile, passes, same, within, error } = row;
         if (!passes.length) return `| \`${frame}\` | ${half} | ${cell(error ?? '')} | | | | |\n`;
         const plans = passes.filter((p) => p.same || p.within || p.ms !== undefined);
-        const told = (p, of) => (of ? `${p.pass}: ${cell(of.plan)} ${of.speedup.median.toFixed(2)}x` : '');
+        const told = (p, of) =>
+            gains(of?.speedup) ? `${p.pass}: ${cell(of.plan)} ${of.speedup.median.toFixed(2)}x` : '';
         const kept = plans.map((p) => told(p, p.same)).filter(Boolean);
         const changed = plans
-            .map((p) => p.within && `${told(p, p.within)}, FLIP ${p.within.flip.toPrecision(1)}`)
+            .map((p) => gains(p.within?.speedup) && `${told(p, p.within)}, FLIP ${p.within.flip.toPrecision(1)}`)
             .filter(Boolean);
         const drawn = passes.filter((p) => p.ms !== undefined);
         const timed = drawn.map((p) => `${p.pass}: ${Math.round(p.part * 100)} %, ${p.ms.toFixed(3)} ms`);
@@ -138,8 +139,14 @@ function cell(text) {
     return text.replaceAll('|', '\\|').replaceAll('\n', ' ').slice(0, 200);
 }
 
-function ratio({ median, low, high }) {
-    return median === 1 ? '1' : `${median.toFixed(3)} [${low.toFixed(3)}, ${high.toFixed(3)}]`;
+/** Whether a gain shows in two digits. */
+function gains(speedup) {
+    return speedup?.median >= 1.005;
+}
+
+function ratio(speedup) {
+    const { median, low, high } = speedup;
+    return !gains(speedup) ? '1' : `${median.toFixed(3)} [${low.toFixed(3)}, ${high.toFixed(3)}]`;
 }
 
 function bound(profile) {
