@@ -69,12 +69,16 @@ fn blended_targets(pipeline: &RenderPipeline) -> Vec<&ColorTarget> {
 }
 
 /// Whether blending changes nothing but alpha that nobody sees or that is not written. A float target may hold
-/// infinity, and 0 times that is NaN.
+/// infinity, and 0 times that may be NaN.
 fn replaces_color(target: &ColorTarget, is_unseen: bool) -> bool {
     let color = target.blend.as_ref().map(|b| b.color);
     let has_infinity = matches!(
         target.format,
-        wgpu::TextureFormat::Rgba16Float
+        wgpu::TextureFormat::R16Float
+            | wgpu::TextureFormat::Rg16Float
+            | wgpu::TextureFormat::Rgba16Float
+            | wgpu::TextureFormat::R32Float
+            | wgpu::TextureFormat::Rg32Float
             | wgpu::TextureFormat::Rgba32Float
             | wgpu::TextureFormat::Rg11b10Ufloat
     );

@@ -295,7 +295,7 @@ impl<'c> Maker<'c> {
         })
     }
 
-    /// A scene draws what blends last.
+    /// A scene draws blended materials last.
     fn note_order(&mut self, draws: &[Draw]) {
         let is_blended = |d: &&Draw| self.materials[d.material].state.is_blended();
         let behind = draws.iter().skip_while(|d| !is_blended(d));
@@ -304,7 +304,7 @@ impl<'c> Maker<'c> {
             1 => "1 opaque draw comes".to_owned(),
             n => format!("{n} opaque draws come"),
         };
-        let note = format!("{opaque} after one that blends: the scene draws what blends last");
+        let note = format!("{opaque} after a blended one: the scene draws blended materials last");
         self.notes.insert(note);
     }
 

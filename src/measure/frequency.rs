@@ -388,9 +388,6 @@ pub fn written_out(recipe: &Recipe, facts: &Facts) -> Option<Recipe> {
             .map(|f| f.value.as_str())
             .collect();
         let ids: Vec<&str> = ids.into_iter().collect();
-        if ids.is_empty() {
-            continue;
-        }
         step.params.remove("threshold");
         step.params.insert("carry".to_owned(), ids.join("+").into());
         if let Some(ratio) = params.vertices_per_fragment.or(facts.vertices_per_fragment) {
@@ -440,6 +437,7 @@ fn shortest(thresholds: &[f64], index: usize) -> f64 {
 fn set(step: &mut crate::recipe::Step, threshold: f64) {
     step.params.insert("threshold".to_owned(), threshold.into());
 }
+
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
@@ -466,17 +464,27 @@ mod tests {
             frequencies: vec![frequency("a", 0.001, 0.02), frequency("b", 0.5, 0.6)],
             ..Facts::default()
         };
-        let recipe = Recipe::parse(["hoist:budget=0.5,threshold=0.01"]).unwrap();
         let budget = Budget {
             metric: Metric::FlipTile,
             limit: 0.3,
         };
-        let promised = promised(&recipe, budget, &facts).unwrap();
-        let params = &promised.steps[0].params;
-        assert_eq!(params["carry"], "a");
+        let promised = |threshold: &str| {
+            let recipe = format!("hoist:budget=0.5,threshold={threshold}");
+            let recipe = Recipe::parse([recipe.as_str()]).unwrap();
+            promised(&recipe, budget, &facts)
+                .unwrap()
+                .steps
+                .remove(0)
+                .params
+        };
+        let some = promised("0.01");
+        assert_eq!(some["carry"], "a");
         assert_eq!(
-            (&params["metric"], &params["budget"]),
+            (&some["metric"], &some["budget"]),
             (&"flip_tile".into(), &0.3.into())
         );
+        // A threshold that selects nothing would select `a` in the other metric.
+        let none = promised("0");
+        assert_eq!((&none["carry"], none.get("threshold")), (&"".into(), None));
     }
 }

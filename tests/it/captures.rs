@@ -282,11 +282,22 @@ fn alpha_that_is_not_written_does_not_blend() {
         file["renderPipelines"][1]["fragment"]["targets"][0]["writeMask"] = json!(7);
     };
     assert!(!blends("alpha-masked", masked));
+    assert!(blends("alpha-masked-float", |file| {
+        masked(file);
+        float(file, "rg16float");
+    }));
+}
+
+/// The main pass draws to a float format, which may hold infinity.
+fn float(file: &mut Value, format: &str) {
+    file["textures"][0]["format"] = json!(format);
+    file["renderPipelines"][1]["fragment"]["targets"][0]["format"] = json!(format);
 }
 
 #[test]
 fn alpha_that_something_reads_stays() {
     let mode = |mode: Value| move |file: &mut Value| file["frames"][0]["alphaMode"] = mode.clone();
+    assert!(blends("alpha-float", |file| float(file, "rgba16float")));
     assert!(blends("alpha-seen", mode(json!("premultiplied"))));
     assert!(blends("alpha-unknown", mode(Value::Null)));
     let refused = |file: &mut Value| {

@@ -66,7 +66,8 @@ impl Bounds {
 
     /// Whether no number is in both ranges.
     pub fn is_apart_from(&self, other: &Self) -> bool {
-        self.high < other.low || other.high < self.low
+        // NaN bounds make an empty range.
+        !(self.low <= other.high && other.low <= self.high)
     }
 
     /// The smallest range that contains both.

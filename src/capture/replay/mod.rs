@@ -114,7 +114,8 @@ impl<'a> Replay<'a> {
     }
 
     /// Executes one frame again and returns the seconds of each command that runs on the GPU; 0 for
-    /// writes. A GPU's own clock measures, or the wall clock on adapters without one.
+    /// writes. A GPU's own clock measures, or the wall clock on adapters without one. No other job draws on a shared
+    /// adapter meanwhile.
     ///
     /// # Errors
     /// As [`Self::frame`].

@@ -30,12 +30,18 @@ pub struct Ahead {
     pub speedup: Estimate,
     /// Pixels that differ.
     pub changed_pixels: u64,
+    /// Pixels whose depth differs.
+    pub changed_depth: u64,
 }
 
 impl Ahead {
-    /// Whether it draws the same picture, and is faster beyond noise by as much as a plan has to be.
+    /// Whether it is faster beyond noise by as much as a plan has to be, and draws the same.
     pub fn pays(&self) -> bool {
-        self.speedup.low > WORTHWHILE && self.changed_pixels == 0
+        self.speedup.low > WORTHWHILE && self.is_same()
+    }
+
+    fn is_same(&self) -> bool {
+        self.changed_pixels == 0 && self.changed_depth == 0
     }
 }
 
@@ -85,25 +91,26 @@ pub fn measured(
             ahead.aim(frame, DrawOrder::AsGiven);
             ahead.keep_ahead(&set);
             let ladder = compare(&picture, &ahead.render()?)?;
-            Ok((ahead, ladder.changed_pixels))
+            Ok((ahead, ladder))
         };
         // A pre-pass that the driver refuses is none, and no reason to end the plan.
-        if let Some((ahead, changed_pixels)) = measure::Error::unless_lost(draw())? {
+        if let Some((ahead, ladder)) = measure::Error::unless_lost(draw())? {
             subjects.push(ahead);
-            drawn.push((set, changed_pixels));
+            drawn.push((set, ladder));
         }
     }
     let subjects: Vec<_> = subjects.iter().collect();
     let (_, times) = measure::time(session.gpu(), &subjects, timing, |_| {})?;
     let each = times.iter().skip(1).zip(drawn);
-    let each = each.map(|(time, (draws, changed_pixels))| Ahead {
+    let each = each.map(|(time, (draws, ladder))| Ahead {
         recipe: RECIPE.to_owned(),
         draws,
         of,
         speedup: time.speedup,
-        changed_pixels,
+        changed_pixels: ladder.changed_pixels,
+        changed_depth: ladder.changed_depth,
     });
-    let by_worth = |a: &Ahead| (a.changed_pixels == 0, a.speedup.median);
+    let by_worth = |a: &Ahead| (a.is_same(), a.speedup.median);
     Ok(each.max_by(|a, b| {
         let (a, b) = (by_worth(a), by_worth(b));
         a.0.cmp(&b.0).then(a.1.total_cmp(&b.1))

@@ -23,12 +23,14 @@ pub struct Sorting {
     pub speedup: Estimate,
     /// Pixels that differ.
     pub changed_pixels: u64,
+    /// Pixels whose depth differs. A shadow map has nothing else.
+    pub changed_depth: u64,
 }
 
 impl Sorting {
-    /// Whether it draws the same picture, and is faster beyond noise by as much as a plan has to be.
+    /// Whether it draws the same picture and depths, and is faster beyond noise by as much as a plan has to be.
     pub fn pays(&self) -> bool {
-        self.speedup.low > WORTHWHILE && self.changed_pixels == 0
+        self.speedup.low > WORTHWHILE && self.changed_pixels == 0 && self.changed_depth == 0
     }
 }
 
@@ -60,6 +62,7 @@ pub fn measured(
         draws,
         speedup: time.speedup,
         changed_pixels: ladder.changed_pixels,
+        changed_depth: ladder.changed_depth,
     }))
 }
 
@@ -212,6 +215,23 @@ mod tests {
     fn hidden(layers: &[&[(u32, f32)]]) -> Hidden {
         let layers: Vec<Layer> = layers.iter().map(|l| l.to_vec()).collect();
         Hidden::of(&layers, |_| 1.0, |a, b| a < b)
+    }
+
+    /// A shadow map has no colour that could differ.
+    #[test]
+    fn an_order_that_changes_depths_does_not_pay() {
+        let sorting = |changed_depth| Sorting {
+            draws: vec![1, 0],
+            moved: vec![0],
+            speedup: Estimate {
+                median: 1.2,
+                low: 1.1,
+                high: 1.3,
+            },
+            changed_pixels: 0,
+            changed_depth,
+        };
+        assert!(sorting(0).pays() && !sorting(1).pays());
     }
 
     #[test]

@@ -40,6 +40,7 @@ async function row(frame, half) {
     if (view) {
         found.adapter = `${profile.adapter.name} (${profile.adapter.driver})`;
         found.profile = {
+            of: Number(/(\d+), [^;]*, which this report is about/.exec(said)?.[1]),
             ms: view.time_ms.median,
             pass: median(view.draws),
             vertices: median(view.vertices),
@@ -94,33 +95,32 @@ function table(rows) {
         const { frame, half, profile, passes, same, within, error } = row;
         if (!passes.length) return `| \`${frame}\` | ${half} | ${cell(error ?? '')} | | | | |\n`;
         const plans = passes.filter((p) => p.same || p.within || p.ms !== undefined);
-        const told = (p, of) =>
-            gains(of?.speedup) ? `${p.pass}: ${cell(of.plan)} ${of.speedup.median.toFixed(2)}x` : '';
+        const told = (p, of) => (of ? `${p.pass}: ${cell(of.plan)} ${ratio(of.speedup)}` : '');
         const kept = plans.map((p) => told(p, p.same)).filter(Boolean);
         const changed = plans
-            .map((p) => gains(p.within?.speedup) && `${told(p, p.within)}, FLIP ${p.within.flip.toPrecision(1)}`)
+            .map((p) => p.within && `${told(p, p.within)}, FLIP ${p.within.flip.toPrecision(1)}`)
             .filter(Boolean);
         const drawn = passes.filter((p) => p.ms !== undefined);
         const timed = drawn.map((p) => `${p.pass}: ${Math.round(p.part * 100)} %, ${p.ms.toFixed(3)} ms`);
-        const cells = [`\`${frame}\``, half, timed.join('<br>'), bound(profile), ratio(same), kept.join('<br>')];
+        const cells = [`\`${frame}\``, half, timed.join('<br>'), bound(profile), frames(same), kept.join('<br>')];
         const isOther = within.median > same.median;
-        const others = isOther ? [ratio(within), changed.join('<br>')] : ['', ''];
+        const others = isOther ? [frames(within), changed.join('<br>')] : ['', ''];
         return `| ${[...cells, ...others].join(' | ')} |\n`;
     });
     return `
-| frame | half | passes that were planned: part of the frame, time | largest part of the main pass | no pixel changes | by | within FLIP 0.01 | by |
+| frame | half | passes that were planned: part of the frame, time | largest part of the profiled pass | no pixel changes | by | within FLIP 0.01 | by |
 |---|---|---|---|--:|---|--:|---|
 ${lines.join('')}
 `;
 }
 
-/** What the time of the main pass goes to, of frames that gain less than 5 %. */
+/** What the time of the profiled pass goes to, of frames that gain less than 5 %. */
 function bounds(rows) {
     const few = rows.filter(({ same, within, profile }) => profile && Math.max(same.median, within.median) < 1.05);
     const lines = few.map(({ frame, profile, passes }) => {
         const fragments = profile.materials.map((m) => m.fragments).filter((part) => part !== undefined);
         const sum = fragments.length ? fragments.reduce((all, part) => all + part, 0) : undefined;
-        const { overdraw } = passes.find((p) => p.overdraw) ?? {};
+        const { overdraw } = passes.find(({ pass }) => pass === profile.of) ?? {};
         const parts = [profile.pass, profile.vertices, sum].map((part) => (part === undefined ? '' : percent(part)));
         return `| \`${frame}\` | ${[...parts, overdraw?.toFixed(2) ?? ''].join(' | ')} |\n`;
     });
@@ -139,14 +139,13 @@ function cell(text) {
     return text.replaceAll('|', '\\|').replaceAll('\n', ' ').slice(0, 200);
 }
 
-/** Whether a gain shows in two digits. */
-function gains(speedup) {
-    return speedup?.median >= 1.005;
+/** The gain of a frame. The parts of its passes are whole percents, so it has two digits. */
+function frames({ median }) {
+    return median === 1 ? '1' : `${median.toFixed(2)}x`;
 }
 
-function ratio(speedup) {
-    const { median, low, high } = speedup;
-    return !gains(speedup) ? '1' : `${median.toFixed(3)} [${low.toFixed(3)}, ${high.toFixed(3)}]`;
+function ratio({ median, low, high }) {
+    return `${median.toFixed(3)}x [${low.toFixed(3)}, ${high.toFixed(3)}]`;
 }
 
 function bound(profile) {
@@ -160,5 +159,5 @@ function bound(profile) {
             parts.push([`${what} of \`${material}\``, part]);
     }
     const [what, part] = parts.filter(([, part]) => part !== undefined).sort((a, b) => b[1] - a[1])[0];
-    return `${what}, ${percent(part)}`;
+    return `${profile.of}: ${what}, ${percent(part)}`;
 }

@@ -1,8 +1,11 @@
 // What the plans of a pass gain, from the decision that `plan --budget` prints.
 
+/** The least gain for which `plan` leaves what the author wrote. */
+const WORTHWHILE = 1.01;
+
 /**
- * What a plan gains: the fastest that changes nothing, another order of the draws and a pre-pass of some of them
- * included, and the one that is chosen within the budget. A gain counts if its interval does.
+ * What a plan gains: the fastest with an exact contract, another order of the draws and a pre-pass of some of them
+ * included, and the one that is chosen within the budget. A gain counts if the lower end of its interval does.
  */
 export function planned({ plans, views: [{ plan, sorted, ahead, overdraw }] }) {
     const one = ({ name, by_view, error, verdict, contract }, index) => ({
@@ -19,14 +22,16 @@ export function planned({ plans, views: [{ plan, sorted, ahead, overdraw }] }) {
     });
     const found = { ms: plans[0].by_view[0].time_ms?.median, overdraw: rounded(overdraw) };
     const all = plans.map(one).slice(1);
-    const gains = ({ speedup, holds }) => holds && speedup?.low > 1;
-    const isSame = ({ pixels, alpha }) => pixels === 0 && alpha === 0;
-    const kept = all.filter((p) => gains(p) && isSame(p));
-    if (sorted && sorted.changed_pixels === 0 && sorted.speedup.low > 1) {
+    const gains = ({ speedup, holds }) => holds && speedup?.low > WORTHWHILE;
+    const isSame = ({ pixels, alpha, depth }) => pixels === 0 && alpha === 0 && depth === 0;
+    const kept = all.filter((p) => gains(p) && isSame(p) && p.contract === 'exact');
+    const isOffered = (of) =>
+        of && of.changed_pixels === 0 && of.changed_depth === 0 && gains({ ...of, holds: true });
+    if (isOffered(sorted)) {
         const plan = `sorted: ${sorted.moved.length} of ${sorted.draws.length} draws move`;
         kept.push({ plan, speedup: sorted.speedup, pixels: 0, flip: 0, holds: true });
     }
-    if (ahead && ahead.changed_pixels === 0 && ahead.speedup.low > 1) {
+    if (isOffered(ahead)) {
         const plan = `${ahead.recipe}: ${ahead.draws.length} of ${ahead.of} draws ahead`;
         kept.push({ plan, recipes: [ahead.recipe], speedup: ahead.speedup, pixels: 0, flip: 0, holds: true });
     }

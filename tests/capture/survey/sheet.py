@@ -42,7 +42,7 @@ def caption(row):
         return f"{row['frame']}: 1.00x, as written"
     if within > same:
         flip = max(p["within"]["flip"] for p in row["passes"] if p.get("within"))
-        exact = f" ({same:.2f}x exact)" if same >= 1.05 else ""
+        exact = f" ({same:.2f}x without)" if same >= 1.05 else ""
         return f"{row['frame']}: {within:.2f}x, FLIP {flip:.3f}{exact}"
     return f"{row['frame']}: {same:.2f}x, no pixel changes"
 

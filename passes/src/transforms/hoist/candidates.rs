@@ -40,7 +40,8 @@ pub(super) fn judge(
     }
     match &params.carry {
         Some(carry) => {
-            let carry: BTreeSet<&str> = carry.split('+').map(str::trim).collect();
+            let ids = carry.split('+').map(str::trim).filter(|id| !id.is_empty());
+            let carry: BTreeSet<&str> = ids.collect();
             as_chosen(values, all, &carry, params.assumed(), precision)
         }
         None => Judged {

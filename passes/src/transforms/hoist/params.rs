@@ -48,7 +48,7 @@ pub struct Params {
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(min = 0.0))]
     pub threshold: Option<f64>,
-    /// The only values to approximate, by id, joined by `+`: an earlier choice.
+    /// The only values to approximate, by id, joined by `+`: an earlier choice. Empty: none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub carry: Option<String>,
     /// Vertices shaded per fragment shaded. Default: the measured ratio, otherwise 0.05.
