@@ -40,7 +40,7 @@ async function row(frame, half) {
     if (view) {
         found.adapter = `${profile.adapter.name} (${profile.adapter.driver})`;
         found.profile = {
-            of: Number(/(\d+), [^;]*, which this report is about/.exec(said)?.[1]),
+            of: Number(/(\d+), [^;]*, which this report is about/.exec(byPass(said))?.[1]),
             ms: view.time_ms.median,
             pass: median(view.draws),
             vertices: median(view.vertices),
@@ -67,10 +67,15 @@ async function read(file) {
     return existsSync(join(folder, file)) ? JSON.parse(await readFile(join(folder, file), 'utf8')) : undefined;
 }
 
+function byPass(said) {
+    return /^note: the frame's time by render pass: (.*)/m.exec(said)?.[1] ?? '';
+}
+
 /** The parts of a frame's time by render pass, and the pass that was profiled. */
 function shares(said) {
-    const line = /^note: the frame's time by render pass: (.*)/m.exec(said)?.[1] ?? '';
-    const each = line.split('; ').map((text) => /^(\d+), (.*) of (\d+) draws?, (\d+) %/.exec(text));
+    const each = byPass(said)
+        .split('; ')
+        .map((text) => /^(\d+), (.*) of (\d+) draws?, (\d+) %/.exec(text));
     return each.filter(Boolean).map(([, pass, kind, draws, part]) => ({
         pass: Number(pass),
         kind,

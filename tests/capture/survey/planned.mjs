@@ -25,8 +25,7 @@ export function planned({ plans, views: [{ plan, sorted, ahead, overdraw }] }) {
     const gains = ({ speedup, holds }) => holds && speedup?.low > WORTHWHILE;
     const isSame = ({ pixels, alpha, depth }) => pixels === 0 && alpha === 0 && depth === 0;
     const kept = all.filter((p) => gains(p) && isSame(p) && p.contract === 'exact');
-    const isOffered = (of) =>
-        of && of.changed_pixels === 0 && of.changed_depth === 0 && gains({ ...of, holds: true });
+    const isOffered = (of) => of && of.changed_pixels === 0 && of.changed_depth === 0 && gains({ ...of, holds: true });
     if (isOffered(sorted)) {
         const plan = `sorted: ${sorted.moved.length} of ${sorted.draws.length} draws move`;
         kept.push({ plan, speedup: sorted.speedup, pixels: 0, flip: 0, holds: true });

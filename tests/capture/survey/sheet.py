@@ -25,7 +25,7 @@ def main():
     down = -(-len(shown) // ACROSS)
     sheet = Image.new("RGB", (SIZE[0] * ACROSS, (SIZE[1] + LINE) * down), "#181818")
     draw = ImageDraw.Draw(sheet)
-    font = ImageFont.load_default(13)
+    font = ImageFont.load_default(12)
     for place, row in enumerate(shown):
         left, top = place % ACROSS * SIZE[0], place // ACROSS * (SIZE[1] + LINE)
         picture = Image.open(f"{pictures}/{row['frame']}.png").convert("RGB")
@@ -40,10 +40,11 @@ def caption(row):
     same, within = row["same"]["median"], row["within"]["median"]
     if max(same, within) < 1.005:
         return f"{row['frame']}: 1.00x, as written"
-    if within > same:
+    if f"{within:.2f}" > f"{same:.2f}":
         flip = max(p["within"]["flip"] for p in row["passes"] if p.get("within"))
-        exact = f" ({same:.2f}x without)" if same >= 1.05 else ""
-        return f"{row['frame']}: {within:.2f}x, FLIP {flip:.3f}{exact}"
+        changed = f"FLIP {flip:.3f}" if flip >= 0.0005 else "FLIP below 0.001"
+        exact = f"; {same:.2f}x unchanged" if same >= 1.05 else ""
+        return f"{row['frame']}: {within:.2f}x, {changed}{exact}"
     return f"{row['frame']}: {same:.2f}x, no pixel changes"
 
 
