@@ -351,6 +351,7 @@ fn one(
     let settings = settings(args, model);
     let session = Session::new(gpu, &scene, ShaderForm::Text)?;
     let (recipes, facts) = prepare(args, &session, bar)?;
+    let recipes = writable(recipes, shader.target(), (&session, &facts));
     let decision = decide::decide(&session, &recipes, &facts, &settings, &mut |p| {
         bar.set_position((p.done * 1000.0) as u64);
         bar.set_message(p.what);
@@ -494,6 +495,32 @@ pub fn prepare(
     Ok((chosen, facts))
 }
 
+/// The recipes that WebGL's languages can express, of a frame of WebGL: they have no compute shaders, for one.
+fn writable(
+    mut recipes: Vec<Recipe>,
+    target: emit::Target,
+    (session, facts): (&Session<'_>, &Facts),
+) -> Vec<Recipe> {
+    if !matches!(target, emit::Target::GlslEs100 | emit::Target::GlslEs300) {
+        return recipes;
+    }
+    recipes.retain(|recipe| {
+        let variant = measure::variant(session.originals(), recipe, facts);
+        let emitted = |plan: &Plan| emit::emit(plan, &[target], &emit::Options::default());
+        let failed = |plan: &Plan| match emitted(plan) {
+            Err(error @ emit::EmitError::Inexpressible { .. }) => Some(error),
+            _ => None,
+        };
+        let mut changed = variant.plans.iter().filter(|p| !p.steps.is_empty());
+        let why = changed.find_map(failed);
+        if let Some(why) = &why {
+            output::message(&format!("left out {recipe}: {why}"));
+        }
+        why.is_none()
+    });
+    recipes
+}
+
 /// Reads a scene, or makes one up for a shader.
 pub fn scene(args: &PlanArgs, shader: &ShaderArgs) -> Result<Scene, Failure> {
     let scene = shader.scene()?;
@@ -624,6 +651,7 @@ impl Planned<'_> {
             told("report.csv", report::csv::decision(self.decision)),
             told("report.html", page),
         ];
+        emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
         let mut written = files.len();
         let (authored, target) = (self.authored()?, self.shader.target());
         for (folder, plan) in self.decision.folders() {
@@ -638,7 +666,6 @@ impl Planned<'_> {
             written += files.len();
             emit::write(&dir.join(folder), &files).map_err(|e| Failure(format!("error: {e}")))?;
         }
-        emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
         output::message(&format!("wrote {written} files to {}", dir.display()));
         Ok(())
     }

@@ -41,7 +41,8 @@ pub struct ProfileArgs {
 
 /// Profiles a scene, a captured frame, or a bare shader.
 pub fn run(args: &ProfileArgs) -> Result<Ending, Failure> {
-    let scene = args.view.of(args.shader.scene()?)?;
+    let shader = args.shader.on(args.adapter.as_deref());
+    let scene = args.view.of(shader.scene()?)?;
     guesses::tell(&scene);
     let choice = args.adapter.clone();
     let choice = choice.map_or(AdapterChoice::Best, AdapterChoice::Matching);

@@ -11,7 +11,9 @@
 //!   may now be dead;
 //! - the basic block: some compilers fuse only within a block, and removing a branch merges two
 //!   blocks;
-//! - constants: a known number may be multiplied out, or a factor of 1 dropped.
+//! - constants: a known number may be multiplied out, or a factor of 1 dropped;
+//! - iterations: if constants decide how many there are, a compiler may write them out one after the other, and fuse
+//!   across them.
 //!
 //! So we compare pairs of an operation and the float operation that provides its operand, each with
 //! everything it is computed from, by structure. If the original has the same pair with as many
@@ -35,8 +37,9 @@ use crate::analysis::values::{ContextId, Node, TooLarge, ValueId, Values};
 use crate::core::contract::Surface;
 use crate::core::plan::GpuPass;
 use crate::core::program::Program;
+use crate::graph::memory::Origin;
 use crate::graph::rate::Rate;
-use crate::graph::{FunctionGraph, FunctionId, Graph, operands};
+use crate::graph::{FunctionGraph, FunctionId, Graph, control, operands};
 use crate::slice::{Need, Slice};
 
 mod rewritten;
@@ -345,17 +348,57 @@ impl<'g, 'p> Operations<'_, 'g, 'p> {
         self.is_arithmetic(id) && self.whole(id).is_some_and(|(_, e)| adds(e))
     }
 
+    /// The conditions that end a loop, if a value merges its iterations.
+    fn exits(&self, id: ValueId) -> Vec<ValueId> {
+        let named = |(context, e)| self.values.named(context, e);
+        let exits = self.merged_by(id).into_iter();
+        let exits =
+            exits.flat_map(|(context, s)| control::exits(s).into_iter().map(move |e| (context, e)));
+        let mut found: Vec<ValueId> = exits.filter_map(named).collect();
+        // `a && b` is a variable that a branch on `a` writes.
+        let mut next = 0;
+        while next < found.len() && found.len() < MOST_COPIES {
+            let merges = self.sources(found[next]);
+            let branches = merges.iter().filter_map(|m| self.merged_by(*m));
+            let conditions = branches.filter_map(|(context, s)| match s {
+                Statement::If { condition, .. } => named((context, *condition)),
+                _ => None,
+            });
+            for condition in conditions {
+                if !found.contains(&condition) {
+                    found.push(condition);
+                }
+            }
+            next += 1;
+        }
+        found
+    }
+
+    /// The statement whose ends a value merges.
+    fn merged_by(&self, id: ValueId) -> Option<(ContextId, &'p Statement)> {
+        let Node::Version(context, version) = self.values.values[id].node else {
+            return None;
+        };
+        let f = self.function(context);
+        match f.memory.origin(version) {
+            Origin::Phi { at: Some(at), .. } => Some((context, f.statements.get(*at).statement)),
+            _ => None,
+        }
+    }
+
     /// Structural hash of each value to [`DEPTH`], by Weisfeiler-Lehman refinement, which handles
     /// loops.
     fn hashed(&self) -> Vec<u64> {
         let values = &self.values.values;
+        let exits: Vec<Vec<ValueId>> = (0..values.len()).map(|id| self.exits(id)).collect();
         let tags: Vec<u64> = (0..values.len()).map(|id| self.tag(id)).collect();
         // Copies get the hash of their source, so that removed copies leave no trace.
         let through: Vec<ValueId> = (0..values.len()).map(|id| self.through(id)).collect();
         let mut hashes = tags.clone();
         for _ in 0..DEPTH {
             let next = |id: ValueId| {
-                let mut of: Vec<u64> = values[id].operands.iter().map(|o| hashes[*o]).collect();
+                let operands = values[id].operands.iter().chain(&exits[id]);
+                let mut of: Vec<u64> = operands.map(|o| hashes[*o]).collect();
                 of.sort_unstable();
                 hash(&(tags[id], of))
             };
@@ -700,8 +743,10 @@ impl<'g, 'p> Looked<'g, 'p> {
                             self.block(source) == self.block(id),
                             operations.readers(source),
                         ),
-                        // A constant may be multiplied out by itself.
-                        false if self.is_constant(source) => {
+                        // A constant may be multiplied out by itself, and an iteration written out behind another.
+                        false
+                            if self.is_constant(source) || !operations.exits(source).is_empty() =>
+                        {
                             (self.hashes[source], self.hashes[id], true, 0)
                         }
                         false => continue,

@@ -7,7 +7,7 @@
 //! needs. `Kill` falls through: WGSL's discard is a demotion, so it affects observation and no
 //! value.
 
-use naga::{Block, Statement};
+use naga::{Block, Expression, Handle, Statement};
 use petgraph::algo::dominators;
 use petgraph::graph::{DiGraph, NodeIndex};
 use petgraph::visit::{EdgeRef, IntoNodeIdentifiers};
@@ -265,6 +265,35 @@ impl Wiring<'_, '_> {
             _ => self.edge(node, next, FlowEdge::Real),
         }
     }
+}
+
+/// The conditions that decide whether an iteration of a loop is its last one. None for another statement.
+pub(crate) fn exits(statement: &Statement) -> Vec<Handle<Expression>> {
+    fn add(block: &Block, found: &mut Vec<Handle<Expression>>) {
+        for statement in block {
+            match statement {
+                Statement::Block(inner) => add(inner, found),
+                Statement::If {
+                    condition,
+                    accept,
+                    reject,
+                } => {
+                    let blocks = [accept, reject];
+                    if blocks.iter().any(|b| leaves(b, BreakDepth::Here)) {
+                        found.push(*condition);
+                        blocks.into_iter().for_each(|b| add(b, found));
+                    }
+                }
+                _ => {}
+            }
+        }
+    }
+    let mut found = Vec::new();
+    if let Statement::Loop { body, break_if, .. } = statement {
+        add(body, &mut found);
+        found.extend(*break_if);
+    }
+    found
 }
 
 #[derive(Clone, Copy, PartialEq, Eq)]

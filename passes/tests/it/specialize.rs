@@ -55,6 +55,10 @@ fn everything_off() {
 /// What is promised of a fragment stage with this body, and of a vertex stage whose position is
 /// this, when the uniform `flag` is known to be 0.
 fn promised(position: &str, body: &str) -> Contract {
+    promised_with("flag=0", position, body)
+}
+
+fn promised_with(known: &str, position: &str, body: &str) -> Contract {
     let source = format!(
         "struct U {{ flag: u32, a: vec4<f32>, b: vec4<f32>, c: vec4<f32> }}
 @group(0) @binding(0) var<uniform> u: U;
@@ -66,7 +70,7 @@ struct V {{ @builtin(position) position: vec4<f32>, @location(0) t: vec4<f32> }}
 }}
 @fragment fn fs(@location(0) t: vec4<f32>) -> @location(0) vec4<f32> {{ {body} }}"
     );
-    specialized(&original(&source), &set("flag=0"))
+    specialized(&original(&source), &set(known))
         .unwrap()
         .contract
 }
@@ -104,6 +108,23 @@ fn exact_is_promised_where_nothing_around_a_float_operation_changes() {
     let turned = rounds(decided, 2).unwrap();
     assert_eq!(turned.surface, Surface::Kept);
     assert!(turned.share > 0.0 && turned.share < 1e-4, "{turned:?}");
+}
+
+/// A compiler may write out the iterations of a loop if constants say how many there are, and fuse across them.
+#[test]
+fn a_loop_whose_iterations_become_constant_may_round_otherwise() {
+    let kind = |known: &str, body: &str| promised_with(known, "", body).kind();
+    for body in [
+        "var x = t; for (var i = 0u; i < u.flag; i++) { x = x * u.a + u.b; } return x;",
+        "var x = t; for (var i = 0u; i < 16u; i++) { if i >= u.flag { break; } x += u.a; } return x;",
+        "var x = t; var i = 0u; loop { x += u.a; i++; continuing { break if i >= u.flag; } } return x * u.b;",
+        "var x = t; for (var i = 0u; i < u.flag && x.y < 9.0; i++) { x += u.a; } return x + u.b;",
+    ] {
+        assert_eq!(kind("flag=9", body), "rounding", "{body}");
+    }
+    let constant = "var x = t; for (var i = 0u; i < 9u; i++) { x = x * u.a + u.b; } \
+                    if u.flag > 0u { x = u.c; } return x;";
+    assert_eq!(kind("flag=0", constant), "exact");
 }
 
 #[test]
