@@ -495,7 +495,8 @@ pub fn prepare(
     Ok((chosen, facts))
 }
 
-/// The recipes that WebGL's languages can express, of a frame of WebGL: they have no compute shaders, for one.
+/// The recipes that a host can draw with WebGL, of a frame of WebGL. It has no compute shaders, and its viewports have no
+/// fractions of a pixel, which a smaller attachment needs.
 fn writable(
     mut recipes: Vec<Recipe>,
     target: emit::Target,
@@ -508,7 +509,10 @@ fn writable(
         let variant = measure::variant(session.originals(), recipe, facts);
         let emitted = |plan: &Plan| emit::emit(plan, &[target], &emit::Options::default());
         let failed = |plan: &Plan| match emitted(plan) {
-            Err(error @ emit::EmitError::Inexpressible { .. }) => Some(error),
+            _ if plan.attachments.iter().any(|a| a.divisor > 1) => {
+                Some("WebGL's viewports have no fractions of a pixel".to_owned())
+            }
+            Err(error @ emit::EmitError::Inexpressible { .. }) => Some(error.to_string()),
             _ => None,
         };
         let mut changed = variant.plans.iter().filter(|p| !p.steps.is_empty());
