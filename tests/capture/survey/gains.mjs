@@ -9,19 +9,18 @@ import { existsSync } from 'node:fs';
 import { mkdir, readFile, writeFile } from 'node:fs/promises';
 import { join } from 'node:path';
 import { fileURLToPath } from 'node:url';
-import { planned, rounded } from './planned.mjs';
+import { frames, planned, rounded } from './planned.mjs';
 import { placed } from './table.mjs';
 
 const RESULTS = fileURLToPath(new URL('../../../docs/results/workload', import.meta.url));
 const SAME = { median: 1, low: 1, high: 1 };
 const [folder, name] = process.argv.slice(2);
-const list = JSON.parse(await readFile(new URL('frames.json', import.meta.url), 'utf8'));
 
 const file = join(RESULTS, `${name}.json`);
 const lines = existsSync(file) ? (await readFile(file, 'utf8')).trim().split('\n') : [];
 const before = lines.map((line) => JSON.parse(line));
 const rows = [];
-for (const { id, half } of list.frames ?? list) {
+for (const { id, half } of frames) {
     const kept = before.find(({ frame }) => frame === id);
     if (existsSync(join(folder, `${id}.txt`))) rows.push(await row(id, half));
     else if (kept) rows.push(kept);
@@ -107,9 +106,9 @@ function table(rows) {
             .filter(Boolean);
         const drawn = passes.filter((p) => p.ms !== undefined);
         const timed = drawn.map((p) => `${p.pass}: ${Math.round(p.part * 100)} %, ${p.ms.toFixed(3)} ms`);
-        const cells = [`\`${frame}\``, half, timed.join('<br>'), bound(profile), frames(same), kept.join('<br>')];
+        const cells = [`\`${frame}\``, half, timed.join('<br>'), bound(profile), ofFrame(same), kept.join('<br>')];
         const isOther = within.median > same.median;
-        const others = isOther ? [frames(within), changed.join('<br>')] : ['', ''];
+        const others = isOther ? [ofFrame(within), changed.join('<br>')] : ['', ''];
         return `| ${[...cells, ...others].join(' | ')} |\n`;
     });
     return `
@@ -145,7 +144,7 @@ function cell(text) {
 }
 
 /** The gain of a frame. The parts of its passes are whole percents, so it has two digits. */
-function frames({ median }) {
+function ofFrame({ median }) {
     return median === 1 ? '1' : `${median.toFixed(2)}x`;
 }
 

@@ -2,7 +2,8 @@
 
 import { readFile } from 'node:fs/promises';
 
-const list = JSON.parse(await readFile(new URL('frames.json', import.meta.url), 'utf8'));
+/** The frames of frames.json. */
+export const { frames } = JSON.parse(await readFile(new URL('frames.json', import.meta.url), 'utf8'));
 
 /** Passes for which WebGL lacks compute shaders, or viewports with fractions of a pixel. */
 const NOT_IN_WEBGL = /\b(half-rate|preamble)\b/;
@@ -16,7 +17,7 @@ const WORTHWHILE = 1.01;
  * cannot draw with WebGL is no plan of a frame of WebGL: then the fastest of the others counts.
  */
 export function planned({ scene, plans, views: [{ plan, sorted, ahead, overdraw }] }) {
-    const isWebgl = (list.frames ?? list).find(({ id }) => id === scene)?.api.startsWith('WebGL');
+    const isWebgl = frames.find(({ id }) => id === scene)?.api.startsWith('WebGL');
     const one = ({ name, by_view, error, verdict, contract }, index) => ({
         index,
         contract: contract.kind,
