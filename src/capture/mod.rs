@@ -8,8 +8,8 @@
 //! 4. [`pass`] finds the render passes and their draws;
 //! 5. [`scene`] makes a [`crate::scene::Scene`] of one pass: its pipelines are the materials.
 
-#[cfg(feature = "capture")]
 mod alpha;
+#[cfg(feature = "capture")]
 pub mod browser;
 mod check;
 pub mod codes;
