@@ -12,6 +12,7 @@ demo:
 check:
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --all-features --quiet -- -D warnings
+	cargo check -p preshade-cli --no-default-features --quiet
 	cargo test --workspace --all-features --quiet --lib --bins --test it
 
 # Everything that CI checks: format, lints, docs, all tests. Installs missing tools on Debian and Ubuntu. With an
