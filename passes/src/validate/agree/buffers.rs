@@ -132,9 +132,7 @@ impl Matcher<'_> {
         cast: &Cast,
     ) {
         let variable = &self.ours.global_variables[our];
-        // A light's struct of its own has an order of its own.
-        let theirs = &self.theirs.global_variables[global];
-        if theirs.binding != variable.binding || theirs.name != variable.name {
+        if !self.is_one_block(global, our) {
             return;
         }
         let (theirs, ours) = (offsets(self.theirs, ty), offsets(self.ours, variable.ty));
@@ -153,6 +151,18 @@ impl Matcher<'_> {
         });
         let moved: Vec<String> = moved.take(3).collect();
         self.notes.extend(moved);
+    }
+
+    /// Whether two variables are one block, whose bytes one host fills. A light's struct of its own
+    /// has an order of its own, and OpenGL's uniforms outside of blocks have no bytes.
+    fn is_one_block(&self, theirs: Handle<GlobalVariable>, ours: Handle<GlobalVariable>) -> bool {
+        let [our_program, their_program] = self.programs;
+        let theirs = &self.theirs.global_variables[theirs];
+        let ours = &self.ours.global_variables[ours];
+        theirs.binding == ours.binding
+            && theirs.name == ours.name
+            && !our_program.declared().is_loose(ours.binding)
+            && !their_program.declared().is_loose(theirs.binding)
     }
 
     /// Whether a type of theirs has values of two frames.
@@ -227,9 +237,10 @@ impl Matcher<'_> {
             ];
             let there = offset(self.theirs, variables[0].ty, steps);
             let here = offset(self.ours, variables[1].ty, &from);
-            let is_one = variables[0].binding == variables[1].binding
-                && variables[0].name == variables[1].name;
-            if is_one && there != here && self.relation != Relation::Velocity {
+            if self.is_one_block(global, our)
+                && there != here
+                && self.relation != Relation::Velocity
+            {
                 let path = mapping::name_of(self.theirs, global, steps);
                 self.notes.push(format!(
                     "`{}` is at byte {there} there and at byte {here} here",

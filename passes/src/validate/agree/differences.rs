@@ -1,11 +1,12 @@
 //! What two runs differ in, and whether that is rounding alone.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
 use naga::BuiltIn;
 
 use super::trial::{Two, What};
 use super::{Class, Relation};
+use crate::core::program::Program;
 use crate::core::state::DepthDirection;
 use crate::evaluate::{Number, Scalar, Value};
 use crate::validate::compare::{self, Colors, Depths, Discards, Stores, text};
@@ -24,11 +25,13 @@ impl Two<'_> {
     pub(super) fn is_rounding(&self, what: What, inputs: &Inputs, place: TestPoint) -> bool {
         let world = world::precise(inputs);
         let run = |stages| world.run(stages, place, 4 * self.effort.steps, None);
-        let (Ok(first), Ok(mut second)) = (run(self.first), run(self.second)) else {
+        let (Ok(mut first), Ok(mut second)) = (run(self.first), run(self.second)) else {
             self.budget.spend(self.effort.steps);
             return false;
         };
         self.budget.spend(first.steps + second.steps);
+        self.narrow(&mut first);
+        self.narrow(&mut second);
         // What is close counts as equal.
         let snap = |ours: Option<&Value<f64>>, theirs: Option<&mut Value<f64>>| {
             if let (Some(ours), Some(theirs)) = (ours, theirs)
@@ -44,6 +47,22 @@ impl Two<'_> {
             snap(Some(ours), second.stored.get_mut(at));
         }
         first.discarded == second.discarded && self.difference(what, &first, &second).is_none()
+    }
+
+    /// Leaves out the components of outputs that an author does not declare: reading GLSL fills them.
+    pub(super) fn narrow<F: Number>(&self, ran: &mut Ran<F>) {
+        for (location, count) in &self.components {
+            let output = ran.outputs.get_mut(&Slot::Location(*location, None));
+            if let Some(output @ Value::Composite(_)) = output {
+                let Value::Composite(parts) = output else {
+                    continue;
+                };
+                parts.truncate(*count as usize);
+                if let [one] = &parts[..] {
+                    *output = one.clone();
+                }
+            }
+        }
     }
 
     /// The samples that a fragment covers, as bits.
@@ -210,6 +229,20 @@ impl Two<'_> {
             }
         }
     }
+}
+
+/// The components of outputs that two programs declare, by location, if one of them declares fewer
+/// than four.
+pub(super) fn components(programs: [&Program; 2]) -> BTreeMap<u32, u32> {
+    let targets = programs.into_iter().flat_map(|p| &p.declared().targets);
+    let mut all = BTreeMap::new();
+    for target in targets {
+        if let Some(count) = target.components().filter(|count| *count < 4) {
+            let least = all.entry(target.location).or_insert(count);
+            *least = count.min(*least);
+        }
+    }
+    all
 }
 
 /// A written depth as it is stored: within 0 and 1. A compiler may clamp it already. No API says what

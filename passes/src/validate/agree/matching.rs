@@ -5,7 +5,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use naga::{AddressSpace, GlobalVariable, Handle, Module, ResourceBinding, Type, TypeInner};
+use naga::{
+    AddressSpace, GlobalVariable, Handle, ImageClass, Module, ResourceBinding, ScalarKind, Type,
+    TypeInner,
+};
 use serde::Serialize;
 
 use super::attributes::Attributes;
@@ -94,7 +97,7 @@ pub(super) struct Matcher<'a> {
     pub(super) ours: &'a Module,
     pub(super) theirs: &'a Module,
     /// Both programs, for what the IR can't say.
-    programs: [&'a Program; 2],
+    pub(super) programs: [&'a Program; 2],
     pub(super) relation: Relation,
     pub(super) maps: &'a [Mapping],
     /// Named parts of our buffers.
@@ -247,7 +250,10 @@ fn check(
             };
             let fits = match is_data(theirs, their.global) {
                 true => cast((theirs, their.ty), (ours, our.ty)).is_some(),
-                false => ours.types[our.ty].inner == theirs.types[their.ty].inner,
+                false => is_same_resource(
+                    (theirs, &theirs.types[their.ty].inner),
+                    (ours, &ours.types[our.ty].inner),
+                ),
             };
             if !fits {
                 return Err(Mismatch::Map {
@@ -556,7 +562,8 @@ impl Matcher<'_> {
     }
 }
 
-/// Whether two textures, samplers or arrays of them are of one type.
+/// Whether two textures, samplers or arrays of them are of one type. Some languages have no depth
+/// textures but for comparisons.
 fn is_same_resource(
     (theirs, their): (&Module, &TypeInner),
     (ours, our): (&Module, &TypeInner),
@@ -569,7 +576,32 @@ fn is_same_resource(
             let inner = [&theirs.types[*a].inner, &ours.types[*b].inner];
             n == m && is_same_resource((theirs, inner[0]), (ours, inner[1]))
         }
+        (
+            TypeInner::Image {
+                dim,
+                arrayed,
+                class,
+            },
+            TypeInner::Image {
+                dim: our_dim,
+                arrayed: is_our_array,
+                class: our_class,
+            },
+        ) => {
+            dim == our_dim && arrayed == is_our_array && of_floats(*class) == of_floats(*our_class)
+        }
         _ => their == our,
+    }
+}
+
+/// The class of a texture, a depth as a float.
+fn of_floats(class: ImageClass) -> ImageClass {
+    match class {
+        ImageClass::Depth { multi } => ImageClass::Sampled {
+            kind: ScalarKind::Float,
+            multi,
+        },
+        other => other,
     }
 }
 

@@ -419,6 +419,7 @@ pub fn agree(
         covers_by_alpha: multisample.alpha_to_coverage,
         samples: multisample.count,
         numbers: Arc::new(Numbers::of([first, renamed])),
+        components: differences::components([&our_program, &their_program]),
         direction: ours
             .depth
             .as_ref()

@@ -66,6 +66,8 @@ pub(super) struct Two<'a> {
     pub(super) direction: DepthDirection,
     /// What both compare with.
     pub(super) numbers: Arc<Numbers>,
+    /// The components of outputs by location, where an author declares fewer than four.
+    pub(super) components: BTreeMap<u32, u32>,
     /// The first program as a pass that writes its normal to location 0, if it has no output of it;
     /// or why there is none.
     pub(super) normal: Option<Result<PassStages<'a>, String>>,
@@ -552,8 +554,10 @@ impl<'a> Two<'a> {
             seen.kept += u64::from(discards.contains(&false));
             seen.discarded += u64::from(discards.contains(&true));
         }
-        differences::clamp_depth(&mut first);
-        differences::clamp_depth(&mut second);
+        for ran in [&mut first, &mut second] {
+            differences::clamp_depth(ran);
+            self.narrow(ran);
+        }
         if let What::Still(slot) = what {
             let value = second.outputs.get(&slot).and_then(|v| v.floats().ok());
             let is_finite = value.is_some_and(|v| v.iter().all(|x| x.is_finite()));
