@@ -124,6 +124,18 @@ enum Call {
     Indirect(Arguments),
 }
 
+impl Call {
+    /// Where a draw whose own part of the target is `own` draws with this geometry. Geometry of ours
+    /// covers what ids name, at depths of its own.
+    fn area(&self, own: Area, whole: Area) -> Area {
+        match self {
+            Self::AsGiven | Self::Subdivided(_) | Self::Unindexed(_) => own,
+            Self::FullScreen => whole,
+            Self::Indirect(_) => own.with_all_depths(),
+        }
+    }
+}
+
 impl std::fmt::Debug for Prepared<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Prepared")
@@ -604,18 +616,19 @@ impl<'a> Prepared<'a> {
     fn draw_all(&self, pass: &PreparedPass, render: &mut wgpu::RenderPass<'_>) {
         let scene = self.inputs.scene();
         let divisor = self.targets.divisor(&pass.frame);
-        let whole = (divisor > 1).then_some([0, 0, scene.size[0], scene.size[1]]);
-        if let Some(viewport) = scene.viewport.or(whole) {
-            Area::of(viewport, scene.size).divided(divisor).set(render);
-        }
+        let target = [0, 0, scene.size[0], scene.size[1]];
+        let whole = Area::of(scene.viewport.unwrap_or(target), scene.size);
         let mut current = None;
+        let mut area = Area::of(target, scene.size);
         for item in pass.sequence.iter().filter_map(|i| pass.items.get(*i)) {
             let Some(draw) = self.inputs.draw(item.draw) else {
                 continue;
             };
-            if let Some(area) = &draw.area {
-                let area = area.scaled(self.inputs.scene().size);
-                area.divided(divisor).set(render);
+            let own = draw.area.map_or(whole, |own| own.scaled(scene.size));
+            let wanted = item.call.area(own, whole).divided(divisor);
+            if area != wanted {
+                wanted.set(render);
+                area = wanted;
             }
             if current != Some(item.pipeline) {
                 render.set_pipeline(&pass.pipelines[item.pipeline]);
