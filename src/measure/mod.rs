@@ -68,7 +68,7 @@ pub use shading::{
     CountProgram, Counter, Discarded, Shading, ShadingSummary, facts, facts_for_choice,
 };
 pub use shadow::ShadowReport;
-pub use steady::steady_textures;
+pub use steady::bound;
 pub use subject::Subject;
 pub use timing::{
     Clock, Estimate, FEWEST_SAMPLES, FrameTime, Timing, TimingSettings, estimate, time,
@@ -119,11 +119,18 @@ pub fn known(scene: &crate::scene::Scene) -> preshade_passes::pass::Facts {
     let constants = changing
         .clone()
         .and_then(|changing| constants::constants_beside(scene, changing).ok());
+    let bound = bound(scene).unwrap_or_default();
+    let those = |which: fn(&steady::Texels) -> bool| {
+        let those = bound.textures.iter().filter(|(_, texels)| which(texels));
+        those.map(|(texture, _)| texture.clone()).collect()
+    };
     preshade_passes::pass::Facts {
         changing,
         constants: constants.unwrap_or_default(),
         ranges: ranges(scene).unwrap_or_default(),
-        steady_textures: steady_textures(scene).unwrap_or_default(),
+        steady_textures: those(|texels| texels.is_steady),
+        infinite_textures: those(|texels| texels.is_infinite),
+        narrow_depths: bound.narrow_depths.iter().cloned().collect(),
         undrawn: undrawn(scene).ok(),
         ..preshade_passes::pass::Facts::default()
     }
