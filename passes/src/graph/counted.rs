@@ -56,6 +56,17 @@ impl Counted {
         Some(counted)
     }
 
+    /// Its trip count if the bound is `known`.
+    pub fn turns_by(
+        module: &Module,
+        f: &FunctionGraph<'_>,
+        id: StmtId,
+        known: impl Fn(Handle<Expression>) -> Option<i64>,
+    ) -> Option<u32> {
+        let counted = Self::of_any_bound(module, f, id)?;
+        counted.until(known(counted.bound)?)
+    }
+
     /// The same whatever the bound is, without a trip count.
     fn of_any_bound(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<Self> {
         let Statement::Loop { body, .. } = f.statements.get(id).statement else {
