@@ -3,13 +3,12 @@
 use std::fmt;
 
 use naga::ShaderStage;
-use preshade_passes::graph::Graph;
 use preshade_passes::guard::Assumed;
 use preshade_passes::pass::{Change, Facts, Frequency, Left, Pass, Refusal};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Location;
-use preshade_passes::specialize::Specialize;
 use preshade_passes::specialize::effects::{self, CalledFor, Effect};
+use preshade_passes::specialize::{Specialize, as_drawn};
 use preshade_passes::{PASSES, pass_named};
 use serde::Serialize;
 
@@ -193,12 +192,12 @@ const BUDGET: f64 = 0.02;
 
 impl Saved {
     /// `None`: `after` has more passes, so that its stages alone say little, or no stage costs less.
-    fn between(before: &Plan, after: &Plan) -> Option<Self> {
+    fn between(before: &Plan, after: &Plan, facts: &Facts) -> Option<Self> {
         let passes = |plan: &Plan| (plan.passes.len(), plan.compute.len());
         if passes(before) != passes(after) {
             return None;
         }
-        let (before, after) = (stages(before), stages(after));
+        let (before, after) = (stages(before, facts), stages(after, facts));
         let stages = before.iter().zip(&after).map(|(a, b)| Self {
             stage: a.stage,
             ops: a.cost - b.cost,
@@ -307,7 +306,7 @@ pub fn explain(
             .into_iter()
             .filter(is_switch)
             .collect(),
-        stages: stages(plan),
+        stages: stages(plan, facts),
         passes: steps
             .iter()
             .filter_map(|step| {
@@ -327,7 +326,7 @@ pub fn explain(
                 };
                 match pipeline::run(step, &before, frame, facts) {
                     Ok(done) => {
-                        explained.saved = Saved::between(&before, &done.plan);
+                        explained.saved = Saved::between(&before, &done.plan, facts);
                         explained.sites = vec![done.change];
                         explained.left = done.left;
                         if order == Order::Chained {
@@ -364,7 +363,7 @@ impl Explained {
                     let done = pipeline::run(&step, plan, frame, facts).ok()?;
                     Some(VersionExplained {
                         material: plan.material.clone(),
-                        saved: Saved::between(plan, &done.plan),
+                        saved: Saved::between(plan, &done.plan, facts),
                         change: done.change,
                     })
                 })
@@ -392,16 +391,16 @@ fn within_budget(step: &Step, plan: &Plan, frame: &[Plan], facts: &Facts) -> Opt
     let done = pipeline::run(&step, plan, frame, facts).ok()?;
     Some(WithinBudget {
         step: step.to_string(),
-        saved: Saved::between(plan, &done.plan),
+        saved: Saved::between(plan, &done.plan, facts),
         change: done.change,
     })
 }
 
-fn stages(plan: &Plan) -> Vec<StageCost> {
+fn stages(plan: &Plan, facts: &Facts) -> Vec<StageCost> {
     let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
         return Vec::new();
     };
-    let graph = Graph::build(program);
+    let graph = as_drawn(program, pass, &plan.material, facts);
     let mut stages = Vec::new();
     for (stage, word, name) in [
         (ShaderStage::Vertex, "vertex", Some(&pass.vertex)),

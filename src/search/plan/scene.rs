@@ -213,10 +213,11 @@ pub fn decide(
                     format!("sorting the draws of {view}"),
                 ));
                 session.inputs().set_frame(frame)?;
-                let layers = Layers::draw(session, frame)?;
+                let layers = Layers::draw(session, frame, facts)?;
                 of.sorted = sorting::measured(session, frame, &layers, &settings.timing)?;
                 let plans = scouted.prepasses();
-                of.ahead = ahead::measured(session, frame, (&layers, &plans), &settings.timing)?;
+                of.ahead =
+                    ahead::measured(session, frame, (&layers, &plans), facts, &settings.timing)?;
             }
         }
     }
