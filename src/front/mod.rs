@@ -118,7 +118,15 @@ impl Source {
                 ..Self::new(name, spirv::listed(&words))
             });
         }
-        Ok(Self::new(name, regular::decode(bytes)?))
+        let name = name.into();
+        let is_module = extension(&name) == Some("spv");
+        let text = regular::decode(bytes).map_err(|error| match error {
+            ReadError::NoText(_) | ReadError::Binary("no text") if is_module => {
+                ReadError::Binary("no SPIR-V, whose first word is 0x07230203")
+            }
+            other => other,
+        });
+        Ok(Self::new(name, text?))
     }
 
     /// Sets the language.
