@@ -100,8 +100,10 @@ impl Matcher<'_> {
         if let Some((our, cast, _)) = &whole {
             self.tell_offsets((global, ty), *our, cast);
         }
+        let given = mapped.iter().map(|(their, _)| their.steps.clone());
+        let given = [given.collect(), self.parts_of_products(global)].concat();
         if let Some((our, Cast::Same, by)) = &whole
-            && mapped.is_empty()
+            && given.is_empty()
             && self.is_same_space(global, *our)
             && self.take(global, *our)
         {
@@ -114,7 +116,7 @@ impl Matcher<'_> {
         let to = self.own_binding(global);
         match whole {
             Some((our, cast, by)) => self.rule((global, to, &[]), (our, &[]), cast, by),
-            None => self.part(global, to, &mut Vec::new(), ty, &mapped),
+            None => self.part(global, to, &mut Vec::new(), ty, &given),
         }
         for (their, our) in mapped {
             if let Some(cast) = cast((self.theirs, their.ty), (self.ours, our.ty)) {
@@ -202,6 +204,7 @@ impl Matcher<'_> {
             to_steps: to_steps.to_vec(),
             from,
             from_steps: from_steps.to_vec(),
+            times: Vec::new(),
             cast,
             is_of_view: plain(&theirs.variable) != plain(&ours.variable) && by != By::Number,
             is_previous: self.relation == Relation::Velocity
@@ -218,18 +221,12 @@ impl Matcher<'_> {
         to: (u32, u32),
         steps: &mut Vec<usize>,
         ty: Handle<Type>,
-        mapped: &[(mapping::Place, mapping::Place)],
+        given: &[Vec<usize>],
     ) {
-        if mapped
-            .iter()
-            .any(|(their, _)| steps.starts_with(&their.steps))
-        {
+        if given.iter().any(|own| steps.starts_with(own)) {
             return;
         }
-        let is_split = self.is_of_two_frames(ty)
-            || mapped
-                .iter()
-                .any(|(their, _)| their.steps.starts_with(steps));
+        let is_split = self.is_of_two_frames(ty) || given.iter().any(|own| own.starts_with(steps));
         if !is_split && let Some((our, from, cast)) = self.named(global, steps, ty) {
             let variables = [
                 &self.theirs.global_variables[global],
@@ -255,7 +252,7 @@ impl Matcher<'_> {
         }
         for (i, (_, member)) in members.iter().enumerate() {
             steps.push(i);
-            self.part(global, to, steps, *member, mapped);
+            self.part(global, to, steps, *member, given);
             steps.pop();
         }
     }

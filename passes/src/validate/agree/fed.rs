@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use naga::{ArraySize, Handle, Module, Type, TypeInner};
+use naga::{ArraySize, BinaryOperator, Handle, Module, Type, TypeInner};
 
 use crate::core::declared::is_padding;
 use crate::core::mapping::members;
-use crate::evaluate::{Number, Value};
+use crate::evaluate::{Number, Value, math};
 
 /// How a value of one type becomes one of another.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -36,12 +36,33 @@ pub(super) struct Rule {
     pub(super) from: (u32, u32),
     /// The part of it.
     pub(super) from_steps: Vec<usize>,
+    /// Matrices that it is multiplied by, from left to right.
+    pub(super) times: Vec<((u32, u32), Vec<usize>)>,
     /// How ours becomes theirs.
     pub(super) cast: Cast,
     /// The two have other names: in a frame, each view has its own value.
     pub(super) is_of_view: bool,
     /// Theirs is the value of the previous frame.
     pub(super) is_previous: bool,
+}
+
+impl Cast {
+    /// The steps to the part of ours that a part of theirs has its value from.
+    pub(super) fn steps(&self, theirs: &[usize]) -> Option<Vec<usize>> {
+        match (self, theirs) {
+            (Self::Same, all) => Some(all.to_vec()),
+            (Self::Members(all), [first, rest @ ..]) => {
+                let (_, ours, cast) = all.iter().find(|(their, ..)| their == first)?;
+                Some([&[*ours][..], &cast.steps(rest)?].concat())
+            }
+            (Self::Elements(cast), [first, rest @ ..]) => {
+                Some([&[*first][..], &cast.steps(rest)?].concat())
+            }
+            (Self::Wrapped(cast), [0, rest @ ..]) => cast.steps(rest),
+            (Self::Unwrapped(cast), all) => Some([&[0][..], &cast.steps(all)?].concat()),
+            _ => None,
+        }
+    }
 }
 
 /// How our type becomes theirs; `None` if they don't hold the same.
@@ -245,8 +266,12 @@ pub(super) fn plain(name: &str) -> String {
 /// Writes what the rules say into the resources of a world.
 pub(super) fn feed<F: Number>(rules: &[Rule], resources: &mut BTreeMap<(u32, u32), Value<F>>) {
     for rule in rules {
-        let from = resources.get(&rule.from);
-        let Some(from) = from.and_then(|v| part(v, &rule.from_steps)).cloned() else {
+        let value = |(at, steps): (&(u32, u32), &[usize])| part(resources.get(at)?, steps).cloned();
+        let first = value((&rule.from, &rule.from_steps));
+        let product = rule.times.iter().fold(first, |product, (at, steps)| {
+            math::binary(BinaryOperator::Multiply, &product?, &value((at, steps))?).ok()
+        });
+        let Some(from) = product else {
             continue;
         };
         let to = resources.get_mut(&rule.to);
