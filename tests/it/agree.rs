@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use naga::back::wgsl;
-use naga::{Module, TypeInner};
+use naga::{EntryPoint, Module, TypeInner};
 use preshade::unstable::emit::{self, Target};
 use preshade::unstable::front::{self, ClipSpace, Options, Source};
 use preshade::unstable::passes::declared::Depth;
@@ -52,7 +52,7 @@ fn plan(sources: &[Source], options: &Options) -> Option<Plan> {
     Some(parsed.plan("m", &MaterialState::default()))
 }
 
-fn read(files: &[PathBuf]) -> Option<Plan> {
+pub fn read(files: &[PathBuf]) -> Option<Plan> {
     let sources = files.iter().map(|path| {
         let name = path.file_name().unwrap().to_string_lossy();
         Source::from_bytes(name, std::fs::read(path).unwrap()).unwrap()
@@ -93,6 +93,12 @@ fn compiled(original: &Plan, target: Target) -> Option<Plan> {
 
 /// A material with other names for everything that a host does not bind by name, as naga writes it.
 fn renamed(original: &Plan) -> Option<Plan> {
+    // naga's writer leaves out `@early_depth_test`.
+    let mut programs = original.programs.values();
+    let is_early = |e: &EntryPoint| e.early_depth_test.is_some();
+    if programs.any(|p| p.module().entry_points.iter().any(is_early)) {
+        return None;
+    }
     let pass = original.main()?;
     let mut module = original.program(pass)?.module().clone();
     rename(&mut module);

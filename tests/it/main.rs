@@ -15,6 +15,7 @@ mod results_support;
 
 mod adversarial;
 mod agree;
+mod agree_cases;
 mod bevy;
 mod build_script;
 #[cfg(feature = "verify")]
