@@ -218,10 +218,15 @@ impl Lower<'_, '_> {
     fn iteration(&mut self, i: &ast::IterationStatement, mark: &str) -> Result<String, Error> {
         Ok(match &i.content {
             IterationStatementData::While(condition, body) => {
+                self.scopes.push(Default::default());
+                let constants = self.stage.constants.clone();
                 let condition = self.condition(condition)?;
-                self.line(&format!("{mark}while ({condition}) {{"))
+                let out = self.line(&format!("{mark}while ({condition}) {{"))
                     + &self.body(body)?
-                    + &self.line("}")
+                    + &self.line("}");
+                self.stage.constants = constants;
+                self.scopes.pop();
+                out
             }
             // naga tests the condition at the end of the body, which `continue` skips.
             IterationStatementData::DoWhile(body, condition) if effect::continues(body) => {
@@ -333,11 +338,17 @@ impl Lower<'_, '_> {
                     _ => format!("({text})"),
                 })
             }
-            ConditionData::Assignment(..) => Err(unsupported(
-                "a variable declared in a loop's condition is not supported",
-                self.place(condition.span),
-            )
-            .note("declare it before the loop")),
+            // Declared with the temporaries, and assigned each time.
+            ConditionData::Assignment(of, name, init) => {
+                let place = self.place(condition.span);
+                let ty = self.stage.ty(&of.ty, None, place)?;
+                let value = self.initial(init, &ty)?;
+                let held = Ex::primary(self.needed(&ty, place)?, ty.clone());
+                self.check_condition(&held, place)?;
+                constant::declare(&mut self.stage.constants, name.as_str(), &ty, None, None);
+                self.bind(name.as_str(), Var::plain(held.text.clone(), ty));
+                Ok(format!("({} = {value}, {})", held.text, held.text))
+            }
         }
     }
 
