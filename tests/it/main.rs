@@ -27,6 +27,7 @@ mod front;
 mod front_mutations;
 mod fuzz_corpus;
 mod glsl;
+mod glsl_scopes;
 mod glsl_semantics;
 mod glsl_vulkan;
 mod gltf;

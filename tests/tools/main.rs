@@ -21,6 +21,7 @@ mod es100;
 mod example;
 mod fixtures_emit;
 mod flows;
+mod glsl_in;
 mod glsl_layout;
 mod glsl_names;
 mod interface_texts;

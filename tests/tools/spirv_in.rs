@@ -36,7 +36,7 @@ pub(crate) fn scratch() -> PathBuf {
 }
 
 /// What glslang makes of a text, with its options.
-fn glslang(source: &Path, options: &[&str], dir: &Path) -> Vec<u8> {
+pub(crate) fn glslang(source: &Path, options: &[&str], dir: &Path) -> Vec<u8> {
     try_glslang(source, options, dir).unwrap_or_else(|e| panic!("{}: {e}", source.display()))
 }
 
