@@ -340,7 +340,8 @@ fn in_wgsl(mut message: String) -> String {
     message.replace("(of type ", "(")
 }
 
-/// Removes naga's handle numbers from a message: ` [43]`.
+/// Removes naga's handle numbers from a message: ` [43]`. Where only the number told what is meant, the
+/// label shows it.
 fn without_handles(message: &str) -> String {
     let mut out = String::with_capacity(message.len());
     let mut rest = message;
@@ -348,7 +349,18 @@ fn without_handles(message: &str) -> String {
         out.push_str(before);
         let digits = after.bytes().take_while(u8::is_ascii_digit).count();
         rest = match after[digits..].strip_prefix(']').filter(|_| digits > 0) {
-            Some(behind) => behind,
+            Some(behind) => {
+                let word = out.rsplit(' ').next().unwrap_or_default();
+                let is_open = ["of", "in", "with", "to", "on", "got"].contains(&word);
+                if is_open && !behind.starts_with(" (") {
+                    out.push_str(if word == "in" {
+                        " a variable"
+                    } else {
+                        " a value"
+                    });
+                }
+                behind
+            }
             None => {
                 out.push_str(" [");
                 after
@@ -383,6 +395,10 @@ mod tests {
         assert_eq!(
             in_wgsl(without_handles(naga)),
             "`<` can't work with (vec4<f32>) and (f32)"
+        );
+        assert_eq!(
+            without_handles("The type of [12] doesn't match the type stored in [3]"),
+            "The type of a value doesn't match the type stored in a variable"
         );
     }
 }

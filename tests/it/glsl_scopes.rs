@@ -221,6 +221,10 @@ fn statements_and_operators_of_glsl_are_lowered() {
             "main: r = uv.y + 4.0 + uv.y;",
         ],
         [
+            "main: switch (int(uv.x * 4.0) << 31) { case 1 << 31: r = 1.0; break; case -1: r = 2.0; break; case 0: break; }",
+            "main: r = (int(uv.x * 4.0) & 1) == 1 ? 1.0 : 0.0;",
+        ],
+        [
             "main: uint m = uint(uv.x * 9.0); uvec2 n = -uvec2(m, 3u); r = float((-m) & 255u) + float(n.y & 15u) + float(-1u & 7u);",
             "main: uint m = uint(uv.x * 9.0); r = float((~m + 1u) & 255u) + 13.0 + 7.0;",
         ],

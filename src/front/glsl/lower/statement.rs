@@ -175,8 +175,13 @@ impl Lower<'_, '_> {
                 let value = self.stage.fixed_integer(e).ok_or_else(|| {
                     unsupported("a case must be an integer constant", self.place(e.span))
                 })?;
-                let ending = if unsigned { "u" } else { "" };
-                Ok(self.line(&format!("case {value}{ending}:")))
+                let value = match value {
+                    // naga reads the sign apart.
+                    _ if unsigned => format!("{value}u"),
+                    -2_147_483_648 => "-2147483647 - 1".to_owned(),
+                    _ => value.to_string(),
+                };
+                Ok(self.line(&format!("case {value}:")))
             }
         }
     }
