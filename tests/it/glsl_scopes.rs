@@ -92,6 +92,18 @@ fn a_name_may_be_that_of_a_struct() {
             "main: r = uv.x + uv.y;",
         ],
         [
+            "main: float S = uv.x; { struct S { float a; }; S s = S(2.0); r = s.a; } r += S;",
+            "main: r = 2.0; r += uv.x;",
+        ],
+        [
+            "float f(float S) { return S; } main: struct S { float a; }; S s = S(uv.y); r = f(s.a);",
+            "main: r = uv.y;",
+        ],
+        [
+            "main: int n = 0; while (bool Light = n < 3) { n++; r += Light ? uv.x : 0.0; } Light l = Light(vec3(0.0), uv.y); r += l.x;",
+            "main: for (int n = 0; n < 3; n++) r += uv.x; r += uv.y;",
+        ],
+        [
             "main: Light Light[2] = Light[2](Light(vec3(0.0), uv.x), Light(vec3(0.0), uv.y)); r = Light[0].x + Light[1].x;",
             "main: r = uv.x + uv.y;",
         ],

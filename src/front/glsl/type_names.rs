@@ -22,8 +22,8 @@ enum Scope {
     Members,
     /// Any other braces, and the whole text.
     Others,
-    /// A `for` outside of `at` parentheses and brackets, up to the end of its head or further.
-    For { at: usize, in_head: bool },
+    /// A `for` or `while` in `at` parentheses and brackets, up to the end of its head or further.
+    Loop { at: usize, in_head: bool },
 }
 
 /// The token before a brace.
@@ -122,10 +122,10 @@ impl<'a> TypeNames<'a> {
         }
     }
 
-    /// Declares a struct. In the tree, one in a function has a name that no other has.
+    /// Declares a struct. In the tree, one in a function has a name that nothing else has.
     fn new_struct(&mut self, name: String) -> String {
         let mut own = name.clone();
-        if !self.is_global() && self.structs.contains(&name) {
+        if !self.is_global() {
             let is_free = |n: &String| !self.structs.contains(n) && !self.text.contains(n.as_str());
             let mut numbered = (1..).map(|n| format!("{name}_inner{n}"));
             own = numbered.find(is_free).unwrap_or(own);
@@ -164,8 +164,8 @@ impl<'a> TypeNames<'a> {
             self.declarator = None;
             self.list = None;
         }
-        if let Some((scope @ Scope::For { in_head: false, .. }, _)) = self.scopes.last_mut() {
-            // The body of a `for` is part of its scope.
+        if let Some((scope @ Scope::Loop { in_head: false, .. }, _)) = self.scopes.last_mut() {
+            // The body of a loop is part of its scope.
             *scope = Scope::Others;
             return;
         }
@@ -186,7 +186,7 @@ impl<'a> TypeNames<'a> {
                     self.end_declarator();
                     self.list = None;
                 }
-                if let Some((Scope::For { at, in_head }, _)) = self.scopes.last_mut() {
+                if let Some((Scope::Loop { at, in_head }, _)) = self.scopes.last_mut() {
                     *in_head &= self.open.len() > *at;
                 }
             }
@@ -195,9 +195,9 @@ impl<'a> TypeNames<'a> {
                 // `struct { .. } name`
                 self.follows_type = matches!(closed, Some((Scope::Members, _)));
             }
-            Token::For => {
+            Token::For | Token::While => {
                 let at = self.open.len();
-                let scope = Scope::For { at, in_head: true };
+                let scope = Scope::Loop { at, in_head: true };
                 self.scopes.push((scope, HashMap::new()));
             }
             Token::Comma if self.list == Some(self.depth()) => self.end_declarator(),
@@ -215,8 +215,8 @@ impl<'a> TypeNames<'a> {
         if self.is_global() {
             self.parameters.clear();
         }
-        // The body of a `for` without braces.
-        while let Some((Scope::For { at, in_head: false }, _)) = self.scopes.last()
+        // The body of a loop without braces.
+        while let Some((Scope::Loop { at, in_head: false }, _)) = self.scopes.last()
             && *at == self.open.len()
         {
             self.scopes.pop();
