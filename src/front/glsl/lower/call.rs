@@ -434,7 +434,11 @@ impl Lower<'_, '_> {
         };
         if is_repeated {
             for value in &mut values {
-                let (before, held) = self.once(value);
+                // naga would fold the products of a constant.
+                let (before, held) = match value.folds {
+                    Folds::No => self.once(value),
+                    _ => self.hidden(value.clone()),
+                };
                 first.extend(before);
                 *value = held;
             }

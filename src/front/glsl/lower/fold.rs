@@ -122,7 +122,7 @@ impl Lower<'_, '_> {
     }
 
     /// The value by way of a variable, if one can be declared here.
-    fn hidden(&mut self, ex: Ex) -> (Option<String>, Ex) {
+    pub(super) fn hidden(&mut self, ex: Ex) -> (Option<String>, Ex) {
         let name = match &ex.ty {
             Ty::Unknown | Ty::Opaque(_) => None,
             ty => self.temporary(ty),
