@@ -2,6 +2,7 @@
 
 pub mod authored;
 pub mod below;
+pub mod checks;
 pub mod contraction;
 pub mod coverage;
 pub mod cut;

@@ -171,6 +171,12 @@ impl Counted {
         std::iter::successors(Some(self.start), move |v| next(v).filter(&in_range))
     }
 
+    /// The smallest and the largest value of the counter during an iteration; `None`: there is none.
+    pub fn range(&self) -> Option<[i64; 2]> {
+        let values = || self.values().take(self.turns as usize);
+        Some([values().min()?, values().max()?])
+    }
+
     /// Iterations until the counter, compared with `bound`, ends the loop.
     fn until(&self, bound: i64) -> Option<u32> {
         let (op, while_true) = self.condition;
@@ -291,7 +297,12 @@ fn counter_version(
     }
 }
 
-fn integer(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>) -> Option<i64> {
+/// A constant of 32 bits.
+pub(crate) fn integer(
+    module: &Module,
+    f: &FunctionGraph<'_>,
+    e: Handle<Expression>,
+) -> Option<i64> {
     let literal = |e: &Expression| match e {
         Expression::Literal(Literal::I32(v)) => Some(i64::from(*v)),
         Expression::Literal(Literal::U32(v)) => Some(i64::from(*v)),

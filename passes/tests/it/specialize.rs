@@ -188,12 +188,13 @@ fn a_weight_of_nothing_goes_where_floats_may_be_folded() {
 fn a_zero_stays_in_a_sum_whose_sign_somebody_tells() {
     let rows = [
         ("return vec4(1.0 / (-max(i.x, 0.0) + u.b));", false),
+        ("return vec4(atan2(u.b - max(i.x, 0.0), -1.0));", true),
         (
             "return vec4(atan2(max(i.x, 0.0) * -2.0 - u.b, -1.0));",
             false,
         ),
         ("return vec4(i.x + u.b);", true),
-        ("return vec4(1.0 / (1.0 + (i.x + u.b)));", true),
+        ("return vec4(1.0 / (i.x * i.x + 1.0 + u.b));", true),
         ("return vec4(mix(0.3, 1.0 / i.x, u.b));", false),
         ("return vec4(mix(0.3, i.x, u.b));", true),
     ];
@@ -264,12 +265,20 @@ fn code_that_no_draw_runs_saves_nothing() {
         let done = Specialize::run(&plan, &facts, &Params::default()).unwrap();
         let by_hand = source(&format!("{mode}u"), &format!("{steps}"));
         let [drawn, left, hand] = [&plan, &done.plan, &by_hand].map(|plan| cost(plan, &facts));
-        // Beside that, the original reads uniforms and compares them.
-        let said = format!("{mode}, {steps}: {drawn}, {left}, {hand}");
-        assert!((hand..1.3 * hand + 4.0).contains(&drawn), "{said}");
-        assert!(left <= drawn && left >= 0.4 * hand, "{said}");
+        // Without the branch, its condition and two reads of uniforms.
+        assert!(
+            (0.8..=1.0).contains(&(left / drawn)),
+            "{mode}, {steps}: {left} of {drawn}"
+        );
+        assert!(
+            drawn < cost(&by_hand, &Facts::default()) + 4.0,
+            "{mode}, {steps}: {hand}"
+        );
         let saved = done.change.cost.slice;
-        assert!((saved - (drawn - left)).abs() < 1e-6, "{said}: {saved}");
+        assert!(
+            saved >= 0.0 && saved < 0.2 * drawn,
+            "{mode}, {steps}: {saved} of {drawn}"
+        );
     }
 }
 
