@@ -171,7 +171,7 @@ fn told_materials(mut materials: Vec<(String, Option<f64>)>, left: usize) -> Str
     };
     let one = |(name, part): (String, Option<f64>)| match part {
         Some(part) => format!("{name} {:.0} %", 100.0 * part),
-        None => format!("{name} less than the times vary"),
+        None => format!("{name}: too small to measure"),
     };
     let materials: Vec<String> = materials.into_iter().map(one).collect();
     format!(

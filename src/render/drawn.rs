@@ -242,6 +242,11 @@ impl DrawTable {
         found.ok_or_else(|| format!("the frame has no buffer `{name}`"))
     }
 
+    /// A buffer of the frame; `None`: no plan has one of this name.
+    pub fn words(&self, name: &str) -> Option<&wgpu::Buffer> {
+        Some(&self.frame.get(name)?.1)
+    }
+
     /// Clears the frame's buffers.
     pub fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
         for (_, buffer) in self.frame.values() {
@@ -335,7 +340,8 @@ fn frame_buffer(
             planned.name
         ));
     }
-    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+    let usage =
+        wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
     let indirect = match planned.holds {
         FrameWords::Draws => wgpu::BufferUsages::INDIRECT,
         FrameWords::Tiles | FrameWords::Instances | FrameWords::Pixels => {

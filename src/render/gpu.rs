@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use preshade_passes::checks::Checks;
 use serde::{Deserialize, Serialize};
 use wgpu::{Backends, DeviceType, ErrorFilter, Features};
 
@@ -461,12 +462,13 @@ impl Gpu {
             .contains(Features::PIPELINE_STATISTICS_QUERY)
     }
 
-    /// Compiles a shader, with run-time checks if [`Trust`] demands them.
+    /// Compiles a shader with the run-time checks that it needs, and all if [`Trust`] demands them.
     pub(crate) fn shader(
         &self,
+        needed: Checks,
         descriptor: wgpu::ShaderModuleDescriptor<'_>,
     ) -> wgpu::ShaderModule {
-        trusted::compile(&self.device, self.trust, descriptor)
+        trusted::compile(&self.device, self.trust, needed, descriptor)
     }
 
     /// Fails unless the device has the feature with this WebGPU name.

@@ -13,6 +13,7 @@
 //!
 //! [`mod@self_test`] runs a plan's self-test as a host does at load, with modules 2 to 5.
 
+mod bounded;
 pub mod codes;
 mod compiled;
 mod compute;
@@ -45,6 +46,9 @@ pub use self_test::{SelfTestResult, self_test};
 pub use shader::{ShaderForm, Variant};
 pub use subdivided::{DrawSubdivision, SubdivisionCost, Surplus};
 pub use trusted::Trust;
+
+/// How errors begin that say nothing of a shader but that it was not measured.
+pub const NOT_MEASURED: &str = "not measured: ";
 
 /// Why nothing was drawn.
 #[derive(Debug, thiserror::Error)]
@@ -93,6 +97,17 @@ pub enum Error {
         material: String,
         /// A message.
         message: String,
+    },
+    /// A loop takes more turns than any GPU should be asked for. Its shader was drawn as a bounded copy
+    /// alone.
+    #[error(
+        "{NOT_MEASURED}{} did not end within {} turns, so that it would hang a GPU",
+        .which.as_deref().unwrap_or("a loop"),
+        preshade_passes::bounded::MOST_TURNS
+    )]
+    Endless {
+        /// The loop, in words.
+        which: Option<String>,
     },
     /// The plans of a scene's materials do not fit into one frame.
     #[error(transparent)]
@@ -143,6 +158,7 @@ impl Error {
             Self::Refused { .. } => codes::DRIVER_REFUSED.code,
             Self::OutOfMemory(_) => codes::OUT_OF_MEMORY.code,
             Self::Plan { .. } => crate::emit::codes::BROKEN_PLAN.code,
+            Self::Endless { .. } => codes::ENDLESS.code,
             Self::Frame(_) => codes::FRAME.code,
             Self::Scene { .. } => codes::DRAW.code,
             Self::Draws { .. } => codes::DRAWS.code,
