@@ -167,6 +167,9 @@ impl Run<'_, '_> {
         for i in 0..self.views.len() {
             self.tell(i, 0.0, self.views[i].0.described());
             if let Err(error) = self.measure_view(i, &mut ties) {
+                if error.is_endless() {
+                    return Err(error);
+                }
                 // Without the original there is nothing to compare with, and a lost adapter draws no more.
                 self.lost = Some(error.to_string());
                 break;

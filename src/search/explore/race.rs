@@ -285,13 +285,7 @@ impl<'a> Search<'a> {
             }
         };
         contender.point.error = Some(error.clone());
-        let contract = contender
-            .variant
-            .plans
-            .iter()
-            .map(|p| p.contract.clone())
-            .reduce(preshade_passes::contract::Contract::and);
-        let broken = contract.and_then(|c| verdict::breaks(&c, &error));
+        let broken = verdict::Promise::of(&contender.variant.plans).broken(&error);
         let broken = broken.or_else(|| {
             (error.nan_pixels > 0)
                 .then(|| format!("NaN or infinite: {}", counted(error.nan_pixels, "pixel")))

@@ -262,6 +262,7 @@ mod tests {
             materials: Vec::new(),
             plans: plans.iter().map(plan).collect(),
             views: vec![ViewReport {
+                again: None,
                 view: View {
                     camera: "wall".to_owned(),
                     frame: 0,
