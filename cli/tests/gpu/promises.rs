@@ -231,7 +231,7 @@ fn promises_hold_at_the_edges() {
             if is_second {
                 command.env(VARIABLE, swiftshader());
             }
-            let variants = variants.iter().flat_map(|v| ["--variant", *v]);
+            let variants = variants.iter().flat_map(|v| ["--variant", v]);
             let command = command
                 .args(["verify", input, "--time", "no"])
                 .args(variants);
