@@ -106,6 +106,23 @@ impl Writer<'_> {
         self.keep_ids(of, Op::CompositeConstruct, &columns);
     }
 
+    /// `OpFOrdNotEqual`, which is false for NaN, where WGSL's `!=` is true; or its opposite.
+    pub(super) fn write_order(&mut self, of: &Instruction, [a, b]: [Word; 2]) {
+        let ty = of.result_type.unwrap_or_default();
+        let less = self.push_ids(Op::FOrdLessThan, ty, &[a, b]);
+        let greater = self.push_ids(Op::FOrdGreaterThan, ty, &[a, b]);
+        let or = match self.types.size(ty) {
+            1 => Op::LogicalOr,
+            _ => Op::BitwiseOr,
+        };
+        if of.class.opcode == Op::FOrdNotEqual {
+            self.keep_ids(of, or, &[less, greater]);
+        } else {
+            let differ = self.push_ids(or, ty, &[less, greater]);
+            self.keep_ids(of, Op::LogicalNot, &[differ]);
+        }
+    }
+
     fn write_chosen(&mut self, of: &Instruction, function: Function, operands: [Word; 2]) {
         let ty = of.result_type.unwrap_or_default();
         let chosen = self.chosen(function, ty, operands);

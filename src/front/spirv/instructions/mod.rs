@@ -8,6 +8,7 @@
 //! | `OpLogicalAnd`, `OpLogicalOr` of vectors | `OpBitwiseAnd`, `OpBitwiseOr` |
 //! | `OpSMod`, which naga divides as floats | `OpSRem` |
 //! | `OpFUnordLessThan` and its like | the negated opposite |
+//! | `OpFOrdNotEqual`, `OpFUnordEqual` | whether one is less than the other, or not |
 //! | `OpCopyLogical`, `OpSelect` of matrices, arrays and structs | the members, one by one |
 //! | `OpUndef` | zero |
 //! | `OpIsNan`, `OpIsInf` | tests of the bits |
@@ -316,6 +317,9 @@ impl Writer<'_> {
                 let opposite = opposite(op).unwrap_or(op);
                 let is = self.push_ids(opposite, ty, &[*a, *b]);
                 self.keep_ids(&instruction, Op::LogicalNot, &[is]);
+            }
+            (Op::FOrdNotEqual | Op::FUnordEqual, Some(_), [a, b]) => {
+                self.write_order(&instruction, [*a, *b]);
             }
             (Op::OuterProduct, Some(_), [a, b]) => self.write_outer(&instruction, [*a, *b]),
             (Op::CopyLogical, Some((ty, _)), [from]) => {
