@@ -30,4 +30,5 @@ mod native;
 mod reflection;
 mod spirv_in;
 mod spirv_meaning;
+mod spirv_modules;
 mod webgl;

@@ -41,12 +41,12 @@ fn plan(sources: &[Source]) -> Result<Plan, String> {
     Ok(parsed.plan("m", &MaterialState::default()))
 }
 
-fn of_bytes(files: [(&str, Vec<u8>); 2]) -> Result<Plan, String> {
+pub(crate) fn of_bytes(files: [(&str, Vec<u8>); 2]) -> Result<Plan, String> {
     plan(&files.map(|(name, bytes)| Source::from_bytes(name, bytes).unwrap()))
 }
 
 /// What differs between two programs, in words. An optimiser may round otherwise.
-fn differences(first: &Plan, second: &Plan, may_round: bool) -> Vec<String> {
+pub(crate) fn differences(first: &Plan, second: &Plan, may_round: bool) -> Vec<String> {
     let effort = Effort {
         inputs: 60,
         ..Effort::default()
@@ -129,13 +129,13 @@ fn fixtures_mean_the_same_as_modules() {
     let taken = results.iter().flatten().count();
     let found: Vec<_> = results.into_iter().flatten().flatten().collect();
     assert!(found.is_empty(), "{}", found.join("\n"));
-    // The other dialects have no SPIR-V.
-    assert!(taken >= 9, "glslang takes {taken} of {} pairs", all.len());
+    // It takes no loose uniforms, and no older dialects.
+    assert!(taken >= 7, "glslang takes {taken} of {} pairs", all.len());
 }
 
 #[test]
 fn control_flow_means_the_same_as_modules() {
-    let seeds = std::env::var("FLOW_SEEDS").map_or(24, |n| n.parse().unwrap());
+    let seeds = std::env::var("FLOW_SEEDS").map_or(16, |n| n.parse().unwrap());
     let dir = scratch();
     let vertex = dir.join("m.vert");
     std::fs::write(&vertex, VERTEX).unwrap();
