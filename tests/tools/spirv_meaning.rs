@@ -251,7 +251,7 @@ fn functions_that_know_nan_are_written_as_such() {
     }
 }
 
-/// What is written of a stage is dropped by `spirv-opt -Os` where only the other stage reads it.
+/// `spirv-opt -Os` drops the members of a block that a stage does not read.
 #[test]
 fn a_block_is_whole_if_each_stage_has_a_part_of_it() {
     let dir = scratch();

@@ -79,7 +79,7 @@ impl Flow<'_> {
         let header = self.alone(header)?;
         let inside = self.inside(header)?;
         let loops = self.loops();
-        // A `default` that continues the loop, or a branch to the next case, gets a block.
+        // A case, or the `default`, that is outside gets a block inside.
         let block = self.block(header)?;
         for to in targets(block).collect::<HashSet<_>>() {
             if inside.out.contains(&to) {
