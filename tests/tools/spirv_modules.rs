@@ -81,7 +81,7 @@ OpBranch %h
 ";
 
 /// What a module does between [`HEAD`] and [`END`], and the same in GLSL.
-const MODULES: [(&str, &str); 12] = [
+const MODULES: [(&str, &str); 15] = [
     // Two literals have one label, into which another case falls.
     (
 "OpSelectionMerge %m None
@@ -361,6 +361,92 @@ OpStore %xv %t3
 OpStore %xv %b1
 ",
 "x = ldexp(vUv.x, sel);",
+),
+    // A conditional branch falls into the next case.
+    (
+"%cc = OpFOrdLessThan %bool %ux %uy
+OpSelectionMerge %m None
+OpSwitch %sel %m 1 %a 2 %b
+%a = OpLabel
+%l1 = OpLoad %float %xv
+%a1 = OpFAdd %float %l1 %f1
+OpStore %xv %a1
+OpBranchConditional %cc %b %m
+%b = OpLabel
+%l2 = OpLoad %float %xv
+%a2 = OpFAdd %float %l2 %f8
+OpStore %xv %a2
+OpBranch %m
+%m = OpLabel
+",
+"switch(sel){case 1: x+=1.0;
+        if (!(vUv.x<vUv.y)) break;
+        case 2: x+=8.0;
+        break;}",
+),
+    // A choice ends where the next case begins.
+    (
+"%cc = OpFOrdLessThan %bool %ux %uy
+OpSelectionMerge %m None
+OpSwitch %sel %m 1 %a 2 %b
+%a = OpLabel
+%l1 = OpLoad %float %xv
+%a1 = OpFAdd %float %l1 %f1
+OpStore %xv %a1
+OpSelectionMerge %b None
+OpBranchConditional %cc %t %b
+%t = OpLabel
+%l3 = OpLoad %float %xv
+%a3 = OpFAdd %float %l3 %f2
+OpStore %xv %a3
+OpBranch %m
+%b = OpLabel
+%l2 = OpLoad %float %xv
+%a2 = OpFAdd %float %l2 %f8
+OpStore %xv %a2
+OpBranch %m
+%m = OpLabel
+",
+"switch(sel){case 1: x+=1.0;
+        if ((vUv.x<vUv.y)) {x+=2.0;
+        break;}
+        case 2: x+=8.0;
+        break;}",
+),
+    // The merge block of a switch continues the loop around.
+    (
+"OpBranch %h
+%h = OpLabel
+%k = OpPhi %int %i0 %entry %k2 %cont
+OpLoopMerge %lm %cont None
+OpBranch %test
+%test = OpLabel
+%lt = OpSLessThan %bool %k %i4
+OpBranchConditional %lt %body %lm
+%body = OpLabel
+%sw = OpISub %int %sel %k
+OpSelectionMerge %cont None
+OpSwitch %sw %cont 1 %a 2 %b
+%a = OpLabel
+%l1 = OpLoad %float %xv
+%a1 = OpFAdd %float %l1 %f1
+OpStore %xv %a1
+OpBranch %cont
+%b = OpLabel
+%l2 = OpLoad %float %xv
+%a2 = OpFAdd %float %l2 %f8
+OpStore %xv %a2
+OpBranch %lm
+%cont = OpLabel
+%k2 = OpIAdd %int %k %i1
+OpBranch %h
+%lm = OpLabel
+",
+"for(int k=0;k<4;k++){ int s=sel-k;
+        if(s==1) x+=1.0;
+        if (s==2) {x+=8.0;
+        break;}
+        }",
 ),
 ];
 

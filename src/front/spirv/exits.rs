@@ -86,6 +86,7 @@ impl Flow<'_> {
                 self.split((header, to));
             }
         }
+        self.part_falls(&inside);
         let inside = self.inside(header)?;
         let is_merge = |label: &&Word| {
             let loop_header = loops.get(label).and_then(|h| self.index(*h));
@@ -111,6 +112,26 @@ impl Flow<'_> {
         }
         let (gathered, stays) = self.gathered(&inside, &leaves)?;
         self.leave(left, (gathered, stays), &leaves)
+    }
+
+    /// Gives each conditional branch into the next case a block: naga's reader would read that case as
+    /// a part of the branch.
+    fn part_falls(&mut self, inside: &Inside) {
+        let header = self.index(inside.header);
+        let cases = header.map(|at| targets(&self.function.blocks[at]).collect::<HashSet<_>>());
+        for case in cases.into_iter().flatten() {
+            let is_inside = inside.labels.contains(&case);
+            for label in self
+                .leading_to(inside, case)
+                .into_iter()
+                .filter(|_| is_inside)
+            {
+                let block = self.block(label);
+                if block.is_some_and(|b| find(b, Op::BranchConditional).is_some()) {
+                    self.split((label, case));
+                }
+            }
+        }
     }
 
     /// Gives a switch a block of its own and a merge block. Returns the block's label.
