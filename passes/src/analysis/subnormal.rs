@@ -8,7 +8,7 @@
 //!
 //! For each value we keep the range of each component, and a magnitude below which there is no number
 //! but 0. A difference keeps one, too: numbers of `f32` that are no smaller than `m` are multiples of
-//! `m` 2^-24. The numbers of the draw come from a scene. Nothing is known of other inputs, and of what
+//! about `m` 2^-24, and so is a sum of them, however many there are. The numbers of the draw come from a scene. Nothing is known of other inputs, and of what
 //! is computed from them: there the contract assumes it (`stages-agree`).
 
 use std::f64::consts::LOG2_E;
@@ -130,18 +130,23 @@ struct Numbers {
     range: Interval,
     /// Infinite: all are 0.
     least: f64,
+    /// All are multiples of a number that is at least this large, and so are their sums.
+    grain: f64,
 }
 
 impl Numbers {
     const ZERO: Self = Self {
         range: Interval::new(0.0, 0.0),
         least: f64::INFINITY,
+        grain: f64::INFINITY,
     };
 
     fn new(range: Interval, least: f64) -> Self {
+        let least = least.max(range.least());
         Self {
             range,
-            least: least.max(range.least()),
+            least,
+            grain: least * STEP,
         }
     }
 
@@ -162,6 +167,7 @@ impl Numbers {
         Self {
             range: self.range.or(other.range),
             least: self.least.min(other.least),
+            grain: self.grain.min(other.grain),
         }
     }
 
@@ -196,10 +202,17 @@ impl Numbers {
         if other.is_zero() {
             return self;
         }
-        let least = self.least.min(other.least);
+        let grain = self.grain.min(other.grain);
         let (a, b) = (self.range, other.range);
         let is_one_sided = (a.low >= 0.0 && b.low >= 0.0) || (a.high <= 0.0 && b.high <= 0.0);
-        Self::new(a.plus(b), if is_one_sided { least } else { least * STEP })
+        let least = match is_one_sided {
+            true => self.least.min(other.least),
+            false => grain,
+        };
+        Self {
+            grain,
+            ..Self::new(a.plus(b), least)
+        }
     }
 
     fn over(self, divisor: Self) -> Self {

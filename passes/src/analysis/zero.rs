@@ -220,7 +220,13 @@ impl<'v, 'g, 'p> Zeros<'v, 'g, 'p> {
                 arg1,
                 arg2,
                 ..
-            } => of_function(*fun, [Some(*arg), *arg1, *arg2].map(|a| a.is_some_and(is))),
+            } => {
+                let is_raised = |y| self.computed.operand(values, context, y).low > 0.0;
+                match (fun, arg1) {
+                    (MathFunction::Pow, Some(y)) if is_raised(*y) => Tells::Result,
+                    _ => of_function(*fun, [Some(*arg), *arg1, *arg2].map(|a| a.is_some_and(is))),
+                }
+            }
             Expression::As { convert: None, .. } => Tells::Itself("a reinterpretation of its bits"),
             Expression::As { kind: to, .. } if *to != ScalarKind::Float => Tells::Never,
             // Texels at 0 and -0 are the same.
