@@ -177,3 +177,28 @@ fn a_level_is_to_blame_where_both_sample_one_place_at_two() {
     assert!(!differ("textureSample(tex, smp, v.uv)", "+ 0.01 <"));
     assert!(!differ("textureSample(tex, smp, v.uv)", "* u.b <"));
 }
+
+/// Differences of interfaces that only a GPU shows.
+#[test]
+fn flat_varyings_and_invariance_are_notes() {
+    let material = |invariant: &str, flat: &str| {
+        format!(
+            "struct V {{ {invariant} @builtin(position) p: vec4<f32>, @location(0) @interpolate({flat}) k: u32 }}
+            @vertex fn vs(@location(0) p: vec4<f32>, @location(1) k: u32) -> V {{ return V(p, k); }}
+            @fragment fn fs(v: V) -> @location(0) vec4<f32> {{ return vec4<f32>(f32(v.k)); }}"
+        )
+    };
+    let notes = |first: &str, second: &str| held(Relation::Same, first, second, &[]).unwrap().notes;
+    let own = material("@invariant", "flat, first");
+    assert_eq!(notes(&own, &own), [""; 0]);
+    let dropped = notes(&own, &material("", "flat, first"));
+    assert!(
+        dropped[0].starts_with("the position of the first is invariant"),
+        "{dropped:?}"
+    );
+    let either = notes(&own, &material("@invariant", "flat, either"));
+    assert!(
+        either[0].starts_with("`k` is of either vertex"),
+        "{either:?}"
+    );
+}

@@ -6,6 +6,7 @@
 //! [validation](super), or tried on inputs; a difference gets a [`Class`], the lines of both
 //! authors, and a sentence (`words`).
 
+use std::cell::Cell;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
@@ -421,6 +422,7 @@ pub fn agree(
         _ => None,
     };
     let budget = budget::Budget::new(effort.steps);
+    let undefined = Cell::default();
     let multisample = &ours.multisample;
     let two = trial::Two {
         first,
@@ -439,6 +441,7 @@ pub fn agree(
             .unwrap_or_default(),
         normal: derived.as_ref().map(|made| of_derived(made, side)),
         budget: &budget,
+        undefined: &undefined,
     };
     let (mut promises, mut findings) = two.held();
     findings.extend(notes::variant(&two, &promises));

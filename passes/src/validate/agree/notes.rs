@@ -8,6 +8,7 @@ use naga::{
 };
 
 use super::matching::By;
+use super::quote::written;
 use super::trial::{Two, What};
 use super::words::Sliced;
 use super::{Class, Finding, Held, Outcome, Relation};
@@ -53,6 +54,7 @@ pub(super) fn all(two: &Two<'_>) -> Vec<String> {
     }
     notes.extend(precisions(two));
     notes.extend(interfaces(two));
+    notes.extend(undefined(two));
     notes.extend(derivatives(two));
     notes
 }
@@ -125,6 +127,17 @@ fn interfaces(two: &Two<'_>) -> Vec<String> {
         }
     }
     notes
+}
+
+/// What the first program computes on inputs that were not compared.
+fn undefined(two: &Two<'_>) -> Option<String> {
+    let (what, span) = two.undefined.get()?;
+    let [first, _] = two.relation.names();
+    let text = written(two.first.vertex.program, span, 0);
+    let text = text.map_or(String::new(), |text| format!(" (`{text}`)"));
+    Some(format!(
+        "on some inputs {first} computes {what}{text}, which GLSL leaves undefined: these are not compared"
+    ))
 }
 
 /// Whether the position of each is invariant.

@@ -33,7 +33,7 @@ pub(super) fn written(program: &Program, span: naga::Span, parts: usize) -> Opti
     })
 }
 
-/// Where the expression begins whose end a span is: naga's spans of GLSL begin at a last index.
+/// Where the expression begins whose end a span is: naga's spans of GLSL begin at a last index or member.
 fn opened(text: &str, start: usize, end: usize) -> usize {
     let mut open = 0_usize;
     let mut closed = 0_usize;
@@ -45,7 +45,8 @@ fn opened(text: &str, start: usize, end: usize) -> usize {
             _ => {}
         }
     }
-    if closed == 0 {
+    let is_member = text.get(start..).is_some_and(|rest| rest.starts_with('.'));
+    if closed == 0 && !is_member {
         return start;
     }
     // Back to what is open, and to its name.

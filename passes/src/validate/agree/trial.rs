@@ -18,7 +18,7 @@ use super::words::{self, Example, Sliced};
 use super::{Class, Finding, Held, Outcome, Relation, draws, reads};
 use crate::core::program::Language;
 use crate::core::state::DepthDirection;
-use crate::evaluate::{Stuck, Value};
+use crate::evaluate::{Stuck, Undefined, Value};
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
 use crate::slice::{Criterion, OutputFilter};
@@ -80,6 +80,8 @@ pub(super) struct Two<'a> {
     /// or why there is none.
     pub(super) normal: Option<Result<PassStages<'a>, String>>,
     pub(super) budget: &'a Budget,
+    /// What the first program computes on some input and GLSL leaves undefined.
+    pub(super) undefined: &'a Cell<Option<(Undefined, naga::Span)>>,
 }
 
 /// What a promise compares.
@@ -662,7 +664,10 @@ impl<'a> Two<'a> {
                 let output = [what.to_string(), String::new(), text.unwrap_or_default()];
                 Some(Some((Class::Undefined, output)))
             }
-            _ => Some(None),
+            (first, _) => {
+                self.undefined.set(self.undefined.get().or(first));
+                Some(None)
+            }
         }
     }
 
