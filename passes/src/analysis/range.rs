@@ -11,7 +11,6 @@ use naga::{
     Module, ScalarKind, TypeInner, UnaryOperator,
 };
 
-use crate::analysis::hazard::LARGEST_INPUT;
 use crate::analysis::values::cycle::{Merges, UNCOUNTED_ITERATIONS, operands_first};
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::core::pass::{Source, SourceRange};
@@ -67,15 +66,16 @@ impl AllRanges {
     }
 
     /// Ranges of the finite values that any adapter computes from texels of 0 to 1 and from inputs that
-    /// `known` does not list but that are not extremely large.
+    /// are `known`, or else within `ordinary` of 0.
     pub fn of_unit_texels(
         values: &Values<'_, '_>,
         cycles: &[Vec<ValueId>],
         known: &[SourceRange],
+        ordinary: f64,
     ) -> Self {
         let outside = Outside {
             known,
-            ordinary: LARGEST_INPUT,
+            ordinary,
             texels: Interval::UNIT,
         };
         Self::found(values, cycles, &outside, None, Arithmetic::Finite)

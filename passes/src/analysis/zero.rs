@@ -77,7 +77,12 @@ impl<'v, 'g, 'p> Zeros<'v, 'g, 'p> {
         Self {
             values,
             computed: AllRanges::computed(values, values.cycles()),
-            ordinary: AllRanges::of_unit_texels(values, values.cycles(), &known),
+            ordinary: AllRanges::of_unit_texels(
+                values,
+                values.cycles(),
+                &known,
+                hazard::LARGEST_INPUT,
+            ),
             infinite: infinite.filter(|t| t.material == material).collect(),
         }
     }

