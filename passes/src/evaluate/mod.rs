@@ -20,7 +20,7 @@ mod bits;
 pub mod bound;
 mod expression;
 mod flips;
-pub(crate) mod interval;
+pub mod interval;
 mod layout;
 mod machine;
 pub(crate) mod math;
