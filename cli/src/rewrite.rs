@@ -469,7 +469,7 @@ fn make(
             true => (Vec::new(), Vec::new()),
             false => made
                 .times
-                .took(u8::MAX, "emit", || pipeline::emit(&plan, targets)),
+                .took(u8::MAX, "emit", || pipeline::emit_compared(&plan, targets)),
         };
         made.errors
             .extend(errors.iter().map(|e| format!("error: {e}")));

@@ -32,7 +32,7 @@ const RECIPES: [&str; 5] = [
 ];
 
 /// Files of each fixture with a vertex stage: WGSL files, and pairs of GLSL files.
-fn fixtures(folder: &Path, found: &mut Vec<Vec<PathBuf>>) {
+pub fn fixtures(folder: &Path, found: &mut Vec<Vec<PathBuf>>) {
     for entry in std::fs::read_dir(folder).unwrap() {
         let path = entry.unwrap().path();
         // Inputs that broke a parser once.

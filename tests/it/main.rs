@@ -46,6 +46,7 @@ mod scene_shaders;
 mod scene_synthesise;
 mod shared_binding;
 mod snapshots;
+mod text_meaning;
 #[cfg(feature = "capture")]
 mod traces;
 mod validate;

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::emit::{self, Target};
+use preshade::unstable::emit::{self, EmitError, Target};
 use preshade::unstable::front::{self, ClipSpace, Options, Source};
 use preshade_passes::plan::Plan;
 use preshade_passes::state::MaterialState;
@@ -62,6 +62,22 @@ pub(crate) fn differences(first: &Plan, second: &Plan, may_round: bool) -> Vec<S
         .collect()
 }
 
+/// What differs between a program and the GLSL written of it.
+fn differences_of_glsl(plan: &Plan) -> Vec<String> {
+    let targets = [Target::Glsl450, Target::GlslVulkan, Target::GlslEs300];
+    let written = targets.map(|target| {
+        emit::emit_compared(
+            plan,
+            &[target],
+            &emit::Options::default(),
+            emit::Meaning::QUICK,
+        )
+    });
+    let errors = written.into_iter().filter_map(Result::err);
+    let differ = errors.filter(|e| matches!(e, EmitError::Differs { .. }));
+    differ.map(|e| e.to_string()).collect()
+}
+
 /// Holds a text against its modules. `None`: glslang does not take it for Vulkan.
 fn check(label: &str, texts: [&Path; 2], dir: &Path) -> Option<Vec<String>> {
     std::fs::create_dir_all(dir).unwrap();
@@ -88,7 +104,13 @@ fn check(label: &str, texts: [&Path; 2], dir: &Path) -> Option<Vec<String>> {
         let [vertex, fragment] = own.collect::<Vec<_>>().try_into().unwrap();
         let second = of_bytes([("m.vert.spv", vertex), ("m.frag.spv", fragment)]);
         let differ = match second {
-            Ok(second) => differences(&first, &second, !recipe.is_empty()),
+            Ok(second) => {
+                let mut differ = differences(&first, &second, !recipe.is_empty());
+                if *recipe == RECIPES[0] {
+                    differ.extend(differences_of_glsl(&second));
+                }
+                differ
+            }
             Err(error) => vec![error],
         };
         found.extend(
@@ -179,13 +201,15 @@ fn cases_mean_the_same_as_their_texts() {
         let first = of_text(&source).unwrap();
         let module = assembled(&text(&format!("{name}.spvasm")), &dir);
         let second = of_module(module).unwrap_or_else(|e| panic!("{name}: {e}"));
-        let differ = differences(&first, &second, false);
+        let mut differ = differences(&first, &second, false);
+        differ.extend(differences_of_glsl(&second));
         found.extend(differ.into_iter().map(|d| format!("{name}: {d}")));
     }
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
-const CASES: [&str; 5] = [
+const CASES: [&str; 6] = [
+    "glsl-out-phi-rotates",
     "spirv-outer-product",
     "spirv-return-without-outputs",
     "spirv-switch-case-is-default",
