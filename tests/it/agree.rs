@@ -41,7 +41,9 @@ pub fn fixtures(folder: &Path, found: &mut Vec<Vec<PathBuf>>) {
         }
         match path.extension().and_then(|e| e.to_str()) {
             Some("wgsl") => found.push(vec![path]),
-            Some("vert") => found.push(vec![path.clone(), path.with_extension("frag")]),
+            Some("vert") if path.with_extension("frag").exists() => {
+                found.push(vec![path.clone(), path.with_extension("frag")]);
+            }
             _ => {}
         }
     }
