@@ -198,13 +198,17 @@ impl Texts<'_> {
                 .map_err(|e| Failed::Uncompared(e.to_string().into()))
         });
         let sources = sources.collect::<Result<Vec<_>, _>>()?;
-        // GLSL keeps its author's clip space.
+        // OpenGL's GLSL keeps its author's clip space.
         let is_open_gl = self.program.declared().depth == Depth::OpenGl;
+        let clip_space = match is_open_gl && self.target != Target::GlslVulkan {
+            true => front::ClipSpace::OpenGl,
+            false => front::ClipSpace::AsWritten,
+        };
         let is_wgsl = self.target == Target::Wgsl;
         let options = front::Options {
             vertex: is_wgsl.then(|| pass.vertex.clone()),
             fragment: pass.fragment.clone().filter(|_| is_wgsl),
-            clip_space: (!is_open_gl).then_some(front::ClipSpace::AsWritten),
+            clip_space: Some(clip_space),
             ..front::Options::default()
         };
         front::parse(&sources, &options).map_err(|e| {
