@@ -17,6 +17,7 @@ mod declaration;
 mod dialect;
 mod entry;
 mod error;
+pub(crate) mod excerpt;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod fall_through;
 mod foreign;
@@ -30,7 +31,6 @@ mod inline_main;
 mod killed_loops;
 mod lengths;
 mod locate_panic;
-#[cfg(any(feature = "glsl", feature = "spirv"))]
 mod map_spans;
 mod memory;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
@@ -450,6 +450,9 @@ fn assemble(
         let error = entry::locate_invalid(Error::invalid(&invalid), &names, map);
         entry::name_clash(error, &bound)
     })?;
+    if language == Language::Wgsl {
+        wgsl::check_module(&program)?;
+    }
     entry::check_bindings(&program, &entries).map_err(|e| e.with_sources(map))?;
     Ok(Parsed {
         program: program.with_declared(declared),
