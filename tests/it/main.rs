@@ -50,3 +50,5 @@ mod text_meaning;
 #[cfg(feature = "capture")]
 mod traces;
 mod validate;
+mod wgsl_in;
+mod wgsl_in_cases;

@@ -14,6 +14,8 @@ mod interfaces;
 mod reflection_support;
 #[path = "../../passes/tests/it/uniformity_cases.rs"]
 mod uniformity_cases;
+#[path = "../it/wgsl_in_cases.rs"]
+mod wgsl_in_cases;
 
 mod acceptance;
 mod emit;
