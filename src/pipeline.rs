@@ -104,6 +104,33 @@ pub fn apply(original: &Plan, recipe: &Recipe, facts: &Facts) -> (Plan, Vec<Skip
     (plans.remove(0), skipped)
 }
 
+/// The latest step before which the refused step `at` of a recipe would be taken, along with all that
+/// were taken before it. `None`: the order is not to blame.
+pub fn earlier(
+    original: &Plan,
+    neighbours: &[Plan],
+    recipe: &Recipe,
+    at: usize,
+    facts: &Facts,
+) -> Option<usize> {
+    let applied = |plan: &Plan, step: &Step| Some(run(step, plan, neighbours, facts).ok()?.plan);
+    // Of each taken step, its number and the plan before it.
+    let mut taken: Vec<(usize, Plan)> = Vec::new();
+    let mut plan = original.clone();
+    for (n, step) in recipe.steps[..at].iter().enumerate() {
+        if let Some(next) = applied(&plan, step) {
+            taken.push((n, std::mem::replace(&mut plan, next)));
+        }
+    }
+    let fits = |from: &usize| {
+        let moved = applied(&taken[*from].1, &recipe.steps[at]);
+        let mut rest = taken[*from..].iter();
+        rest.try_fold(moved?, |plan, (n, _)| applied(&plan, &recipe.steps[*n]))
+    };
+    let from = (0..taken.len()).rev().find(|from| fits(from).is_some())?;
+    Some(taken[from].0)
+}
+
 /// Applies `recipe` to the materials of a frame, step by step. Returns their plans in order, and the
 /// skipped steps. A step is also refused if the frame cannot be drawn with its result.
 pub fn apply_in(

@@ -53,7 +53,7 @@ pub struct CaptureArgs {
     #[arg(long, value_name = "JS", value_parser = NonEmptyStringValueParser::new())]
     draw: Option<String>,
     /// Size of the window, in pixels.
-    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true, default_value = "1280x720", value_parser = size)]
     size: [u32; 2],
     /// For a page of your disk: the folder that it may read. Without it, the page's own.
     #[arg(long, value_name = "DIR")]

@@ -4,7 +4,8 @@ use std::fmt;
 
 use naga::ShaderStage;
 use preshade_passes::guard::Assumed;
-use preshade_passes::pass::{Change, Facts, Frequency, Left, Pass, Refusal};
+use preshade_passes::hoist::Hoist;
+use preshade_passes::pass::{Change, Facts, Frequency, Left, Outcome, Pass, Refusal};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Location;
 use preshade_passes::specialize::effects::{self, CalledFor, Effect};
@@ -207,6 +208,25 @@ impl Saved {
         best.filter(|s| s.ops > 0.0)
     }
 
+    /// What a pass saves. Of `hoist`, the fragments pay for the interpolation.
+    fn of(before: &Plan, done: &Outcome, facts: &Facts) -> Option<Self> {
+        let saved = Self::between(before, &done.plan, facts)?;
+        let is_hoist = done
+            .plan
+            .steps
+            .last()
+            .is_some_and(|s| s.pass == Hoist::INFO.name);
+        let cost = done.change.cost;
+        Some(match is_hoist {
+            true => Self {
+                ops: cost.slice,
+                of: cost.whole,
+                ..saved
+            },
+            false => saved,
+        })
+    }
+
     /// The share of the stage.
     pub fn share(&self) -> f64 {
         self.ops / self.of.max(1.0)
@@ -326,7 +346,7 @@ pub fn explain(
                 };
                 match pipeline::run(step, &before, frame, facts) {
                     Ok(done) => {
-                        explained.saved = Saved::between(&before, &done.plan, facts);
+                        explained.saved = Saved::of(&before, &done, facts);
                         explained.sites = vec![done.change];
                         explained.left = done.left;
                         if order == Order::Chained {
@@ -336,7 +356,21 @@ pub fn explain(
                     Err(refused) => {
                         explained.refusals = refused.refusals;
                         explained.left = refused.left;
-                        explained.within_budget = within_budget(step, &before, frame, facts);
+                        let within = with_budget(step)
+                            .map(|step| (pipeline::run(&step, &before, frame, facts), step));
+                        match within {
+                            Some((Ok(done), step)) => {
+                                explained.within_budget = Some(WithinBudget {
+                                    step: step.to_string(),
+                                    saved: Saved::of(&before, &done, facts),
+                                    change: done.change,
+                                });
+                            }
+                            Some((Err(still), _)) => {
+                                still_refused(&mut explained.refusals, &still.first());
+                            }
+                            None => {}
+                        }
                     }
                 }
                 Some(explained)
@@ -363,7 +397,7 @@ impl Explained {
                     let done = pipeline::run(&step, plan, frame, facts).ok()?;
                     Some(VersionExplained {
                         material: plan.material.clone(),
-                        saved: Saved::between(plan, &done.plan, facts),
+                        saved: Saved::of(plan, &done, facts),
                         change: done.change,
                     })
                 })
@@ -378,9 +412,8 @@ fn is_general(pass: &PassExplained) -> bool {
     name == Some(Specialize::INFO.name) && !pass.refusals.is_empty()
 }
 
-/// What a refused step does with a budget. `None`: it has no such parameter, has one already, or is
-/// refused all the same.
-fn within_budget(step: &Step, plan: &Plan, frame: &[Plan], facts: &Facts) -> Option<WithinBudget> {
+/// A refused step with a budget. `None`: it has no such parameter, or has one already.
+fn with_budget(step: &Step) -> Option<Step> {
     let pass = pass_named(&step.pass)?;
     let takes = parameters(pass).iter().any(|p| p.name == "budget");
     if !takes || step.params.contains_key("budget") {
@@ -388,12 +421,14 @@ fn within_budget(step: &Step, plan: &Plan, frame: &[Plan], facts: &Facts) -> Opt
     }
     let mut step = step.clone();
     step.params.insert("budget".to_owned(), BUDGET.into());
-    let done = pipeline::run(&step, plan, frame, facts).ok()?;
-    Some(WithinBudget {
-        step: step.to_string(),
-        saved: Saved::between(plan, &done.plan, facts),
-        change: done.change,
-    })
+    Some(step)
+}
+
+/// Where a step is refused with a budget too, `still` says what helps, and a budget alone does not.
+fn still_refused(refusals: &mut [Refusal], still: &Refusal) {
+    for refusal in refusals.iter_mut().filter(|r| r.remedy.contains("budget=")) {
+        refusal.remedy.clone_from(&still.remedy);
+    }
 }
 
 fn stages(plan: &Plan, facts: &Facts) -> Vec<StageCost> {

@@ -41,6 +41,7 @@ mod plan_json;
 mod reduce;
 #[cfg(feature = "spirv")]
 mod spirv;
+mod stale;
 #[cfg(feature = "glsl")]
 mod tess;
 mod wgsl;
@@ -62,6 +63,7 @@ pub use plan_json::{
     Fallback, GlslAttribute, GlslBlock, GlslTexture, GlslUniform, PassFiles, PlanFile,
     SpecConstant, StageFile, TessellationFiles, WeakerPromise, versions,
 };
+pub use stale::{remove, stale};
 
 /// An output language.
 #[derive(

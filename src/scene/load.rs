@@ -146,6 +146,10 @@ impl SceneText<'_> {
                 };
                 SceneError::new(what).help(help)
             }
+            _ if message == "invalid type: sequence, expected a map" => {
+                SceneError::new("a list, where each entry has a name")
+                    .help("write `[materials.NAME]`, say, and not `[[materials]]`")
+            }
             _ => SceneError::new(message),
         };
         match e.span() {

@@ -33,8 +33,9 @@ refusals! {
          compute a depth without it.",
         "Set the depth range 0 to 1, or leave the material as it is.";
     DEPTH_TIES = "depth-ties":
-        "Several surfaces were measured to share the nearest depth. Under EQUAL all of them pass \
-         and the last one wins, where the first did.",
+        "Several surfaces were measured to share the nearest depth, as do a decal in the plane of \
+         its wall, or a mesh that is drawn twice. Under EQUAL all of them pass and the last one \
+         wins, where the first did.",
         "Take `form=biased`.";
     DEPTH_WRITE_OFF = "depth-write-off":
         "The material writes no depth, so nothing of it hides anything.",
