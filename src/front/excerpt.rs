@@ -6,7 +6,7 @@ use std::ops::Range;
 use codespan_reporting::files::{Error, Files, SimpleFile};
 
 /// Longer lines are cut, in bytes.
-const LONGEST: usize = 400;
+const LONGEST: usize = 500;
 /// Bytes that are shown on either side of a place.
 const AROUND: usize = 100;
 const MORE: &str = "\u{2026}";

@@ -1,6 +1,7 @@
 //! Parses one WGSL file to a naga module: what naga lacks is rewritten, and what it takes though no
 //! browser does is refused.
 
+mod aliases;
 mod constants;
 mod diagnostics;
 mod edits;

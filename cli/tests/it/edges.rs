@@ -139,28 +139,6 @@ fn of_a_minified_line_the_part_around_the_place_is_shown() {
 }
 
 #[test]
-fn nothing_is_proved_by_the_slicers_word() {
-    let out = empty("proved");
-    let out = out.to_str().unwrap();
-    let args = [
-        "rewrite",
-        "proved-by-word.wgsl",
-        "--pass",
-        "depth-prepass",
-        "--validate",
-        "-o",
-        out,
-    ];
-    let said = told(&cases().join("newcomer"), &args, 0);
-    let mut colours = said.lines().filter(|l| l.contains("colours"));
-    assert!(colours.all(|l| !l.contains("proved")), "{said}");
-    assert!(
-        said.contains("not evaluated: no input came to an end"),
-        "{said}"
-    );
-}
-
-#[test]
 fn an_order_that_would_do_is_named() {
     let folder = cases().join("newcomer");
     for (first, second, hint) in [

@@ -89,8 +89,10 @@ fn evaluated(probe: &str) -> Option<String> {
     if let TypeInner::Struct { .. } = info[handle][value].ty.inner_with(&module.types) {
         return None;
     }
-    let end = Statement::Return { value: Some(value) };
-    function.body.push(end, naga::Span::UNDEFINED);
+    // naga ends each function with a `return`.
+    if let Some(Statement::Return { value: result }) = function.body.iter_mut().last() {
+        *result = Some(value);
+    }
     let environment = Environment::<f32> {
         resources: BTreeMap::new().into(),
         texture: &|_| [0.0; 4],

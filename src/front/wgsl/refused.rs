@@ -10,6 +10,7 @@ use preshade_passes::graph::operands;
 use preshade_passes::program::Program;
 
 use super::super::error::{Code, Error};
+use super::aliases;
 
 /// The largest location, group or binding.
 const MOST: u32 = i32::MAX as u32;
@@ -30,6 +31,12 @@ pub(in super::super) fn check(program: &Program) -> Result<(), Error> {
             locations(bindings, module.types.get_span(handle))?;
         }
     }
+    aliases::check(module).map_err(|span| {
+        error(
+            "the call writes a variable that it also gets under another name",
+            span,
+        )
+    })?;
     for (handle, function) in module.functions.iter() {
         check_function(module, function, &info[handle])?;
     }
