@@ -25,7 +25,7 @@ fn square(vertex: &str, fragment: &str) -> Scene {
         "struct Object {{ model: mat4x4<f32>, tint: vec4<f32> }}
 @group(1) @binding(0) var<uniform> object: Object;
 struct V {{ @builtin(position) at: vec4<f32>, @location(0) x: f32 }}
-fn spins(from: f32) -> f32 {{ var x = from; loop {{ x = x * 1.7 + 0.1; if (x > 3.0) {{ break; }} }} return x; }}
+fn spins(start: f32) -> f32 {{ var x = start; loop {{ x = x * 1.7 + 0.1; if (x > 3.0) {{ break; }} }} return x; }}
 @vertex fn vs(@location(0) position: vec3<f32>) -> V {{
     var at = object.model * vec4(position, 1.0); {vertex}
     return V(at, position.x);
