@@ -388,6 +388,7 @@ fn layers(
         files: Vec::new(),
         is_made_up: false,
         own_size: None,
+        part: None,
         initial: Default::default(),
         rows: Default::default(),
         notes: Vec::new(),

@@ -180,6 +180,7 @@ fn scene(material: Material, triangle: &[[f32; 3]; 3]) -> Scene {
         files: Vec::new(),
         is_made_up: false,
         own_size: None,
+        part: None,
         initial: Default::default(),
         rows: Default::default(),
         notes: Vec::new(),

@@ -275,7 +275,8 @@ impl Run<'_, '_> {
         let mut untested = Vec::new();
         for materials in undiscarded {
             let is_decided = materials.iter().any(|m| deciding.contains(m));
-            let list = if is_decided {
+            // A captured frame is what the user has: nobody can add a fragment that is discarded.
+            let list = if is_decided && !self.session.scene().is_captured() {
                 &mut untested
             } else {
                 &mut warnings

@@ -66,6 +66,14 @@ pub enum Error {
     /// valid.
     #[error("the graphics device was lost: {0}")]
     Lost(String),
+    /// A submission had no end within the time that it may take. The device counts as lost from then on.
+    #[error("{what} has not ended after {} s. It is too slow for this adapter, or does not end", time.as_secs())]
+    Slow {
+        /// What was drawn.
+        what: String,
+        /// How long it was waited for.
+        time: std::time::Duration,
+    },
     /// The lock of an adapter that several processes share failed.
     #[error("the adapter cannot be shared: {0}")]
     Shared(#[source] std::io::Error),
@@ -145,14 +153,14 @@ impl Error {
     /// Whether the device is lost, or the lock of an adapter that processes share failed: nothing more can be drawn,
     /// whatever it is. A measurement that skips what cannot be drawn must not skip this.
     pub fn is_lost(&self) -> bool {
-        matches!(self, Self::Lost(_) | Self::Shared(_))
+        matches!(self, Self::Lost(_) | Self::Slow { .. } | Self::Shared(_))
     }
 
     /// The stable error code.
     pub fn code(&self) -> &'static str {
         match self {
             Self::NoAdapter { .. } => codes::NO_ADAPTER.code,
-            Self::Lost(_) => codes::DEVICE_LOST.code,
+            Self::Lost(_) | Self::Slow { .. } => codes::DEVICE_LOST.code,
             Self::Shared(_) => codes::SHARED_ADAPTER.code,
             Self::Unsupported { .. } => codes::NO_FEATURE.code,
             Self::Refused { .. } => codes::DRIVER_REFUSED.code,

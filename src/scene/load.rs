@@ -254,6 +254,7 @@ impl Loader<'_> {
             files: self.folder.files(),
             is_made_up: false,
             own_size: None,
+            part: None,
             initial: Default::default(),
             rows: Default::default(),
             notes: parts.notes,

@@ -94,6 +94,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
         files: Vec::new(),
         is_made_up: true,
         own_size: None,
+        part: None,
         initial: Default::default(),
         rows: Default::default(),
         notes: Vec::new(),

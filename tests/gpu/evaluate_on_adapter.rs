@@ -214,6 +214,7 @@ fn drawn(parsed: front::Parsed, size: [u32; 2]) -> ColorImage {
         files: Vec::new(),
         is_made_up: false,
         own_size: None,
+        part: None,
         initial: Default::default(),
         rows: Default::default(),
         notes: Vec::new(),

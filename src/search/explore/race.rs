@@ -243,7 +243,7 @@ impl<'a> Search<'a> {
             arena.drawn += 1;
             let drawn = self.draw_one(arena, i, journal);
             // A drawing that lost the device did not complete.
-            if !matches!(&drawn, Err(Error::Render(crate::render::Error::Lost(_)))) {
+            if !matches!(&drawn, Err(Error::Render(error)) if error.is_lost()) {
                 journal.end(&key);
             }
             if let Err(error) = drawn {

@@ -25,6 +25,9 @@ pub struct Decision {
     pub schema: String,
     /// Scene's name.
     pub scene: String,
+    /// Of a captured frame, the part of it that `scene` is, in words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub part: Option<String>,
     /// Width and height, in pixels.
     pub resolution: [u32; 2],
     /// The command that made it.

@@ -294,6 +294,7 @@ fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, PlanError>
         files: Vec::new(),
         is_made_up: false,
         own_size: None,
+        part: None,
         initial: Default::default(),
         rows: Default::default(),
         notes: Vec::new(),

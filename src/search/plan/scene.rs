@@ -538,6 +538,7 @@ fn report(
     let mut decision = Decision {
         schema: SCHEMA.to_owned(),
         scene: scene.name.clone(),
+        part: scene.part.clone(),
         resolution: scene.size,
         command: settings.command.clone(),
         adapter: gpu.adapter().clone(),

@@ -128,6 +128,7 @@ pub fn scene(size: [u32; 2], materials: Vec<Material>, draws: Vec<Draw>) -> Scen
         files: Vec::new(),
         is_made_up: false,
         own_size: None,
+        part: None,
         initial: Default::default(),
         rows: Default::default(),
         notes: Vec::new(),
