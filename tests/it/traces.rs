@@ -7,8 +7,9 @@ use preshade::unstable::capture::browser::prepare;
 use preshade::unstable::capture::trace::{
     Found, FramesBy, TRACE, TraceError, Version, Wanted, convert,
 };
-use preshade::unstable::capture::{Capture, file_of};
+use preshade::unstable::capture::{Capture, Choice, file_of, passes, scene};
 use preshade::unstable::limits::Limits;
+use preshade::unstable::passes::state::DepthDirection;
 use serde_json::Value;
 
 const LAST: Wanted = Wanted {
@@ -374,4 +375,85 @@ fn a_mutated_trace_is_an_error_or_a_folder() {
         let _ = converted(&to, "mutated", &LAST);
         at += step + at % 7;
     }
+}
+
+/// Engines such as Bevy draw with reversed Z.
+#[test]
+fn a_trace_with_reversed_z_is_one() {
+    let reversed = |text: String| {
+        let text = text.replace("clear(1.0)", "clear(0.0)");
+        text.replace(
+            "depth_compare: Some(r#less-equal)",
+            "depth_compare: Some(r#greater-equal)",
+        )
+        .into_bytes()
+    };
+    for (name, trace, direction) in [
+        ("forward", recorded("30"), DepthDirection::Forward),
+        (
+            "reversed",
+            changed("30", "reversed", reversed),
+            DepthDirection::Reversed,
+        ),
+    ] {
+        converted(&trace, name, &LAST).unwrap();
+        let out = Path::new(env!("CARGO_TARGET_TMPDIR"))
+            .join("folders")
+            .join(name);
+        let capture = Capture::open(&out, &Limits::default()).unwrap();
+        let all = passes(&capture, 0).unwrap();
+        let pass = all
+            .iter()
+            .position(|p| p.descriptor.depth_stencil_attachment.is_some());
+        let choice = Choice {
+            pass,
+            ..Choice::default()
+        };
+        let scene = scene(&capture, choice, None).unwrap();
+        assert_eq!(scene.depth_direction, direction);
+        assert!(
+            scene
+                .materials
+                .iter()
+                .all(|m| m.state.depth_direction == direction)
+        );
+    }
+}
+
+/// A trace that fails, or frames that it lacks, leave the earlier capture as it was.
+#[test]
+fn a_failed_conversion_keeps_the_earlier_capture() {
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("folders/kept");
+    let _ = fs::remove_dir_all(&out);
+    let written = || {
+        let data = fs::read_dir(out.join("data")).unwrap();
+        let mut names: Vec<_> = data.map(|e| e.unwrap().file_name()).collect();
+        names.sort();
+        (fs::read(file_of(&out)).unwrap(), names)
+    };
+    converted(&recorded("30"), "kept", &LAST).unwrap();
+    let before = written();
+    let too_many = Wanted {
+        from: Some(2),
+        frames: 9,
+        ..LAST
+    };
+    converted(&recorded("30"), "kept", &too_many).unwrap_err();
+    let missing = changed("30", "without-data", |text| {
+        text.replace("data8.bin", "data99.bin").into_bytes()
+    });
+    converted(&missing, "kept", &LAST).unwrap_err();
+    assert!(written() == before);
+    // What a killed program left is removed, and so is what the new capture does not name.
+    fs::write(out.join("data/.0.bin.1-2.tmp"), "half").unwrap();
+    fs::write(out.join("data").join(format!("{:032x}.bin", 7)), "old").unwrap();
+    converted(&recorded("30"), "kept", &LAST).unwrap();
+    assert!(written() == before);
+    // Nothing that fails makes a folder.
+    let new = Path::new(env!("CARGO_TARGET_TMPDIR")).join("folders/never");
+    converted(&missing, "never", &LAST).unwrap_err();
+    assert!(!new.exists());
+    // A folder with something else is not a capture's.
+    fs::write(out.join("notes.txt"), "mine").unwrap();
+    assert!(prepare(&out).is_err());
 }
