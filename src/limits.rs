@@ -72,7 +72,7 @@ const NAMED: [Named; 15] = [
         what: "vertices of all meshes",
         of: |l| &mut l.vertices,
         strict: 1 << 20,
-        default: 1 << 26,
+        default: 1 << 24,
     },
     Named {
         name: "copies",

@@ -351,6 +351,7 @@ fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
             textures: BTreeMap::new(),
             samplers: BTreeMap::new(),
             attributes: BTreeMap::new(),
+            attribute_roles: BTreeMap::new(),
             part_of: None,
         },
         Mesh {

@@ -20,6 +20,7 @@ use super::file::{
 };
 use super::image::MAX_SIDE;
 use super::place::Folder;
+use super::roles::Roles;
 use super::{
     Access, Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, SceneError, Stream,
     Value, Variables, bind, error, material, meshes, numbers, range, size, value_path, variables,
@@ -471,6 +472,7 @@ impl Loader<'_> {
                 .detail(e.render(front::Color::Never));
             self.source.at(what, files[0].span())
         })?;
+        let attribute_roles = Roles::of(&parsed).attributes;
         let mut material = Material {
             name: name.to_owned(),
             file: self.folder.whole(files[0].get_ref()),
@@ -491,6 +493,7 @@ impl Loader<'_> {
                 .iter()
                 .map(|(n, s)| (n.clone(), s.get_ref().clone()))
                 .collect(),
+            attribute_roles,
             part_of: None,
         };
         self.state(&mut material, entry, samples);

@@ -162,6 +162,9 @@ pub struct Material {
     pub samplers: BTreeMap<String, Sampler>,
     /// Mesh stream by attribute name, where the names differ.
     pub attributes: BTreeMap<String, String>,
+    /// Mesh stream by attribute name, by what the shader does with the attribute. A stream that has
+    /// the attribute's name comes first.
+    pub attribute_roles: BTreeMap<String, String>,
     /// The material as the scene names it, if this one is for some of its draws.
     pub part_of: Option<String>,
 }

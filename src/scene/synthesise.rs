@@ -81,6 +81,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
             textures: roles.textures,
             samplers: BTreeMap::new(),
             attributes: roles.attributes,
+            attribute_roles: BTreeMap::new(),
             part_of: None,
         }],
         meshes,

@@ -561,7 +561,9 @@ fn source(material: &Material, mesh: &Mesh, draw: &Draw, name: &str) -> Attribut
     if let Some(own) = mesh.streams.keys().find(|n| normalise(n) == normal) {
         return AttributeSource::Vertex(own.clone());
     }
-    match alias(&normal).filter(|s| mesh.streams.contains_key(*s)) {
+    let by_use = material.attribute_roles.get(name).map(String::as_str);
+    let known = by_use.or_else(|| alias(&normal));
+    match known.filter(|s| mesh.streams.contains_key(*s)) {
         Some(stream) => AttributeSource::Vertex(stream.to_owned()),
         None => AttributeSource::Synthesised,
     }

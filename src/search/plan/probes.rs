@@ -316,6 +316,7 @@ fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, PlanError>
             textures: BTreeMap::from([("noise".to_owned(), Arc::new(noise()))]),
             samplers: BTreeMap::new(),
             attributes: BTreeMap::new(),
+            attribute_roles: BTreeMap::new(),
             part_of: None,
         }],
         meshes: vec![grid(cells, probe.scale)],
