@@ -12,12 +12,17 @@ mod fixtures_support;
 mod interfaces;
 #[path = "../support/reflection_support.rs"]
 mod reflection_support;
+#[cfg(feature = "verify")]
+#[path = "../support/swiftshader_support.rs"]
+mod swiftshader_support;
 #[path = "../../passes/tests/it/uniformity_cases.rs"]
 mod uniformity_cases;
 #[path = "../it/wgsl_in_cases.rs"]
 mod wgsl_in_cases;
 
 mod acceptance;
+#[cfg(feature = "verify")]
+mod drawn_by_dawn;
 mod emit;
 mod es100;
 mod example;
