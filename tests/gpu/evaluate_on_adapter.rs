@@ -204,6 +204,7 @@ fn drawn(parsed: front::Parsed, size: [u32; 2]) -> ColorImage {
         textures: BTreeMap::new(),
         samplers: BTreeMap::new(),
         attributes: BTreeMap::new(),
+        attribute_roles: BTreeMap::new(),
         part_of: None,
     };
     let positions = Stream::Float {

@@ -62,6 +62,7 @@ pub fn material(name: &str, source: &str) -> Material {
         textures: BTreeMap::new(),
         samplers: BTreeMap::new(),
         attributes: BTreeMap::new(),
+        attribute_roles: BTreeMap::new(),
         part_of: None,
     }
 }
