@@ -196,14 +196,14 @@ pub fn run(
 /// Emits `plan` for each target that can express it, with one `plan.json`. Returns the files, and
 /// an error for each of the other targets.
 pub fn emit(plan: &Plan, targets: &[Target]) -> (Vec<File>, Vec<emit::EmitError>) {
-    emit_by(targets, &|targets| {
+    emit_by(targets, |targets: &[Target]| {
         emit::emit(plan, targets, &emit::Options::default())
     })
 }
 
 /// As [`emit`], and compares what each text means with its program: a few milliseconds each.
 pub fn emit_compared(plan: &Plan, targets: &[Target]) -> (Vec<File>, Vec<emit::EmitError>) {
-    emit_by(targets, &|targets| {
+    emit_by(targets, |targets: &[Target]| {
         emit::emit_compared(
             plan,
             targets,
@@ -215,7 +215,7 @@ pub fn emit_compared(plan: &Plan, targets: &[Target]) -> (Vec<File>, Vec<emit::E
 
 fn emit_by(
     targets: &[Target],
-    emit: &dyn Fn(&[Target]) -> Result<Vec<File>, emit::EmitError>,
+    emit: impl Fn(&[Target]) -> Result<Vec<File>, emit::EmitError>,
 ) -> (Vec<File>, Vec<emit::EmitError>) {
     if let Ok(files) = emit(targets) {
         return (files, Vec::new());

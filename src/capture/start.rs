@@ -118,13 +118,13 @@ impl Maker<'_> {
 
     /// The depth to which the frame last cleared a texture, before the pass or at its start.
     fn last_clear(&self, texture: usize) -> Option<f32> {
-        let own = self.pass.leading_clears.iter().filter_map(|c| c.depth);
+        let mut own = self.pass.leading_clears.iter().filter_map(|c| c.depth);
         let earlier = self.before.iter().rev().filter_map(|pass| {
             let depth = pass.descriptor.depth_stencil_attachment.as_ref()?;
             let clears = depth.view.texture == texture && depth.depth_load_op == Some(Load::Clear);
             clears.then(|| depth.depth_clear_value.unwrap_or(0.0))
         });
-        own.last().or_else(|| earlier.into_iter().next())
+        own.next_back().or_else(|| earlier.into_iter().next())
     }
 
     /// A depth that is no plane's, all over. `None`, with a note, for several samples.

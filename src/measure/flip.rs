@@ -92,7 +92,7 @@ fn map(size: [u32; 2], a: &[Rgb], b: &[Rgb], is_linear: bool) -> Option<Vec<f32>
 /// Whether two values differ, one of which is not finite.
 fn is_torn(p: f32, q: f32) -> bool {
     let is_same = p == q || (p.is_nan() && q.is_nan());
-    !is_same && !(p.is_finite() && q.is_finite())
+    !(is_same || p.is_finite() && q.is_finite())
 }
 
 /// How values become a displayed picture.

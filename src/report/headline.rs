@@ -488,7 +488,8 @@ mod tests {
         let told = of([1.5, 1.5, 1.0 / 1.14]);
         assert!(
             told.starts_with(
-                "a: same picture, 1.50x faster front to back and back to front, 14 % slower"
+                "a: same picture, 1.50x faster front to back (the order most engines use) and back \
+                 to front, 14 % slower"
             ),
             "{told}"
         );

@@ -307,6 +307,7 @@ impl Walk<'_, '_> {
 }
 
 #[cfg(test)]
+#[allow(clippy::panic)]
 mod tests {
     use std::sync::Arc;
 
@@ -327,10 +328,7 @@ mod tests {
             Program::new(module, Arc::new(SourceMap::new()), Language::Wgsl)
                 .map_err(|e| e.to_string())
         });
-        match program {
-            Ok(program) => Checks::needed(&program),
-            Err(error) => panic!("{body}: {error}"),
-        }
+        Checks::needed(&program.unwrap_or_else(|error| panic!("{body}: {error}")))
     }
 
     #[test]

@@ -421,11 +421,23 @@ impl<'a, F: Number> Machine<'a, F> {
     ) -> Result<Vec<F>, Stuck> {
         let mut numbers = Vec::new();
         for operand in operands {
-            let value = self.get(frame, *operand)?;
+            let mut value = self.get(frame, *operand)?.clone();
+            // GLSL has signed coordinates alone: beyond 2^31 they are the same bits, of no texel.
+            if is_unsigned(&value) {
+                value = math::cast(naga::ScalarKind::Sint, None, &value)?;
+            }
             let floats = math::cast(naga::ScalarKind::Float, Some(4), &value)?;
             numbers.extend(floats.floats()?);
         }
         Ok(numbers)
+    }
+}
+
+fn is_unsigned<F>(value: &Value<F>) -> bool {
+    match value {
+        Value::Scalar(Scalar::U32(_)) => true,
+        Value::Composite(parts) => parts.first().is_some_and(is_unsigned),
+        _ => false,
     }
 }
 

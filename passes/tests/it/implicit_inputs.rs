@@ -227,7 +227,7 @@ fn a_specialised_stage_keeps_the_sample_rate() {
         codes(specialize.run(&plan(&source, change), &Facts::default(), &params))
     };
     assert_eq!(run(four_samples), ["sample-rate"]);
-    assert!(run(|_| {}).is_empty());
+    assert_eq!(run(|_| {}), ["sample-rate"]);
 }
 
 /// Code that joins a vertex stage may change how a driver compiles the position.

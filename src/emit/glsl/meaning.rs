@@ -221,7 +221,7 @@ impl<'a> Keep<'a> {
                 expr,
                 kind,
                 convert: Some(4),
-            } => self.to_integer(expr, kind),
+            } => self.integer_of(expr, kind),
             Expression::Math { fun, arg, .. } => self.function(e, fun, arg),
             Expression::ImageSample {
                 image,

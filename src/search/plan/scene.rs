@@ -458,7 +458,8 @@ fn measure_more<'a>(
         let itself = more.table.rows.pop().unwrap_or_default();
         let each = itself.iter().flatten().map(confirm::apart);
         measured.table.apart = each.fold(1.0, f64::max);
-        (lot.pop(), more.times.pop());
+        lot.pop();
+        more.times.pop();
     }
     measured.so_far = more.so_far;
     measured.colours = more.colours;

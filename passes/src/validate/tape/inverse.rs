@@ -306,7 +306,7 @@ fn moved(x: f32, by: i64) -> f32 {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
+#[allow(clippy::unwrap_used, clippy::panic)]
 mod tests {
     use super::super::taped;
     use super::*;

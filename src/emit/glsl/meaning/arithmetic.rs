@@ -103,7 +103,7 @@ impl Keep<'_> {
     }
 
     /// An integer of a float, which is brought into its range first.
-    pub(super) fn to_integer(
+    pub(super) fn integer_of(
         &mut self,
         expr: Handle<Expression>,
         kind: ScalarKind,
