@@ -201,15 +201,13 @@ pub fn emit(plan: &Plan, targets: &[Target]) -> (Vec<File>, Vec<emit::EmitError>
     })
 }
 
-/// As [`emit`], and compares what each text means with its program: a few milliseconds each.
+/// As [`emit`], and compares what each text means with its program: a few milliseconds each. The
+/// files are those of [`emit`], byte for byte: what the comparison notes stays out of `plan.json`.
 pub fn emit_compared(plan: &Plan, targets: &[Target]) -> (Vec<File>, Vec<emit::EmitError>) {
     emit_by(targets, |targets: &[Target]| {
-        emit::emit_compared(
-            plan,
-            targets,
-            &emit::Options::default(),
-            emit::Meaning::QUICK,
-        )
+        let options = emit::Options::default();
+        emit::emit_compared(plan, targets, &options, emit::Meaning::QUICK)?;
+        emit::emit(plan, targets, &options)
     })
 }
 
