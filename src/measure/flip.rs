@@ -216,7 +216,7 @@ fn worst_tile(map: &[f32], width: usize) -> f64 {
 }
 
 #[cfg(test)]
-#[allow(clippy::unwrap_used)]
+#[allow(clippy::unwrap_used, clippy::panic)]
 mod tests {
     use wgpu::TextureFormat as Format;
 

@@ -328,7 +328,7 @@ fn switch(numbers: &mut Numbers, depth: usize, in_loop: bool, out: &mut String) 
                 4 if depth < 2 => switch(numbers, depth + 1, in_loop, out),
                 5 if depth < 2 => {
                     let j = format!("j{depth}");
-                    write!(out, "for (int {j} = 0; {j} < 3; {j}++) {{\n").unwrap();
+                    writeln!(out, "for (int {j} = 0; {j} < 3; {j}++) {{").unwrap();
                     switch(numbers, depth + 1, true, out);
                     out.push_str("}\n");
                 }
