@@ -47,7 +47,14 @@ fn classes(agreement: &Agreement) -> Vec<Class> {
 #[test]
 fn each_pair_differs_as_its_first_line_says() {
     use Class as C;
-    let pairs: [(&str, [&[&str]; 2], Relation, &[Class]); 6] = [
+    /// A folder, the files of both programs, and the classes of what differs.
+    type Pair = (
+        &'static str,
+        [&'static [&'static str]; 2],
+        Relation,
+        &'static [Class],
+    );
+    let pairs: [Pair; 6] = [
         (
             ".",
             [
