@@ -13,9 +13,6 @@ use crate::nearest::unknown;
 pub trait Drawn: Serialize {
     /// It, a line each.
     fn told(&self, relation: Relation) -> Vec<String>;
-
-    /// What breaks the relation, in words.
-    fn differs(&self, relation: Relation) -> Option<String>;
 }
 
 /// Without a scene.
@@ -25,10 +22,6 @@ pub enum Undrawn {}
 impl Drawn for Undrawn {
     fn told(&self, _: Relation) -> Vec<String> {
         Vec::new()
-    }
-
-    fn differs(&self, _: Relation) -> Option<String> {
-        None
     }
 }
 
@@ -107,7 +100,7 @@ impl<D> Default for Report<D> {
     }
 }
 
-impl<D: Drawn> Pair<D> {
+impl<D> Pair<D> {
     /// The result of a comparison.
     pub fn new(
         name: String,
@@ -116,10 +109,7 @@ impl<D: Drawn> Pair<D> {
         cost: [Cost; 2],
         drawn: Vec<D>,
     ) -> Self {
-        let mut findings = std::mem::take(&mut agreement.findings);
-        let relation = agreement.relation;
-        let differing = drawn.iter().filter_map(|drawn| drawn.differs(relation));
-        findings.extend(differing.map(|words| Finding::general(Class::Drawn, "the scene", words)));
+        let findings = std::mem::take(&mut agreement.findings);
         let judged = findings.into_iter().map(|finding| Judged {
             finding,
             breaks: false,

@@ -1,12 +1,11 @@
 //! The plans of a frame, drawn beside the original and held to their contract.
 
-use preshade_passes::contract::Verdict;
+use preshade_passes::contract::{Contract, Verdict};
 use preshade_passes::guard::Assumed;
 use preshade_passes::plan::Plan;
 
-use super::owners::{Broke, Group};
-use super::verdict::Promise;
-use super::{Error, ErrorLadder, Session, View, compare};
+use super::verdict::breaks;
+use super::{Error, ErrorLadder, Session, compare};
 use crate::render::{self, Prepared, Rendered};
 use crate::scene::{DrawOrder, Frame};
 
@@ -15,12 +14,8 @@ pub struct Subject<'a> {
     session: &'a Session<'a>,
     /// The plans, in the scene's order of materials.
     pub plans: Vec<Plan>,
-    /// The promise of all plans together.
-    pub promise: Promise,
-    /// Those of its materials, where they differ.
-    groups: Vec<Group<'a>>,
-    /// The promise that the verdict is about: another one if it is broken for some materials alone.
-    pub judged: Promise,
+    /// The contract of all plans together.
+    pub contract: Contract,
     /// Whether the pictures so far keep the contract.
     pub verdict: Verdict,
     /// The worst difference of all pictures so far; `None`: nothing was compared.
@@ -37,12 +32,10 @@ pub struct Subject<'a> {
 impl<'a> Subject<'a> {
     /// A frame of `plans`, not yet built.
     pub fn new(session: &'a Session<'a>, plans: Vec<Plan>) -> Self {
-        let promise = Promise::of(&plans);
+        let contracts = plans.iter().map(|plan| plan.contract.clone());
         Self {
             session,
-            groups: Group::of(&plans),
-            judged: promise.clone(),
-            promise,
+            contract: contracts.fold(Contract::exact(), Contract::and),
             plans,
             verdict: Verdict::NotMeasured {
                 why: "nothing was drawn".to_owned(),
@@ -84,7 +77,7 @@ impl<'a> Subject<'a> {
         self.prepared = None;
         if !matches!(self.verdict, Verdict::Broken { .. }) {
             self.verdict = Verdict::NotMeasured {
-                why: error.to_string().replace(render::NOT_MEASURED, ""),
+                why: error.to_string(),
             };
         }
     }
@@ -143,56 +136,29 @@ impl<'a> Subject<'a> {
         Ok(prepared.map(Prepared::render).transpose()?)
     }
 
-    /// Compares a picture with the original's and checks the promise of all materials together, and
-    /// then each material's own. The first broken view, named as the view writes itself, is the
-    /// verdict.
+    /// Compares a picture with the original's and checks the contract. `view` names the view. The
+    /// first broken view is the verdict.
     ///
     /// # Errors
     ///
-    /// Pictures of different kinds; what draws the materials' places cannot be drawn.
-    pub(super) fn compare(
+    /// Pictures of different kinds.
+    pub fn compare(
         &mut self,
-        (view, frame): (&View, &Frame),
         reference: &Rendered,
         picture: &Rendered,
-    ) -> Result<(ErrorLadder, Option<Broke>), Error> {
+        view: &str,
+    ) -> Result<ErrorLadder, Error> {
         let error = compare(reference, picture)?;
         self.add(&error);
-        let mut broke = self.promise.broken(&error).map(|how| Broke {
-            how,
-            promise: self.promise.clone(),
-            picture: None,
-        });
-        for group in &mut self.groups {
-            if broke.is_none() && !error.is_exact() {
-                broke = group.broken(self.session, (frame, view.order), [reference, picture])?;
-            }
-        }
         if !matches!(self.verdict, Verdict::Broken { .. }) {
-            self.verdict = match &broke {
+            self.verdict = match breaks(&self.contract, &error) {
                 None => Verdict::Holds,
-                Some(broke) => {
-                    self.judged = broke.promise.clone();
-                    Verdict::Broken {
-                        r#where: format!("{}: {}", view.described(), broke.how),
-                    }
-                }
+                Some(how) => Verdict::Broken {
+                    r#where: format!("{view}: {how}"),
+                },
             };
         }
-        Ok((error, broke))
-    }
-
-    /// As [`Self::compare`], for the verdict alone.
-    ///
-    /// # Errors
-    /// As [`Self::compare`].
-    pub fn judge(
-        &mut self,
-        view: (&View, &Frame),
-        reference: &Rendered,
-        picture: &Rendered,
-    ) -> Result<ErrorLadder, Error> {
-        Ok(self.compare(view, reference, picture)?.0)
+        Ok(error)
     }
 
     /// Adds a difference to the worst so far.

@@ -3,8 +3,6 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use preshade_passes::checks::Checks;
-
 use super::Error;
 use super::gpu::Gpu;
 use super::pipeline::VertexLayout;
@@ -12,7 +10,7 @@ use super::pipeline::VertexLayout;
 /// The compiled objects so far, by content.
 #[derive(Debug, Default)]
 pub(super) struct Compiled {
-    shaders: Memo<(String, Checks), wgpu::ShaderModule>,
+    shaders: Memo<String, wgpu::ShaderModule>,
     pub layouts: Memo<Vec<wgpu::BindGroupLayoutEntry>, wgpu::BindGroupLayout>,
     pub render: Memo<RenderKey, wgpu::RenderPipeline>,
     pub compute: Memo<ComputeKey, wgpu::ComputePipeline>,
@@ -72,27 +70,20 @@ pub(super) fn shared<K: PartialEq, V: Clone>(
     Ok(value)
 }
 
-/// The module of a WGSL text with the checks that it needs.
+/// The module of a WGSL text.
 pub(super) fn shader(
     gpu: &Gpu,
     compiled: Option<&Compiled>,
     label: &str,
-    (text, needed): (&str, Checks),
+    text: &str,
 ) -> Result<wgpu::ShaderModule, Error> {
     let make = || {
         gpu.checked(&format!("the shader `{label}`"), || {
-            gpu.shader(
-                needed,
-                wgpu::ShaderModuleDescriptor {
-                    label: Some(label),
-                    source: wgpu::ShaderSource::Wgsl(crate::front::for_naga(text).into()),
-                },
-            )
+            gpu.shader(wgpu::ShaderModuleDescriptor {
+                label: Some(label),
+                source: wgpu::ShaderSource::Wgsl(crate::front::for_naga(text).into()),
+            })
         })
     };
-    shared(
-        compiled.map(|c| &c.shaders),
-        || (text.to_owned(), needed),
-        make,
-    )
+    shared(compiled.map(|c| &c.shaders), || text.to_owned(), make)
 }

@@ -2,7 +2,6 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::checks::Checks;
 use preshade_passes::frame::{ColorAttachments, FramePass};
 use preshade_passes::plan::{GpuPass, Plan};
 use preshade_passes::state::ColorTarget;
@@ -353,6 +352,5 @@ pub(super) fn blank_fragment(
     gpu: &Gpu,
     compiled: Option<&Compiled>,
 ) -> Result<wgpu::ShaderModule, Error> {
-    let blank = ("@fragment fn blank() {}", Checks::default());
-    compiled::shader(gpu, compiled, BLANK, blank)
+    compiled::shader(gpu, compiled, BLANK, "@fragment fn blank() {}")
 }

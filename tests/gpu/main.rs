@@ -26,7 +26,6 @@ mod captures;
 mod decide;
 mod device_lost;
 mod early_discard;
-mod endless;
 mod evaluate_on_adapter;
 mod exactness;
 mod explore;

@@ -20,7 +20,6 @@ mod action;
 mod agree;
 #[cfg(feature = "capture")]
 mod capture;
-mod cases;
 mod cli;
 mod fleet;
 mod hostile;

@@ -9,7 +9,6 @@ mod trees;
 
 mod agree;
 mod cli;
-mod edges;
 mod hostile;
 mod many;
 mod newcomer;

@@ -310,15 +310,10 @@ impl Linker<'_> {
         }
         self.module_handles(&mut expression)?;
         let span = self.span(self.second.global_expressions.get_span(handle));
-        // `==` takes -0 for 0, and `1 / x` does not.
-        let is_same = |a: &Expression, b: &Expression| match (a, b) {
-            (Expression::Literal(a), Expression::Literal(b)) => {
-                format!("{a:?}") == format!("{b:?}")
-            }
-            _ => a == b,
-        };
-        let known = &mut self.module.global_expressions;
-        let mapped = known.fetch_if_or_append(expression, span, is_same);
+        let mapped = self
+            .module
+            .global_expressions
+            .fetch_or_append(expression, span);
         self.expressions.insert(handle, mapped);
         Ok(mapped)
     }

@@ -11,7 +11,7 @@ use naga::{
 use super::expression::kind;
 use super::number::Number;
 use super::value::{self, Scalar, Value};
-use super::{Environment, RunResult, Stuck, Traced, Undefined, layout};
+use super::{Environment, RunResult, Stuck, Traced, layout};
 
 /// Most scalars in private and local memory. Each takes many bytes, and is copied with its
 /// composite.
@@ -33,7 +33,6 @@ pub(super) struct Machine<'a, F: Number> {
     globals: Vec<Option<bool>>,
     discarded: bool,
     pub(super) flips: u64,
-    pub(super) undefined: Option<(Undefined, naga::Span)>,
     steps: u64,
     /// Scalars of the module's variables so far, and of the running functions' variables.
     of_globals: u32,
@@ -72,7 +71,6 @@ impl<'a, F: Number> Machine<'a, F> {
             globals: vec![None; globals],
             discarded: false,
             flips: 0,
-            undefined: None,
             steps: 0,
             of_globals: 0,
             of_locals: 0,
@@ -92,7 +90,6 @@ impl<'a, F: Number> Machine<'a, F> {
             result,
             discarded: self.discarded,
             flips: self.flips,
-            undefined: self.undefined,
             steps: self.steps,
         })
     }

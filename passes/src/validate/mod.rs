@@ -51,7 +51,6 @@ mod random;
 mod resolve;
 mod split;
 pub mod stage;
-mod tape;
 pub mod term;
 mod trial;
 mod verdict;

@@ -447,7 +447,6 @@ fn range(source: Source, [low, high]: [f32; 2]) -> SourceRange {
         source,
         low,
         high,
-        components: Vec::new(),
     }
 }
 

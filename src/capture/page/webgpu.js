@@ -463,7 +463,6 @@ function installWebgpu() {
     if (!globalThis.GPUDevice || !navigator.gpu) return false;
     gpuTypes = GPU_TYPES();
     keepMethods();
-    hearDevices();
     wrapDevice();
     wrapResources();
     wrapMapping();

@@ -1,6 +1,5 @@
 //! wgpu's objects of a capture, made when they are first needed.
 
-use preshade_passes::checks::Checks;
 use std::collections::BTreeMap;
 
 use wgpu::util::DeviceExt as _;
@@ -213,14 +212,10 @@ impl Replay<'_> {
             }
         };
         let made = self.gpu.checked(&label, || {
-            // A page's shader was drawn with all of WGSL's checks.
-            self.gpu.shader(
-                Checks::ALL,
-                wgpu::ShaderModuleDescriptor {
-                    label: Some(&label),
-                    source,
-                },
-            )
+            self.gpu.shader(wgpu::ShaderModuleDescriptor {
+                label: Some(&label),
+                source,
+            })
         })?;
         self.objects.modules.insert(index, made.clone());
         Ok(made)

@@ -1,6 +1,7 @@
 //! Writes a frame folder: what its frames refer to, and no more.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
@@ -11,7 +12,7 @@ use crate::capture::file::{
     CaptureFile, CapturedFrame, Command, ComputeCommand, DataName, DrawCommand, GroupLayout,
     LayoutChoice, RenderPassDescriptor, Resource, Unknown,
 };
-use crate::capture::writer;
+use crate::capture::folder;
 use crate::limits::Limits;
 
 /// A list of the file.
@@ -238,10 +239,11 @@ pub(super) fn write(
     out: &Path,
     limits: &Limits,
 ) -> Result<(), TraceError> {
-    let folder = writer::Writer::new(out, limits).map_err(TraceError::Write)?;
+    let data = out.join("data");
+    fs::create_dir_all(&data).map_err(TraceError::Write)?;
     let mut writer = Writer {
         store,
-        folder: &folder,
+        data: &data,
         limits,
         written: BTreeSet::new(),
         known: BTreeMap::new(),
@@ -264,13 +266,12 @@ pub(super) fn write(
     }
     let mut json = serde_json::to_value(file).map_err(|e| TraceError::Broken(e.to_string()))?;
     without_nulls(&mut json);
-    let written = folder.finish(json.to_string().into_bytes());
-    written.map_err(TraceError::Write)
+    folder::write(out, json.to_string().as_bytes()).map_err(TraceError::Write)
 }
 
 struct Writer<'w> {
     store: &'w Store,
-    folder: &'w writer::Writer,
+    data: &'w Path,
     limits: &'w Limits,
     written: BTreeSet<DataName>,
     known: BTreeMap<DataName, DataName>,
@@ -291,8 +292,7 @@ impl Writer<'_> {
             self.bytes += bytes.len() as u64;
             self.limits
                 .check("scene-bytes", self.bytes, "the bytes of the capture")?;
-            let written = self.folder.data(hash.file(), bytes.to_vec());
-            written.map_err(TraceError::Write)?;
+            fs::write(self.data.join(hash.file()), &bytes).map_err(TraceError::Write)?;
         }
         self.known
             .insert(std::mem::replace(name, hash.clone()), hash);

@@ -76,7 +76,6 @@ fn nothing() -> Ran {
         stored: BTreeMap::new(),
         flips: 0,
         steps: 0,
-        undefined: None,
     }
 }
 

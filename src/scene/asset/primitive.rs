@@ -58,16 +58,14 @@ pub(super) fn floats(asset: &Asset, accessor: &Accessor<'_>) -> Option<Vec<f32>>
 }
 
 /// The mesh of a primitive whose accessors were checked: a list of points, lines or triangles.
-///
-/// # Errors
-/// It has no positions, an index beyond them, or fewer of another attribute.
+/// `None`: it has no positions, or an index beyond them.
 pub(in crate::scene) fn read(
     asset: &Asset,
     primitive: &gltf::Primitive<'_>,
     missing: Missing,
-) -> Result<Mesh, String> {
+) -> Option<Mesh> {
     let of = |semantic| floats(asset, &primitive.get(&semantic)?);
-    let data = of(gltf::Semantic::Positions).ok_or("a primitive without positions")?;
+    let data = of(gltf::Semantic::Positions)?;
     let places: Vec<Vec3> = data
         .as_chunks::<3>()
         .0
@@ -80,10 +78,8 @@ pub(in crate::scene) fn read(
         Some(indices) => indices.into_u32().collect(),
         None => (0..count as u32).collect(),
     };
-    if let Some(index) = indices.iter().find(|i| **i as usize >= count) {
-        return Err(format!(
-            "a primitive has index {index}, and {count} vertices"
-        ));
+    if indices.iter().any(|i| *i as usize >= count) {
+        return None;
     }
     let indices = listed(primitive.mode(), &indices);
     let is_triangles = is_triangles(primitive.mode());
@@ -111,14 +107,7 @@ pub(in crate::scene) fn read(
     // The builder generates tangents; the file's own replace them below.
     let mut b = MeshBuilder::default();
     for (i, place) in places.iter().enumerate() {
-        let (Some(normal), Some(uv)) = (normals.get(i), uvs.get(i)) else {
-            return Err(format!(
-                "a primitive has {count} positions, {} normals and {} texture coordinates",
-                normals.len(),
-                uvs.len()
-            ));
-        };
-        b.vertex(*place, *normal, *uv);
+        b.vertex(*place, *normals.get(i)?, *uvs.get(i)?);
     }
     if is_triangles {
         for t in indices.as_chunks::<3>().0 {
@@ -165,7 +154,7 @@ pub(in crate::scene) fn read(
         mesh = flat(mesh);
     }
     mesh.bounds = bounds(positions(&mesh));
-    Ok(mesh)
+    Some(mesh)
 }
 
 pub(super) fn is_triangles(mode: Mode) -> bool {

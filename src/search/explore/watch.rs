@@ -5,6 +5,7 @@ use std::time::{Duration, Instant};
 
 use super::{Ended, ExploreProgress, SearchStage};
 use crate::measure::Error;
+use crate::render;
 
 /// The clock, and whoever watches it.
 pub(super) struct Watch<'p> {
@@ -82,7 +83,7 @@ impl Watch<'_> {
     }
 
     pub(super) fn lost(&mut self, error: &Error) -> bool {
-        let is_lost = matches!(error, Error::Render(error) if error.is_lost());
+        let is_lost = matches!(error, Error::Render(render::Error::Lost(_)));
         if is_lost {
             self.ended = Ended::Lost {
                 why: error.to_string(),

@@ -16,7 +16,6 @@ pub mod ahead;
 pub mod assign;
 pub mod choices;
 pub mod choose;
-mod confirm;
 pub mod count;
 pub mod decision;
 pub mod exhaust;

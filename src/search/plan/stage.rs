@@ -84,7 +84,7 @@ pub fn compare(
         match runner.subject.draw(frame, view.order) {
             Ok(Some(picture)) => {
                 let subject = &mut runner.subject;
-                subject.judge((view, frame), &reference, &picture)?;
+                subject.compare(&reference, &picture, &view.to_string())?;
             }
             Ok(None) => {}
             Err(error) => runner.give_up(error)?,

@@ -267,8 +267,7 @@ impl<'p> Folder<'p> {
     }
 
     /// The operand that remains after adding 0, multiplying by 1, or mixing by 0 or 1, in real
-    /// numbers. `None` also if something tells a zero that is left from one of the other sign, or if
-    /// what is dropped may be infinite.
+    /// numbers.
     fn neutral(
         &self,
         frame: &FoldFrame<'p>,
@@ -283,7 +282,6 @@ impl<'p> Folder<'p> {
         let same_type = |operand: Handle<Expression>| {
             frame.f.ty(self.module, operand) == frame.f.ty(self.module, e)
         };
-        let mut dropped = None;
         let found = match frame.original.expressions[e] {
             Expression::Binary { left, right, .. } if is_matrix(left) || is_matrix(right) => None,
             Expression::Binary { op, left, right } => match op {
@@ -303,27 +301,12 @@ impl<'p> Folder<'p> {
                 arg1: Some(arg1),
                 arg2: Some(arg2),
                 ..
-            } => {
-                let found = is(arg2, 0.0)
-                    .map(|s| (arg, s))
-                    .or_else(|| is(arg2, 1.0).map(|s| (arg1, s)));
-                dropped = found
-                    .as_ref()
-                    .map(|(left, _)| if *left == arg { arg1 } else { arg });
-                found
-            }
+            } => is(arg2, 0.0)
+                .map(|s| (arg, s))
+                .or_else(|| is(arg2, 1.0).map(|s| (arg1, s))),
             _ => None,
         };
-        let is_factor = matches!(
-            frame.original.expressions[e],
-            Expression::Binary {
-                op: BinaryOperator::Multiply | BinaryOperator::Divide,
-                ..
-            }
-        );
-        found
-            .filter(|(same, sources)| !sources.is_empty() && same_type(*same))
-            .filter(|_| is_factor || (self.leaves)(frame.id, e, dropped))
+        found.filter(|(same, sources)| !sources.is_empty() && same_type(*same))
     }
 
     fn evaluate(&self, frame: &FoldFrame<'p>, e: Handle<Expression>) -> AbstractValue {

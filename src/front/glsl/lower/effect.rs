@@ -376,8 +376,7 @@ pub(super) fn after(first: impl IntoIterator<Item = String>, ex: Ex) -> Ex {
         return ex;
     }
     all.push(ex.at(level::ASSIGNMENT));
-    let whole = Ex::primary(format!("({})", all.join(", ")), ex.ty);
-    whole.folding(ex.folds)
+    Ex::primary(format!("({})", all.join(", ")), ex.ty)
 }
 
 /// Whether a loop's body has its own `continue`.

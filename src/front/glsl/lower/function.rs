@@ -100,11 +100,7 @@ impl<'u> Lower<'_, 'u> {
         let statements = &function.statement.statement_list;
         self.temporaries = Some(Vec::new());
         let body = self.block_of(statements)?;
-        let mut temporaries = self.temporaries.take().unwrap_or_default();
-        if main {
-            temporaries.append(&mut self.temporaries_of_globals);
-        }
-        for held in temporaries {
+        for held in self.temporaries.take().unwrap_or_default() {
             out += &held;
         }
         if main {

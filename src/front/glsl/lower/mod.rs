@@ -2,7 +2,7 @@
 //!
 //! `declaration` prints globals, `statement` and `expression` function bodies. They use `call`,
 //! `overload` for overload resolution, `texture` for texture functions, `check` for type checks,
-//! `store` for block layouts, `effect` for the order of evaluation, and `fold` for constants.
+//! `store` for block layouts, and `effect` for the order of evaluation.
 
 mod builtin;
 mod call;
@@ -10,7 +10,6 @@ mod check;
 mod declaration;
 mod effect;
 mod expression;
-mod fold;
 mod function;
 mod overload;
 mod statement;
@@ -22,7 +21,6 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use glsl_lang::ast::NodeSpan;
 use naga::{ShaderStage, Span};
 
-use self::fold::Folds;
 use super::interface::{Interface, SplitSampler};
 use super::placeholders::Placeholders;
 use super::source_marks::Marks;
@@ -85,7 +83,6 @@ struct Var {
     path: Option<String>,
     /// Why it cannot be assigned to.
     fixed: Option<&'static str>,
-    folds: Folds,
 }
 
 impl Var {
@@ -103,7 +100,6 @@ impl Var {
             lay: MemoryLayout::default(),
             path: None,
             fixed: None,
-            folds: Folds::No,
         }
     }
 }
@@ -145,10 +141,8 @@ pub(super) struct Lower<'a, 'u> {
     helper_names: HashMap<String, String>,
     /// Functions whose bodies are replaced in the module.
     placeholders: Placeholders,
-    /// Temporaries of the current function; for globals, of `main`.
+    /// Temporaries of the current function; `None` outside of functions.
     temporaries: Option<Vec<String>>,
-    /// Those of `prologue`.
-    temporaries_of_globals: Vec<String>,
     /// Expressions held in temporaries, by position.
     held: HashMap<(u32, u32), expression::Ex>,
     /// Their positions, in order.
@@ -221,7 +215,6 @@ pub(super) fn lower(
         helper_names: HashMap::new(),
         placeholders: HashMap::new(),
         temporaries: None,
-        temporaries_of_globals: Vec::new(),
         held: HashMap::new(),
         held_keys: Vec::new(),
         looked: HashMap::new(),
@@ -266,10 +259,9 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// The author's name, with an underscore if naga reserves it or takes it for a struct.
+    /// The author's name, with an underscore if naga reserves it.
     fn safe(&mut self, name: &str) -> String {
-        let is_struct = self.stage.structs.get(name).is_some();
-        match is_struct || RESERVED.contains(&name) || name.contains("__") {
+        match RESERVED.contains(&name) || name.contains("__") {
             true => {
                 let wanted = format!("{}_", name.replace("__", "_"));
                 self.fresh(&wanted)
