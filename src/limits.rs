@@ -17,7 +17,7 @@ const NONE: u64 = u64::MAX;
 
 const MIB: u64 = 1 << 20;
 
-const NAMED: [Named; 14] = [
+const NAMED: [Named; 15] = [
     Named {
         name: "source-bytes",
         what: "bytes of one shader with all that it includes",
@@ -31,6 +31,13 @@ const NAMED: [Named; 14] = [
         of: |l| &mut l.nesting,
         strict: 64,
         default: 180,
+    },
+    Named {
+        name: "statements",
+        what: "statements and list values of one function",
+        of: |l| &mut l.statements,
+        strict: 5_000,
+        default: 20_000,
     },
     Named {
         name: "expressions",
@@ -65,7 +72,7 @@ const NAMED: [Named; 14] = [
         what: "vertices of all meshes",
         of: |l| &mut l.vertices,
         strict: 1 << 20,
-        default: 1 << 26,
+        default: 1 << 24,
     },
     Named {
         name: "copies",
@@ -125,6 +132,8 @@ pub struct Limits {
     pub source_bytes: u64,
     /// Brackets open at once. Above 180, naga's parser fails or exhausts its stack.
     pub nesting: u64,
+    /// Statements and list values of one function: naga's parser takes a time of their square.
+    pub statements: u64,
     /// Expressions of a module, all functions together.
     pub expressions: u64,
     /// Elements of one type. An array of arrays counts the product.
@@ -197,6 +206,7 @@ impl Limits {
         let mut all = Self {
             source_bytes: 0,
             nesting: 0,
+            statements: 0,
             expressions: 0,
             array_elements: 0,
             file_bytes: 0,

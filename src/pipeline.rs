@@ -104,6 +104,33 @@ pub fn apply(original: &Plan, recipe: &Recipe, facts: &Facts) -> (Plan, Vec<Skip
     (plans.remove(0), skipped)
 }
 
+/// The latest step before which the refused step `at` of a recipe would be taken, along with all that
+/// were taken before it. `None`: the order is not to blame.
+pub fn earlier(
+    original: &Plan,
+    neighbours: &[Plan],
+    recipe: &Recipe,
+    at: usize,
+    facts: &Facts,
+) -> Option<usize> {
+    let applied = |plan: &Plan, step: &Step| Some(run(step, plan, neighbours, facts).ok()?.plan);
+    // Of each taken step, its number and the plan before it.
+    let mut taken: Vec<(usize, Plan)> = Vec::new();
+    let mut plan = original.clone();
+    for (n, step) in recipe.steps[..at].iter().enumerate() {
+        if let Some(next) = applied(&plan, step) {
+            taken.push((n, std::mem::replace(&mut plan, next)));
+        }
+    }
+    let fits = |from: &usize| {
+        let moved = applied(&taken[*from].1, &recipe.steps[at]);
+        let mut rest = taken[*from..].iter();
+        rest.try_fold(moved?, |plan, (n, _)| applied(&plan, &recipe.steps[*n]))
+    };
+    let from = (0..taken.len()).rev().find(|from| fits(from).is_some())?;
+    Some(taken[from].0)
+}
+
 /// Applies `recipe` to the materials of a frame, step by step. Returns their plans in order, and the
 /// skipped steps. A step is also refused if the frame cannot be drawn with its result.
 pub fn apply_in(
@@ -169,7 +196,25 @@ pub fn run(
 /// Emits `plan` for each target that can express it, with one `plan.json`. Returns the files, and
 /// an error for each of the other targets.
 pub fn emit(plan: &Plan, targets: &[Target]) -> (Vec<File>, Vec<emit::EmitError>) {
-    let emit = |targets: &[Target]| emit::emit(plan, targets, &emit::Options::default());
+    emit_by(targets, |targets: &[Target]| {
+        emit::emit(plan, targets, &emit::Options::default())
+    })
+}
+
+/// As [`emit`], and compares what each text means with its program: a few milliseconds each. The
+/// files are those of [`emit`], byte for byte: what the comparison notes stays out of `plan.json`.
+pub fn emit_compared(plan: &Plan, targets: &[Target]) -> (Vec<File>, Vec<emit::EmitError>) {
+    emit_by(targets, |targets: &[Target]| {
+        let options = emit::Options::default();
+        emit::emit_compared(plan, targets, &options, emit::Meaning::QUICK)?;
+        emit::emit(plan, targets, &options)
+    })
+}
+
+fn emit_by(
+    targets: &[Target],
+    emit: impl Fn(&[Target]) -> Result<Vec<File>, emit::EmitError>,
+) -> (Vec<File>, Vec<emit::EmitError>) {
     if let Ok(files) = emit(targets) {
         return (files, Vec::new());
     }

@@ -9,7 +9,7 @@ use preshade::unstable::command::agree::{
 };
 use preshade::unstable::command::agreed::{Pair, Report};
 use preshade::unstable::measure::Beside;
-use preshade::unstable::passes::core::mapping::Mapping;
+use preshade::unstable::passes::core::mapping::Equation;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::validate::Effort;
 use preshade::unstable::passes::validate::agree::{self, Agreement, Question, Relation};
@@ -47,9 +47,9 @@ pub struct AgreeArgs {
     #[arg(long = "as", value_name = "RELATION", value_parser = relations())]
     relation: Option<Relation>,
     /// A variable, member or attribute of the other program, and the one of the first that it holds;
-    /// may be given several times.
+    /// may be given several times. One of them may be a product of matrices: `light_space=proj*view`.
     #[arg(long, value_name = "THEIRS=OURS", value_parser = parse_map)]
-    map: Vec<Mapping>,
+    map: Vec<Equation>,
     /// With `--as normal`, the value of the first program's fragment stage that is the normal, as in
     /// the pass `outputs`. Default: its output with `normal` in its name, or the unit vector that
     /// meets a light in a dot product.
@@ -114,7 +114,7 @@ fn relations() -> impl TypedValueParser<Value = Relation> {
     })
 }
 
-fn parse_map(text: &str) -> Result<Mapping, String> {
+fn parse_map(text: &str) -> Result<Equation, String> {
     text.parse().map_err(|e| format!("{e}"))
 }
 

@@ -41,7 +41,7 @@ pub struct BenchArgs {
     )]
     reference: PathBuf,
     /// Resolution; default 1920x1080, or 320x180 on a software adapter.
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = parse_size)]
     size: Option<[u32; 2]>,
     /// Layers of noise, one over the other.
     #[arg(long, value_delimiter = ',', default_value = "4,16", value_name = "N,..", value_parser = clap::value_parser!(u32).range(1..=256))]
@@ -351,6 +351,7 @@ fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
             textures: BTreeMap::new(),
             samplers: BTreeMap::new(),
             attributes: BTreeMap::new(),
+            attribute_roles: BTreeMap::new(),
             part_of: None,
         },
         Mesh {
@@ -388,6 +389,7 @@ fn layers(
         files: Vec::new(),
         is_made_up: false,
         own_size: None,
+        part: None,
         initial: Default::default(),
         rows: Default::default(),
         notes: Vec::new(),

@@ -49,12 +49,21 @@ pub struct CaptureArgs {
     /// true: `js:scene.isReady()`.
     #[arg(long, value_name = "SELECTOR|js:EXPRESSION", value_parser = NonEmptyStringValueParser::new())]
     wait_for: Option<String>,
+    /// JavaScript to run once the page is loaded, before it is waited for: `app.load("lake")`. `await` may be used.
+    #[arg(long, value_name = "JS", value_parser = NonEmptyStringValueParser::new())]
+    before: Option<String>,
+    /// Then click on the element of this CSS selector, once it is there; may be repeated.
+    #[arg(long, value_name = "SELECTOR", value_parser = NonEmptyStringValueParser::new())]
+    click: Vec<String>,
     /// JavaScript that draws a frame, for a page that draws on demand: `viewer.render()`.
     #[arg(long, value_name = "JS", value_parser = NonEmptyStringValueParser::new())]
     draw: Option<String>,
-    /// Size of the window, in pixels.
-    #[arg(long, value_name = "WxH", default_value = "1280x720", value_parser = size)]
+    /// Size of the window, in CSS pixels.
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true, default_value = "1280x720", value_parser = size)]
     size: [u32; 2],
+    /// Device pixels of a CSS pixel, from 0.1 to 8: the page's devicePixelRatio.
+    #[arg(long, value_name = "FACTOR", default_value_t = 1.0, value_parser = scale)]
+    scale: f64,
     /// For a page of your disk: the folder that it may read. Without it, the page's own.
     #[arg(long, value_name = "DIR")]
     root: Option<PathBuf>,
@@ -62,9 +71,10 @@ pub struct CaptureArgs {
     #[arg(long)]
     hardware: bool,
     /// One more flag for Chromium, as `--flag=--lang=de`; may be repeated.
-    #[arg(long, value_name = "FLAG", allow_hyphen_values = true)]
+    #[arg(long, value_name = "FLAG", allow_hyphen_values = true, value_parser = flag)]
     flag: Vec<String>,
-    /// Give up when the page draws nothing for so long. Default: 30; the browser itself has 120.
+    /// Give up when the page draws nothing for so long (default: 30), or --wait-for or --click wait so long (default:
+    /// 120).
     #[arg(long, value_name = "SECONDS")]
     patience: Option<u64>,
     /// Read the frames from a trace that wgpu 29 or 30 wrote: a folder with trace.ron.
@@ -72,7 +82,7 @@ pub struct CaptureArgs {
         long,
         value_name = "DIR",
         conflicts_with_all = [
-            "page", "script", "bookmarklet", "after", "wait_for", "size", "root", "hardware", "flag", "patience",
+            "page", "script", "bookmarklet", "after", "wait_for", "before", "click", "size", "scale", "root", "hardware", "flag", "patience",
         ]
     )]
     wgpu_trace: Option<PathBuf>,
@@ -107,6 +117,32 @@ fn seconds(text: &str) -> Result<f64, String> {
     }
 }
 
+fn scale(text: &str) -> Result<f64, String> {
+    match text.parse() {
+        Ok(scale) if (0.1..=8.0).contains(&scale) => Ok(scale),
+        _ => Err("a number from 0.1 to 8".to_owned()),
+    }
+}
+
+/// Flags that `capture` sets itself, and what takes their place.
+const OWN_FLAGS: [(&str, &str); 4] = [
+    ("--force-device-scale-factor", "give `--scale 2`"),
+    ("--window-size", "give `--size 1920x1080`"),
+    ("--user-data-dir", "each capture has a new profile"),
+    (
+        "--remote-debugging-port",
+        "`capture` talks to the browser by a port of its own",
+    ),
+];
+
+fn flag(text: &str) -> Result<String, String> {
+    let name = text.split('=').next().unwrap_or_default();
+    match OWN_FLAGS.iter().find(|(own, _)| *own == name) {
+        Some((_, instead)) => Err(format!("it has no effect here: {instead}")),
+        None => Ok(text.to_owned()),
+    }
+}
+
 fn size(text: &str) -> Result<[u32; 2], String> {
     let parts = text.split_once('x').map(|(w, h)| (w.parse(), h.parse()));
     match parts {
@@ -131,9 +167,11 @@ pub fn run(args: &CaptureArgs) -> Result<Ending, Failure> {
     if let Some(folder) = &args.wgpu_trace {
         return traced(folder, args, &limits);
     }
+    let had_earlier = is_folder(&args.out);
     let recorded = match Path::new(page) {
         file if file.extension().is_some_and(|e| e == "tar") && file.is_file() => {
-            browser::unpack(&mut fs::File::open(file)?, &args.out, &limits).map_err(Failure::from)
+            let unpacked = browser::unpack(&mut fs::File::open(file)?, &args.out, &limits);
+            unpacked.map(|()| Vec::new()).map_err(Failure::from)
         }
         _ => {
             let condition = args.wait_for.as_deref().map(condition);
@@ -143,6 +181,9 @@ pub fn run(args: &CaptureArgs) -> Result<Ending, Failure> {
                 program: None,
                 frames: args.frames,
                 size: args.size,
+                scale: args.scale,
+                before: args.before.as_deref(),
+                clicks: &args.click,
                 condition: condition.as_deref(),
                 draw: args.draw.as_deref(),
                 after: Duration::from_secs_f64(args.after),
@@ -156,11 +197,25 @@ pub fn run(args: &CaptureArgs) -> Result<Ending, Failure> {
         }
     };
     // What was written before a failure stays, and is told.
-    if is_folder(&args.out) {
+    if is_folder(&args.out) && (recorded.is_ok() || !had_earlier) {
         output::table(&summary(&args.out, &limits)?)?;
     }
-    recorded?;
+    for said in recorded.map_err(|failure| kept(failure, had_earlier, &args.out))? {
+        output::message(&format!("warning: the page says: {said}"));
+    }
     Ok(Ending::Fine)
+}
+
+/// A failure that tells of the earlier capture.
+fn kept(Failure(why): Failure, had_earlier: bool, out: &Path) -> Failure {
+    match had_earlier {
+        true => Failure(format!(
+            "{}\n = `{}` keeps its earlier capture",
+            why.trim_end(),
+            out.display()
+        )),
+        false => Failure(why),
+    }
 }
 
 /// Writes frames of a trace.
@@ -173,7 +228,9 @@ fn traced(folder: &Path, args: &CaptureArgs, limits: &Limits) -> Result<Ending, 
             FramesBy::Submit => trace::FramesBy::Submit,
         }),
     };
-    let found = trace::convert(folder, &args.out, &wanted, limits)?;
+    let had_earlier = is_folder(&args.out);
+    let found = trace::convert(folder, &args.out, &wanted, limits);
+    let found = found.map_err(|error| kept(error.into(), had_earlier, &args.out))?;
     let mut text = summary(&args.out, limits)?;
     text.push_str(&told(&found));
     output::table(&text)?;
@@ -210,6 +267,34 @@ fn condition(text: &str) -> String {
     }
 }
 
+/// Endings of files, where a page without a scheme is no host.
+const NO_HOSTS: [&str; 8] = [
+    ".html", ".htm", ".glb", ".gltf", ".tar", ".wgsl", ".toml", ".json",
+];
+
+/// Refuses a file that is no page, as another command reads it.
+fn no_page(file: &Path) -> Result<(), Failure> {
+    let ending = file
+        .extension()
+        .unwrap_or_default()
+        .to_string_lossy()
+        .to_lowercase();
+    let name = file.display();
+    let remedy = match ending.as_str() {
+        "html" | "htm" | "xhtml" | "svg" | "" => return Ok(()),
+        "glb" | "gltf" | "toml" | "wgsl" | "glsl" | "vert" | "frag" | "spv" => {
+            format!("`preshade verify {name}` draws it")
+        }
+        "js" | "mjs" | "ts" => "give the HTML file that loads it".to_owned(),
+        "ron" => format!(
+            "for a trace of wgpu, give `--wgpu-trace {}`",
+            file.parent().unwrap_or(file).display()
+        ),
+        _ => "give an HTML file, a folder with index.html, or an address".to_owned(),
+    };
+    Err(Failure(format!("error: `{name}` is no page: {remedy}")))
+}
+
 /// Where a page is.
 enum Place {
     /// At an address.
@@ -231,7 +316,8 @@ impl Place {
         };
         if !file.is_file() {
             let host = page.split(['/', ':', '?']).next().unwrap_or_default();
-            let is_host = host == "localhost" || (host.contains('.') && !page.ends_with(".html"));
+            let is_host = host == "localhost"
+                || (host.contains('.') && !NO_HOSTS.iter().any(|e| page.ends_with(e)));
             return match is_host && !path.is_dir() {
                 true => Ok(Self::Web(format!("http://{page}"))),
                 false => Err(Failure(format!(
@@ -240,6 +326,7 @@ impl Place {
                 ))),
             };
         }
+        no_page(&file)?;
         let own = file.parent().filter(|p| !p.as_os_str().is_empty());
         let root = root.or(own).unwrap_or(Path::new("."));
         let site = Site::open(root)?;

@@ -53,7 +53,9 @@ pub fn of(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
     if let Some(error) = error.downcast_ref::<measure::Error>() {
         return match error {
             measure::Error::Render(error) => of(error),
-            measure::Error::Mismatch(_) | measure::Error::Clock => None,
+            measure::Error::Mismatch(_) | measure::Error::Nothing(_) | measure::Error::Clock => {
+                None
+            }
         };
     }
     #[cfg(feature = "capture")]

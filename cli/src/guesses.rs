@@ -69,6 +69,9 @@ fn line(of: &Guessed) -> Option<String> {
             "textures.{name} = {{ file = \"{}.png\" }}  # a pattern now",
             of.name
         )),
+        Guess::AttributeByUse { stream } => {
+            Some(format!("attributes.{name} = \"{stream}\"  # by its use"))
+        }
         Guess::AttributeSynthesised => Some(format!(
             "attributes.{name} = \"uv\"  # the mesh's stream; it has none of this name"
         )),

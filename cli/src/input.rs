@@ -77,8 +77,8 @@ pub struct FrameArgs {
     /// With a capture of several frames, the frame to take, from 0.
     #[arg(long, value_name = "N", default_value_t = 0)]
     frame: usize,
-    /// With a capture, the render pass of the frame to take, from 0; default: the one that draws most
-    /// vertices to a colour target.
+    /// With a capture, the render pass of the frame to take, from 0; default: the one that takes
+    /// longest, or of `rewrite` the one that draws most vertices to a colour target.
     #[arg(long, value_name = "N")]
     render_pass: Option<usize>,
 }

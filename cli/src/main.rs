@@ -14,6 +14,7 @@ use clap::{ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand, Valu
 use config::{Arguments, Config};
 use preshade::unstable::limits::Limits;
 use preshade::unstable::nearest::unknown;
+use preshade::unstable::render::NOT_MEASURED;
 use watch::Reads;
 
 mod adapters;
@@ -355,8 +356,14 @@ fn main() -> ExitCode {
         Ok(Ending::ContractBroken) => ExitCode::from(1),
         Ok(Ending::NotMeasured) => ExitCode::from(3),
         Err(Failure(message)) => {
-            output::message(&message);
-            ExitCode::from(2)
+            let is_unmeasured = message.contains(NOT_MEASURED);
+            output::message(
+                message
+                    .strip_prefix("error: ")
+                    .filter(|_| is_unmeasured)
+                    .unwrap_or(&message),
+            );
+            ExitCode::from(if is_unmeasured { 3 } else { 2 })
         }
     }
 }

@@ -203,8 +203,8 @@ pub fn read(file: &Path) -> Result<Outcome, Failure> {
 
 fn parsed<T: serde::de::DeserializeOwned>(file: &Path) -> Result<T, Failure> {
     let failed = |e: &dyn std::fmt::Display| Failure(format!("error: {}: {e}", file.display()));
-    let text = std::fs::read_to_string(file).map_err(|e| failed(&e))?;
-    serde_json::from_str(&text).map_err(|e| failed(&e))
+    let bytes = std::fs::read(file).map_err(|e| failed(&e))?;
+    serde_json::from_slice(&bytes).map_err(|e| failed(&format!("it is no result of a job: {e}")))
 }
 
 fn checked(file: &Path, schema: &str, read: &str) -> Result<(), Failure> {

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use preshade::unstable::command::agree::class_named;
 use preshade::unstable::command::agreed::Waiver;
-use preshade::unstable::passes::core::mapping::Mapping;
+use preshade::unstable::passes::core::mapping::Equation;
 use preshade::unstable::passes::validate::agree::Relation;
 use serde::Deserialize;
 
@@ -19,7 +19,7 @@ pub struct Asked {
     pub first: ShaderArgs,
     pub second: ShaderArgs,
     pub relation: Relation,
-    pub maps: Vec<Mapping>,
+    pub maps: Vec<Equation>,
     /// The first program's normal.
     pub normal: Option<String>,
 }
@@ -116,7 +116,7 @@ pub fn read(path: &Path, folder: &Path, shader: &ShaderArgs) -> Result<Vec<Asked
             side.glsl.define.extend(define);
             side
         };
-        let maps = pair.map.iter().map(|text| text.parse::<Mapping>());
+        let maps = pair.map.iter().map(|text| text.parse::<Equation>());
         let maps = maps
             .collect::<Result<_, _>>()
             .map_err(|e| failed(format!("map: {e}")))?;

@@ -15,7 +15,7 @@ use preshade::unstable::passes::pass::Refusal;
 use preshade::unstable::passes::plan::{Plan, Role};
 use preshade::unstable::passes::validate::{By, Effort, validate_by};
 use preshade::unstable::passes::{PASSES, pass_named};
-use preshade::unstable::pipeline::{self, Applied, Frame};
+use preshade::unstable::pipeline::{self, Applied, Frame, Skipped};
 use preshade::unstable::recipe::{Recipe, Step};
 use preshade::unstable::render::{AdapterChoice, Gpu};
 use rayon::prelude::*;
@@ -41,8 +41,8 @@ Examples:
 
 A refused pass is skipped, and reported on stderr with its reason. `preshade passes` lists the
 passes. A target that cannot express a material is reported too; the other targets are written, and
-the exit status is 2. The files of a material are written all or none. Files of an earlier run are
-not removed: plan.json lists the current ones.")]
+the exit status is 2. The files of a material are written all or none. Files that the plan.json of
+an earlier run names, and the new one does not, are removed.")]
 pub struct RewriteArgs {
     /// A pass of the recipe, in order: `depth-prepass`, `early-discard:quad=lane,budget=0.02` and
     /// so on.
@@ -73,6 +73,9 @@ pub struct RewriteArgs {
     /// breaks its contract is not written, and the exit status is 1.
     #[arg(long)]
     validate: bool,
+    /// A refused pass is an error (exit status 2). Without this, it is skipped and reported.
+    #[arg(long)]
+    require: bool,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
@@ -243,6 +246,19 @@ impl<'a> Run<'a> {
             output::message(&self.named(message, job));
         }
         self.assumed.append(&mut made.assumed);
+        if self.args.require {
+            let refused = made.materials.iter().flat_map(|(material, _)| {
+                let of = &material.material;
+                let told = move |r: &Refusal| {
+                    format!(
+                        "error: `{of}` refuses {} ({}), and --require is given",
+                        r.pass, r.code
+                    )
+                };
+                material.refusals.iter().map(told)
+            });
+            made.errors.extend(refused.collect::<Vec<_>>());
+        }
         self.sum.failed += usize::from(!made.errors.is_empty());
         for error in &made.errors {
             let error = self.named(error, job);
@@ -309,11 +325,26 @@ impl<'a> Run<'a> {
         }
         self.taken.extend(paths.iter().map(|p| (p.clone(), from)));
         let all = files.len();
+        let is_source = |path: &PathBuf| {
+            let whole = path.canonicalize().ok();
+            made.read
+                .iter()
+                .any(|read| read.canonicalize().ok() == whole)
+        };
+        let mut stale = emit::stale(folder, &files);
+        stale.retain(|path| !is_source(path));
         let written =
             write(folder, files, self.args.format, self.jobs).map_err(|Failure(why)| {
                 self.sum.failed += usize::from(made.errors.is_empty());
                 Failure(self.named(&why, job))
             })?;
+        for path in stale {
+            emit::remove(&path).map_err(|e| Failure(format!("error: {e}")))?;
+            output::message(&format!(
+                "removed {}: no plan names it any more",
+                path.display()
+            ));
+        }
         self.sum.written += written;
         self.sum.up_to_date += all - written;
         let read = std::mem::take(&mut made.read).into_iter();
@@ -469,7 +500,7 @@ fn make(
             true => (Vec::new(), Vec::new()),
             false => made
                 .times
-                .took(u8::MAX, "emit", || pipeline::emit(&plan, targets)),
+                .took(u8::MAX, "emit", || pipeline::emit_compared(&plan, targets)),
         };
         made.errors
             .extend(errors.iter().map(|e| format!("error: {e}")));
@@ -506,6 +537,7 @@ fn apply(
         neighbours: &materials.frame,
     };
     let mut messages: BTreeMap<String, Vec<String>> = BTreeMap::new();
+    let mut remedies: BTreeMap<(String, usize), String> = BTreeMap::new();
     let mut began = Instant::now();
     let mut inspect = |step: &Step, plan: &Plan, result: &Applied| {
         let is_it = |s: &Step| std::ptr::eq(s, step);
@@ -518,7 +550,18 @@ fn apply(
         times.add(1 + order as u8, &name, began.elapsed());
         let messages = messages.entry(plan.material.clone()).or_default();
         if let Err(refusal) = result {
-            messages.push(refusal::rendered(refusal, plan));
+            let is_it = |original: &&Plan| original.material == plan.material;
+            let original = materials.asked.iter().find(is_it);
+            let earlier = original.and_then(|o| {
+                pipeline::earlier(o, frame.neighbours, recipe, order, &materials.known)
+            });
+            let mut refusal = refusal.clone();
+            if let Some(before) = earlier {
+                refusal.remedy =
+                    format!("put `{}` before `{}`", step.pass, recipe.steps[before].pass);
+                remedies.insert((plan.material.clone(), order), refusal.remedy.clone());
+            }
+            messages.push(refusal::rendered(&refusal, plan));
         }
         if args.print_after.iter().any(|p| *p == step.pass || p == ALL) {
             let now = result.as_ref().unwrap_or(plan);
@@ -532,11 +575,26 @@ fn apply(
         .into_iter()
         .map(|plan| {
             let own = skipped.iter().filter(|s| s.material == plan.material);
-            let refusals = own.map(|s| (*s.refusal).clone()).collect();
+            let refusals = own.map(|s| refused(s, recipe, &remedies)).collect();
             let messages = messages.remove(&plan.material).unwrap_or_default();
             (plan, messages, refusals)
         })
         .collect()
+}
+
+/// The refusal of a step, with the order that would lift it.
+fn refused(
+    skipped: &Skipped,
+    recipe: &Recipe,
+    remedies: &BTreeMap<(String, usize), String>,
+) -> Refusal {
+    let mut refusal = (*skipped.refusal).clone();
+    let order = recipe.steps.iter().position(|s| *s == skipped.step);
+    let key = order.map(|order| (skipped.material.clone(), order));
+    if let Some(remedy) = key.and_then(|key| remedies.get(&key)) {
+        refusal.remedy.clone_from(remedy);
+    }
+    refusal
 }
 
 /// The WGSL of a plan.

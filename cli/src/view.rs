@@ -12,7 +12,7 @@ pub struct ViewArgs {
     #[arg(long, value_name = "NAME")]
     camera: Vec<String>,
     /// Resolution, for example `1920x1080`.
-    #[arg(long, value_name = "WxH", value_parser = parse_size)]
+    #[arg(long, value_name = "WxH", allow_hyphen_values = true, value_parser = parse_size)]
     size: Option<[u32; 2]>,
 }
 

@@ -25,13 +25,13 @@ pub mod slice;
 pub mod transforms;
 pub mod validate;
 
-pub use analysis::{coverage, neighbours, opaque, uniformity};
+pub use analysis::{checks, coverage, neighbours, opaque, uniformity};
 pub use core::{
     budget, calls, channels, contract, declared, draw_table, features, frame, geometry, guard,
     limits, link, pass, plan, program, rasterizer, reflect, self_test, state, uniforms,
 };
 pub use evaluate::bound;
-pub use rebuild::{count, depth_only, place, returns};
+pub use rebuild::{bounded, count, depth_only, place, returns};
 pub use transforms::{
     depth_prepass, early_discard, half_rate, hoist, outputs, preamble, shadow, skip_taps,
     specialize, tessellate, trim_loop, visibility_buffer,

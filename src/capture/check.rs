@@ -26,19 +26,24 @@ pub struct Compared {
 }
 
 impl Compared {
-    /// One line for a reader of a report: `page` and `here` are the adapters.
-    pub fn told(&self, page: &str, here: &str) -> String {
+    /// One line for a reader of a report: `page` and `here` are the adapters, and `noise` is what the frame's shaders
+    /// compute that differs between drivers.
+    pub fn told(&self, page: &str, here: &str, noise: Option<&str>) -> String {
         match self.differ {
             0 => format!(
                 "the replayed frame is the page's, in all {} pixels",
                 self.pixels
             ),
             n => {
-                let care = match self.is_off() {
-                    true => {
-                        ". That is more than drivers differ by: this report is about another picture than the page's"
+                let care = match (self.is_off(), noise) {
+                    (true, Some(noise)) => {
+                        format!(". Drivers differ so in {noise}: look whether the two pictures show the same")
                     }
-                    false => "",
+                    (true, None) => {
+                        ". That is more than drivers differ by: this report is about another picture than the page's"
+                            .to_owned()
+                    }
+                    (false, _) => String::new(),
                 };
                 format!(
                     "the replayed frame differs from the page's picture in {n} of {} pixels, in {} by more \

@@ -4,6 +4,8 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
+use crate::front::ClipSpace;
+
 /// Version of the file.
 pub const SCHEMA: &str = "preshade.frames.v1";
 
@@ -616,6 +618,8 @@ pub struct RenderPipeline {
     pub fragment: Option<FragmentState>,
     #[serde(default)]
     pub primitive: Primitive,
+    /// WebGL's clip space, if it is not OpenGL's.
+    pub clip_space: Option<ClipSpace>,
     pub depth_stencil: Option<DepthStencil>,
     #[serde(default)]
     pub multisample: Multisample,

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use super::Error;
 use super::file::{CaptureFile, Command, DataName, DrawCommand, Resource, SCHEMA};
+use super::{Error, ranges};
 use crate::limits::Limits;
 use crate::regular;
 
@@ -37,36 +37,6 @@ pub fn file_of(folder: &Path) -> PathBuf {
 /// Whether a path names the file of a folder.
 pub fn is_file(path: &Path) -> bool {
     path.file_name().is_some_and(|n| n == FILE || n == PACKED)
-}
-
-/// Writes `frame.json`, compressed if it is large, in place of an earlier one.
-///
-/// # Errors
-/// The system's.
-#[cfg(feature = "capture")]
-pub(super) fn write(folder: &Path, json: &[u8]) -> std::io::Result<()> {
-    use std::io::{ErrorKind, Write as _};
-    use std::{fs, fs::File};
-
-    /// A larger one is compressed: commands repeat themselves, and a frame of 1,000 draws has more of them than data.
-    const PACKED_FROM: usize = 64 << 10;
-    let (name, other) = match json.len() > PACKED_FROM {
-        true => (PACKED, FILE),
-        false => (FILE, PACKED),
-    };
-    let mut file = File::create(folder.join(name))?;
-    match name == PACKED {
-        true => {
-            let mut packed = flate2::write::GzEncoder::new(file, flate2::Compression::default());
-            packed.write_all(json)?;
-            packed.finish()?;
-        }
-        false => file.write_all(json)?,
-    }
-    match fs::remove_file(folder.join(other)) {
-        Err(e) if e.kind() != ErrorKind::NotFound => Err(e),
-        _ => Ok(()),
-    }
 }
 
 /// A frame folder that was read. Data is read when it is needed.
@@ -257,6 +227,7 @@ pub(super) fn check(file: &CaptureFile, limits: &Limits) -> Result<(), Error> {
         bytes = bytes.saturating_add(texels.saturating_mul(block));
     }
     limits.check("scene-bytes", bytes, "the bytes of buffers and textures")?;
+    ranges::check(file)?;
     for start in &file.start.textures {
         level(file, start.texture, start.mip_level, "its start")?;
     }

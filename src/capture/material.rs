@@ -130,6 +130,7 @@ pub(super) fn read(
     let options = front::Options {
         vertex: vertex.entry_point.clone(),
         fragment: wanted.filter(|f| sources.len() == 1 || vertex.entry_point.as_ref() != Some(f)),
+        clip_space: of.clip_space,
         limits: *capture.limits(),
         ..front::Options::default()
     };
@@ -171,6 +172,7 @@ pub(super) fn read(
         textures: BTreeMap::new(),
         samplers: BTreeMap::new(),
         attributes: BTreeMap::new(),
+        attribute_roles: BTreeMap::new(),
         part_of: None,
     })
 }

@@ -17,22 +17,27 @@ mod contents;
 pub mod file;
 pub mod folder;
 mod material;
+mod noise;
 pub mod page;
 mod pass;
 mod points;
+mod ranges;
 pub mod replay;
 mod scene;
 mod share;
+mod start;
 mod texels;
 #[cfg(feature = "capture")]
 pub mod trace;
 mod webgl;
+#[cfg(feature = "capture")]
+mod writer;
 
 pub use check::{Check, Compared, check, pictures};
 pub use folder::{Capture, file_of, is_file, is_folder};
 pub use pass::{Kind, Pass, passes};
 pub use scene::{Choice, scene};
-pub use share::{Share, Shares, shares};
+pub use share::Share;
 
 use crate::limits::Exceeded;
 use crate::{front, regular, render};

@@ -9,6 +9,7 @@ pub const RECORDER: &str = concat!(
     include_str!("page/tar.js"),
     include_str!("page/folder.js"),
     include_str!("page/session.js"),
+    include_str!("page/errors.js"),
     include_str!("page/webgpu-format.js"),
     include_str!("page/webgpu-read.js"),
     include_str!("page/webgpu-encode.js"),

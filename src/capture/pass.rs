@@ -22,8 +22,8 @@ pub struct Pass<'c> {
     canvas: Option<usize>,
     /// Its draws, in order.
     pub draws: Vec<PassDraw>,
-    /// Whether it clears a part of its attachments before it draws, beside what its descriptor clears.
-    pub clears_first: bool,
+    /// The parts of its attachments that it clears before it draws, beside what its descriptor clears.
+    pub leading_clears: Vec<&'c Clear>,
     /// Whether it clears a part of them after a draw.
     pub clears_later: bool,
     /// The number of draws before that clear: all of them without one.
@@ -139,33 +139,63 @@ pub fn passes(capture: &Capture, frame: usize) -> Result<Vec<Pass<'_>>, Error> {
         {
             let steps = steps(commands, &format!("{place}, command {command}"))?;
             let is_clear = |step: &Step<'_>| matches!(step, Step::Clear(_));
-            let clears = steps.iter().take_while(|s| is_clear(s)).count();
-            let drawn = steps.iter().skip(clears).position(is_clear);
+            let clears = steps.iter().map_while(|step| match step {
+                Step::Clear(clear) => Some(*clear),
+                Step::Draw(_) => None,
+            });
+            let leading_clears: Vec<&Clear> = clears.collect();
+            let drawn = steps.iter().skip(leading_clears.len()).position(is_clear);
             let draws = only_draws(steps);
             found.push(Pass {
                 command,
                 descriptor,
                 kind: Kind::Clear,
                 canvas: of.canvas,
-                clears_first: clears > 0,
+                leading_clears,
                 clears_later: drawn.is_some(),
                 before_clear: drawn.unwrap_or(draws.len()),
                 draws,
             });
         }
     }
-    for index in 0..found.len() {
-        let (before, later) = found.split_at(index + 1);
-        let others = before.last().map_or_else(BTreeSet::new, |pass| {
-            let commands = of.commands.iter().skip(pass.command + 1);
-            commands.flat_map(|c| read_otherwise(capture, c)).collect()
-        });
-        let kind = before
-            .last()
-            .map(|pass| kind(capture, pass, later, &others));
-        found[index].kind = kind.unwrap_or(Kind::Clear);
+    // From the end, so that what later commands read is known.
+    let mut later = Later::default();
+    let mut of_command: BTreeMap<usize, usize> = BTreeMap::new();
+    of_command.extend(
+        found
+            .iter()
+            .enumerate()
+            .map(|(index, pass)| (pass.command, index)),
+    );
+    for (command, done) in of.commands.iter().enumerate().rev() {
+        if let Some(index) = of_command.get(&command) {
+            let pass: &mut Pass<'_> = &mut found[*index];
+            pass.kind = kind(pass, &later);
+            later.add(capture, pass);
+        }
+        later.read.extend(read_otherwise(capture, done));
     }
     Ok(found)
+}
+
+/// What the commands after a pass do with textures.
+#[derive(Default)]
+struct Later {
+    /// They read them.
+    read: BTreeSet<usize>,
+    /// Their passes test the depth that is in them.
+    tested: BTreeSet<usize>,
+}
+
+impl Later {
+    fn add(&mut self, capture: &Capture, pass: &Pass<'_>) {
+        let draws = pass.draws.iter();
+        self.read
+            .extend(draws.flat_map(|draw| sampled(capture, draw)));
+        let depth = pass.descriptor.depth_stencil_attachment.as_ref();
+        let kept = depth.filter(|d| d.depth_load_op != Some(Load::Clear));
+        self.tested.extend(kept.map(|d| d.view.texture));
+    }
 }
 
 /// A draw, or a clear between draws.
@@ -364,18 +394,11 @@ fn is_full_screen(pass: &Pass<'_>) -> bool {
             .all(|d| d.call.instances <= 1 && d.call.count <= 6 && d.call.indirect.is_none())
 }
 
-/// `others`: textures that commands other than draws read.
-fn kind(capture: &Capture, pass: &Pass<'_>, later: &[Pass<'_>], others: &BTreeSet<usize>) -> Kind {
+fn kind(pass: &Pass<'_>, later: &Later) -> Kind {
     if pass.draws.is_empty() {
         return Kind::Clear;
     }
-    let reads = |p: &Pass<'_>, texture: usize| {
-        p.draws
-            .iter()
-            .any(|d| sampled(capture, d).contains(&texture))
-    };
-    let is_read =
-        |texture: usize| later.iter().any(|p| reads(p, texture)) || others.contains(&texture);
+    let is_read = |texture: usize| later.read.contains(&texture);
     let colors = pass.descriptor.color_attachments.iter().flatten();
     let shown = pass.canvas;
     let mut drawn = colors.flat_map(|c| std::iter::once(&c.view).chain(&c.resolve_target));
@@ -392,16 +415,12 @@ fn kind(capture: &Capture, pass: &Pass<'_>, later: &[Pass<'_>], others: &BTreeSe
     let Some(View { texture, .. }) = depth.map(|d| &d.view) else {
         return Kind::Clear;
     };
-    let tests = |p: &Pass<'_>| {
-        let depth = p.descriptor.depth_stencil_attachment.as_ref();
-        depth.is_some_and(|d| d.view.texture == *texture && d.depth_load_op != Some(Load::Clear))
-    };
     let has_color = !pass.descriptor.color_attachments.is_empty();
     match () {
         () if is_read(*texture) => Kind::Shadow,
         // A later pass may draw on, or another frame read it.
         () if has_color => Kind::Main,
-        () if later.iter().any(tests) => Kind::Prepass,
+        () if later.tested.contains(texture) => Kind::Prepass,
         () => Kind::Depth,
     }
 }

@@ -2,32 +2,36 @@
 //! they bound when the frame was captured.
 
 use std::collections::{BTreeMap, BTreeSet};
+use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
-use preshade_passes::plan::BindingKind;
-use preshade_passes::state::{DepthDirection, DepthFormat};
+use preshade_passes::plan::{BindingKind, BindingUse};
+use preshade_passes::state::DepthDirection;
 
 use super::alpha;
 use super::contents::{Contents, cut};
-use super::file::{self, Load, RenderPipeline, Resource, View};
+use super::file::{self, RenderPipeline, Resource, View};
 use super::folder::{Capture, get};
 use super::material::{self, Left, Reader};
 use super::pass::{self, Kind, Part, Pass, PassDraw, passes};
 use super::replay::{Replay, Until};
-use super::share::{Share, shares};
-use super::{Error, texels, webgl};
+use super::share::{Share, Timer};
+use super::{Error, noise, texels, webgl};
 use crate::render::Gpu;
 use crate::scene::bind::{
     Area, BufferBinding, Call, Data, DrawBindings, Rate, SamplerBinding, TextureBinding,
     TextureContent, VertexAttribute, VertexBuffer,
 };
 use crate::scene::{
-    Camera, Draw, DrawOrder, DrawRange, Frame, Image, Initial, Light, Material, Mesh, Scene,
+    Camera, Draw, DrawOrder, DrawRange, Frame, Image, Light, Material, Mesh, Scene,
 };
 
 /// Materials whose part of the frame's time is measured: each takes some replays of the frame.
 const TIMED_MATERIALS: usize = 12;
+
+/// A pass takes about as long as another if it takes this part of its time.
+const ABOUT_AS_LONG: f64 = 0.7;
 
 /// A pass with a smaller part of the frame's time is not told apart.
 const LEAST_PART: f64 = 0.02;
@@ -40,7 +44,8 @@ const LONGEST_NAME: usize = 64;
 pub struct Choice {
     /// Frame, from 0.
     pub frame: usize,
-    /// Number of the render pass in the frame, from 0. `None`: the main pass with most vertices.
+    /// Number of the render pass in the frame, from 0. `None`: the one that takes longest, or without an adapter the
+    /// main one with most vertices.
     pub pass: Option<usize>,
 }
 
@@ -53,7 +58,11 @@ pub struct Choice {
 /// read.
 pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Scene, Error> {
     let all = passes(capture, choice.frame)?;
-    let index = chosen(&all, choice)?;
+    let mut timer = gpu
+        .map(|gpu| Timer::new(capture, gpu, choice.frame))
+        .transpose()?;
+    let shares = timer.as_ref().map(Timer::passes).transpose()?;
+    let index = chosen(&all, choice, shares.as_deref())?;
     let pass = &all[index];
     let contents = Contents::before(capture, choice.frame, pass.command)?;
     let mut made = Maker {
@@ -67,50 +76,71 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
         gpu,
         frame: choice.frame,
         size: [0; 2],
+        direction: DepthDirection::default(),
         buffers: BTreeMap::new(),
         images: BTreeMap::new(),
         notes: BTreeSet::new(),
         materials: Vec::new(),
         by_pipeline: BTreeMap::new(),
+        bindings: BTreeMap::new(),
         meshes: Vec::new(),
     };
     let mut scene = made.scene()?;
     scene.notes = std::mem::take(&mut made.notes).into_iter().collect();
-    if let Some(gpu) = gpu {
+    if let (Some(gpu), Some(timer), Some(shares)) = (gpu, &mut timer, shares) {
+        if all.len() > 1 {
+            let part = 100.0 * shares[index].part;
+            scene.part = Some(format!("render pass {index} ({part:.0} % of the frame)"));
+        }
+        // `rewrite` reads the programs without an adapter.
+        let unasked = chosen(
+            &all,
+            Choice {
+                pass: None,
+                ..choice
+            },
+            None,
+        )?;
+        let mut line = told(&shares, index);
+        if unasked != index {
+            line.push_str(&format!(". `rewrite` takes it by `--render-pass {index}`"));
+        }
+        scene.notes.insert(0, line);
         let timed = made.by_time();
         let pipelines: Vec<usize> = timed.iter().map(|(pipeline, _)| *pipeline).collect();
-        let shares = shares(capture, gpu, choice.frame, &pipelines)?;
+        let parts = timer.without(&pipelines)?;
         let names = timed.iter().map(|(_, materials)| {
             let names = materials
                 .iter()
                 .map(|m| format!("`{}`", scene.materials[*m].name));
             names.collect::<Vec<_>>().join(" and ")
         });
-        let parts = names.zip(shares.pipelines.iter().copied()).collect();
+        let parts = names.zip(parts).collect();
         let left = scene.materials.len() - timed.iter().map(|(_, m)| m.len()).sum::<usize>();
-        scene.notes.insert(0, told(&shares.passes, index));
         scene.notes.insert(1, told_materials(parts, left));
-        for (left, count) in &shares.left_out {
+        for (left, count) in timer.left_out() {
             scene.notes.push(format!(
                 "the replay of the frame leaves out {count} of {}: {}",
                 left.what, left.why
             ));
         }
-        match shares.compared {
-            Some(compared) => {
-                let told = compared.told(&capture.file.source.adapter, &gpu.adapter().name);
-                let at = if compared.is_off() {
-                    0
-                } else {
-                    scene.notes.len()
-                };
-                scene.notes.insert(at, told);
-            }
-            None => scene.notes.push(
-                "the capture has no picture of the frame, so the replay was not compared"
-                    .to_owned(),
-            ),
-        }
+        let Some(compared) = &timer.compared else {
+            let why = "the capture has no picture of the frame, so the replay was not compared";
+            scene.notes.push(why.to_owned());
+            return Ok(scene);
+        };
+        let noise = match compared.is_off() {
+            true => noise::of_frame(capture, &all),
+            false => None,
+        };
+        let page = &capture.file.source.adapter;
+        let line = compared.told(page, &gpu.adapter().name, noise.as_deref());
+        let at = if compared.is_off() {
+            0
+        } else {
+            scene.notes.len()
+        };
+        scene.notes.insert(at, line);
     }
     Ok(scene)
 }
@@ -171,7 +201,7 @@ fn told_materials(mut materials: Vec<(String, Option<f64>)>, left: usize) -> Str
     };
     let one = |(name, part): (String, Option<f64>)| match part {
         Some(part) => format!("{name} {:.0} %", 100.0 * part),
-        None => format!("{name} less than the times vary"),
+        None => format!("{name}: too small to measure"),
     };
     let materials: Vec<String> = materials.into_iter().map(one).collect();
     format!(
@@ -180,51 +210,57 @@ fn told_materials(mut materials: Vec<(String, Option<f64>)>, left: usize) -> Str
     )
 }
 
-/// The pass to take.
-fn chosen(all: &[Pass<'_>], choice: Choice) -> Result<usize, Error> {
+/// The pass to take: the one that takes longest, or without times the main one with most vertices. Times vary, so a main
+/// pass is taken before a full-screen one that takes little longer, and the one with more vertices before another.
+fn chosen(all: &[Pass<'_>], choice: Choice, shares: Option<&[Share]>) -> Result<usize, Error> {
     let place = format!("frame {}", choice.frame);
     if let Some(index) = choice.pass {
         get(all, index, "render pass", &place)?;
         return Ok(index);
     }
-    let main = all.iter().enumerate().filter(|(_, p)| p.kind == Kind::Main);
-    main.max_by_key(|(_, p)| p.vertices())
-        .map(|(index, _)| index)
-        .ok_or_else(|| {
-            let drawing = all.iter().enumerate().filter(|(_, p)| !p.draws.is_empty());
-            let one = |(index, p): (usize, &Pass<'_>)| format!("{index} ({})", p.kind.name());
-            let drawing: Vec<String> = drawing.map(one).collect();
-            Error::broken(
-                place,
-                format!(
-                    "no render pass of it draws a scene's materials; --render-pass takes one of {}",
-                    drawing.join(", ")
-                ),
-            )
-        })
+    let part = |index: usize| shares.and_then(|s| s.get(index)).map_or(1.0, |s| s.part);
+    // What draws depth alone is taken where nothing else draws.
+    let kinds: [&[Kind]; 2] = [
+        &[Kind::Main, Kind::FullScreen],
+        &[Kind::Prepass, Kind::Shadow, Kind::Depth],
+    ];
+    for kinds in kinds {
+        let of = || (0..all.len()).filter(|i| kinds.contains(&all[*i].kind));
+        let longest = of().map(part).fold(0.0, f64::max);
+        let near = of().filter(|i| part(*i) >= ABOUT_AS_LONG * longest);
+        let best = near.max_by_key(|i| (all[*i].kind != Kind::FullScreen, all[*i].vertices()));
+        if let Some(index) = best {
+            return Ok(index);
+        }
+    }
+    Err(Error::broken(place, "no render pass of it draws anything"))
 }
 
 pub(super) struct Maker<'c> {
     pub(super) capture: &'c Capture,
-    pass: &'c Pass<'c>,
+    pub(super) pass: &'c Pass<'c>,
     /// Pipelines that are drawn without the blending of alpha that nobody sees.
     unblended: BTreeSet<usize>,
     /// The passes of the frame before it.
-    before: &'c [Pass<'c>],
+    pub(super) before: &'c [Pass<'c>],
     contents: Contents,
     /// The textures that a frame writes.
     written: BTreeSet<usize>,
     replay: Option<Replay<'c>>,
     gpu: Option<&'c Gpu>,
-    frame: usize,
+    pub(super) frame: usize,
     /// Width and height of the target.
     size: [u32; 2],
+    /// Which way depth grows in the pass.
+    direction: DepthDirection,
     buffers: BTreeMap<Part, Data>,
     images: BTreeMap<(usize, String), Arc<Image>>,
-    notes: BTreeSet<String>,
+    pub(super) notes: BTreeSet<String>,
     pub(super) materials: Vec<Material>,
     /// Material of each pipeline and stencil reference, or `None` if it cannot be read.
     by_pipeline: BTreeMap<(usize, u32), Option<usize>>,
+    /// What each material's program reads.
+    bindings: BTreeMap<usize, Rc<[BindingUse]>>,
     meshes: Vec<Mesh>,
 }
 
@@ -234,6 +270,7 @@ impl<'c> Maker<'c> {
         let frame = get(&capture.file.frames, self.frame, "frame", "the capture")?;
         let target = self.target()?;
         self.size = target.size;
+        self.direction = target.direction;
         let mut draws = Vec::new();
         self.note_clears();
         for (index, draw) in self
@@ -289,6 +326,7 @@ impl<'c> Maker<'c> {
             files: capture.files(),
             is_made_up: false,
             own_size: None,
+            part: None,
             initial: target.initial,
             rows: self.reader().rows(capture),
             notes: Vec::new(),
@@ -310,7 +348,7 @@ impl<'c> Maker<'c> {
 
     /// A scene clears its attachments only as a whole, and before it draws.
     fn note_clears(&mut self) {
-        if self.pass.clears_first {
+        if !self.pass.leading_clears.is_empty() {
             let note = "the pass clears a part of its attachments before it draws, which the scene does not";
             self.notes.insert(note.to_owned());
         }
@@ -322,168 +360,6 @@ impl<'c> Maker<'c> {
                 self.pass.draws.len()
             ));
         }
-    }
-
-    fn target(&mut self) -> Result<Target, Error> {
-        let capture = self.capture;
-        let texture = |view: &View| get(&capture.file.textures, view.texture, "texture", "a pass");
-        let colors = self.pass.descriptor.color_attachments.iter().flatten();
-        let first = colors.clone().next();
-        let depth = self.pass.descriptor.depth_stencil_attachment.as_ref();
-        let view = first.map(|c| &c.view).or(depth.map(|d| &d.view));
-        let view = view.ok_or_else(|| Error::broken("a render pass", "it has no attachment"))?;
-        let of = texture(view)?;
-        let [width, height, _] = of.size.0;
-        let level = view.view.base_mip_level;
-        let size = [width, height].map(|s| (s >> level).max(1));
-        let mut made = Target {
-            size,
-            samples: of.sample_count,
-            clear: [0.0; 4],
-            depth: None,
-            direction: DepthDirection::Forward,
-            initial: Initial::default(),
-        };
-        for color in &self.pass.descriptor.color_attachments {
-            let (clear, image) = match color {
-                Some(color) => self.start_color(color)?,
-                None => ([0.0; 4], None),
-            };
-            made.initial.clear_colors.push(clear);
-            made.initial.colors.push(image);
-        }
-        let drawn = self
-            .pass
-            .descriptor
-            .color_attachments
-            .iter()
-            .position(Option::is_some);
-        made.clear = drawn.map_or([0.0; 4], |location| made.initial.clear_colors[location]);
-        if let Some(depth) = depth {
-            let format = texture(&depth.view)?.format;
-            let format = material::same(format);
-            made.depth = Some(format.map_err(|e| Error::broken("a render pass", e))?);
-            let clear = match depth.depth_load_op {
-                Some(Load::Clear) => depth.depth_clear_value.unwrap_or(0.0),
-                _ => match self.earlier(&depth.view)? {
-                    Earlier::Cleared(Clears {
-                        depth: Some(depth), ..
-                    }) => depth,
-                    _ => {
-                        let view = aspect(&depth.view, wgpu::TextureAspect::DepthOnly);
-                        made.initial.depth = self.loaded(&view, "depth")?;
-                        self.first_clear(depth.view.texture)
-                    }
-                },
-            };
-            if texture(&depth.view)?.format.has_stencil_aspect() {
-                let (clear, image) = self.start_stencil(depth)?;
-                made.initial.clear_stencil = clear;
-                made.initial.stencil = image;
-            }
-            made.direction = match clear < 0.5 {
-                true => DepthDirection::Reversed,
-                false => DepthDirection::Forward,
-            };
-            if clear != made.direction.clear_depth() {
-                self.notes.insert(format!(
-                    "the pass clears its depth to {clear}, and the scene to {}",
-                    made.direction.clear_depth()
-                ));
-            }
-        }
-        Ok(made)
-    }
-
-    /// The clear value of a colour, and what earlier passes left in it if the pass loads that.
-    fn start_color(
-        &mut self,
-        of: &file::ColorAttachment,
-    ) -> Result<([f64; 4], Option<Arc<Image>>), Error> {
-        let own = of.clear_value.map_or([0.0; 4], file::Color::numbers);
-        if of.load_op == Load::Clear {
-            return Ok((own, None));
-        }
-        match self.earlier(&of.view)? {
-            Earlier::Cleared(Clears {
-                color: Some(color), ..
-            }) => Ok((color, None)),
-            _ => Ok((own, self.loaded(&of.view, "picture")?)),
-        }
-    }
-
-    /// The same of the stencil.
-    fn start_stencil(
-        &mut self,
-        of: &file::DepthAttachment,
-    ) -> Result<(u32, Option<Arc<Image>>), Error> {
-        if of.stencil_load_op == Some(Load::Clear) {
-            return Ok((of.stencil_clear_value, None));
-        }
-        match self.earlier(&of.view)? {
-            Earlier::Cleared(Clears {
-                stencil: Some(stencil),
-                ..
-            }) => Ok((stencil, None)),
-            _ => {
-                let view = aspect(&of.view, wgpu::TextureAspect::StencilOnly);
-                Ok((0, self.loaded(&view, "stencil")?))
-            }
-        }
-    }
-
-    /// What the frame left in a view before the pass.
-    fn earlier(&self, view: &View) -> Result<Earlier, Error> {
-        let frame = get(
-            &self.capture.file.frames,
-            self.frame,
-            "frame",
-            "the capture",
-        )?;
-        let commands = frame.commands.iter().enumerate().take(self.pass.command);
-        for (index, command) in commands.rev() {
-            let pass = self.before.iter().find(|p| p.command == index);
-            let mut writes = Contents::default();
-            let draws = pass.map_or(&[][..], |p| &p.draws);
-            writes.writes_of_gpu(self.capture, command, draws);
-            if writes.is_as_at_start(view.texture) {
-                continue;
-            }
-            return Ok(match pass.and_then(|p| cleared(p, view)) {
-                Some(clears) => Earlier::Cleared(clears),
-                None => Earlier::Drawn,
-            });
-        }
-        Ok(Earlier::Drawn)
-    }
-
-    /// What earlier passes left in an attachment. `None`, with a note, if it cannot be read back.
-    fn loaded(&mut self, view: &View, what: &str) -> Result<Option<Arc<Image>>, Error> {
-        let of = get(
-            &self.capture.file.textures,
-            view.texture,
-            "texture",
-            "a pass",
-        )?;
-        if of.sample_count > 1 {
-            self.notes.insert(format!(
-                "the pass draws onto an earlier {what} of several samples, which the scene clears"
-            ));
-            return Ok(None);
-        }
-        let image = self.replayed()?.map(|replay| replay.read_view(view));
-        Ok(image.transpose()?.map(Arc::new))
-    }
-
-    /// The depth to which an earlier pass clears a texture, or the farthest one.
-    fn first_clear(&self, texture: usize) -> f32 {
-        let depths = self
-            .before
-            .iter()
-            .filter_map(|p| p.descriptor.depth_stencil_attachment.as_ref());
-        let mut own = depths.filter(|d| d.view.texture == texture);
-        let clear = own.find(|d| d.depth_load_op == Some(Load::Clear));
-        clear.and_then(|d| d.depth_clear_value).unwrap_or(1.0)
     }
 
     /// The pipelines that draw most vertices, with their materials: a pipeline has one for each stencil reference.
@@ -530,6 +406,7 @@ impl<'c> Maker<'c> {
         let name = self.name(of, draw.pipeline);
         let found = match material::read(self.capture, of, &name, self.reader()) {
             Ok(mut material) => {
+                material.state.depth_direction = self.direction;
                 if let Some(stencil) = &mut material.state.stencil {
                     stencil.reference = key.1;
                 }
@@ -743,7 +620,7 @@ impl<'c> Maker<'c> {
     }
 
     /// The replay, before the pass. `None` without an adapter.
-    fn replayed(&mut self) -> Result<Option<&mut Replay<'c>>, Error> {
+    pub(super) fn replayed(&mut self) -> Result<Option<&mut Replay<'c>>, Error> {
         let Some(gpu) = self.gpu else { return Ok(None) };
         if self.replay.is_none() {
             let mut replay = Replay::new(gpu, self.capture);
@@ -795,12 +672,22 @@ impl<'c> Maker<'c> {
         Ok(made)
     }
 
+    /// What a material's program reads.
+    pub(super) fn bindings(&mut self, material: usize) -> Rc<[BindingUse]> {
+        let of = &self.materials[material];
+        let read = || {
+            of.plan()
+                .main()
+                .map_or(Rc::default(), |p| p.bindings.as_slice().into())
+        };
+        Rc::clone(self.bindings.entry(material).or_insert_with(read))
+    }
+
     /// What the draw's bind groups hold, as far as the program reads it.
     fn resources(&mut self, draw: &PassDraw, material: usize) -> Result<Bound, Left> {
         let mut bound: Bound = Default::default();
-        let plan = self.materials[material].plan();
-        let uses = plan.main().map(|p| p.bindings.clone()).unwrap_or_default();
-        for used in uses {
+        let uses = self.bindings(material);
+        for used in uses.iter() {
             let missing = || {
                 Left::Out(format!(
                     "nothing is bound to `{}`, group {}, binding {}",
@@ -838,7 +725,7 @@ impl<'c> Maker<'c> {
                     if used.kind == BindingKind::StorageTexture {
                         return Err(Left::Out(format!("`{}` is a storage texture", used.name)));
                     }
-                    let texture = self.texture(view, place, &used)?;
+                    let texture = self.texture(view, place, used)?;
                     bound.1.push(texture);
                 }
                 Resource::Sampler { sampler } => {
@@ -876,7 +763,7 @@ impl<'c> Maker<'c> {
         &mut self,
         view: &View,
         (group, binding): (u32, u32),
-        used: &preshade_passes::plan::BindingUse,
+        used: &BindingUse,
     ) -> Result<TextureBinding, Left> {
         let of = get(
             &self.capture.file.textures,
@@ -943,60 +830,3 @@ impl<'c> Maker<'c> {
 
 /// Buffers, textures and samplers of a draw.
 pub(super) type Bound = (Vec<BufferBinding>, Vec<TextureBinding>, Vec<SamplerBinding>);
-
-/// What the commands before a pass left in a view.
-enum Earlier {
-    /// These values all over.
-    Cleared(Clears),
-    /// Something else, if only of an earlier frame.
-    Drawn,
-}
-
-/// The values to which a pass clears an attachment.
-struct Clears {
-    color: Option<[f64; 4]>,
-    depth: Option<f32>,
-    stencil: Option<u32>,
-}
-
-/// The values, if the pass does nothing to the view but clear it.
-fn cleared(pass: &Pass<'_>, view: &View) -> Option<Clears> {
-    if !pass.draws.is_empty() || pass.clears_first {
-        return None;
-    }
-    let same = |other: &View| other.texture == view.texture && other.view == view.view;
-    let of = pass.descriptor;
-    let mut colors = of.color_attachments.iter().flatten();
-    let color = colors.find(|c| same(&c.view) && c.load_op == Load::Clear);
-    let depth = of
-        .depth_stencil_attachment
-        .as_ref()
-        .filter(|d| same(&d.view));
-    let clears = |op| op == Some(Load::Clear);
-    Some(Clears {
-        color: color.map(|c| c.clear_value.map_or([0.0; 4], file::Color::numbers)),
-        depth: depth
-            .filter(|d| clears(d.depth_load_op))
-            .map(|d| d.depth_clear_value.unwrap_or(0.0)),
-        stencil: depth
-            .filter(|d| clears(d.stencil_load_op))
-            .map(|d| d.stencil_clear_value),
-    })
-}
-
-/// One aspect of a view.
-fn aspect(view: &View, aspect: wgpu::TextureAspect) -> View {
-    let mut view = view.clone();
-    view.view.aspect = Some(aspect);
-    view
-}
-
-/// The targets of the pass.
-struct Target {
-    size: [u32; 2],
-    samples: u32,
-    clear: [f64; 4],
-    depth: Option<DepthFormat>,
-    direction: DepthDirection,
-    initial: Initial,
-}

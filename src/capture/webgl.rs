@@ -107,8 +107,8 @@ impl Maker<'_> {
     pub(super) fn named_resources(&mut self, named: usize, material: usize) -> Result<Bound, Left> {
         let named = get(&self.capture.file.named, named, "named resources", "a draw")?;
         let mut bound: Bound = Default::default();
-        let plan = self.materials[material].plan();
-        for used in plan.main().iter().flat_map(|p| &p.bindings) {
+        let uses = self.bindings(material);
+        for used in uses.iter() {
             match given(&self.materials[material], used, named)? {
                 Given::Loose(data) => bound.0.push(buffer(used, data)),
                 Given::Block(range) => {

@@ -13,6 +13,9 @@ use crate::nearest::unknown;
 pub trait Drawn: Serialize {
     /// It, a line each.
     fn told(&self, relation: Relation) -> Vec<String>;
+
+    /// What breaks the relation, in words.
+    fn differs(&self, relation: Relation) -> Option<String>;
 }
 
 /// Without a scene.
@@ -22,6 +25,10 @@ pub enum Undrawn {}
 impl Drawn for Undrawn {
     fn told(&self, _: Relation) -> Vec<String> {
         Vec::new()
+    }
+
+    fn differs(&self, _: Relation) -> Option<String> {
+        None
     }
 }
 
@@ -100,7 +107,7 @@ impl<D> Default for Report<D> {
     }
 }
 
-impl<D> Pair<D> {
+impl<D: Drawn> Pair<D> {
     /// The result of a comparison.
     pub fn new(
         name: String,
@@ -109,7 +116,10 @@ impl<D> Pair<D> {
         cost: [Cost; 2],
         drawn: Vec<D>,
     ) -> Self {
-        let findings = std::mem::take(&mut agreement.findings);
+        let mut findings = std::mem::take(&mut agreement.findings);
+        let relation = agreement.relation;
+        let differing = drawn.iter().filter_map(|drawn| drawn.differs(relation));
+        findings.extend(differing.map(|words| Finding::general(Class::Drawn, "the scene", words)));
         let judged = findings.into_iter().map(|finding| Judged {
             finding,
             breaks: false,

@@ -3,13 +3,13 @@
 use std::fmt;
 
 use naga::ShaderStage;
-use preshade_passes::graph::Graph;
 use preshade_passes::guard::Assumed;
-use preshade_passes::pass::{Change, Facts, Frequency, Left, Pass, Refusal};
+use preshade_passes::hoist::Hoist;
+use preshade_passes::pass::{Change, Facts, Frequency, Left, Outcome, Pass, Refusal};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Location;
-use preshade_passes::specialize::Specialize;
 use preshade_passes::specialize::effects::{self, CalledFor, Effect};
+use preshade_passes::specialize::{Specialize, as_drawn};
 use preshade_passes::{PASSES, pass_named};
 use serde::Serialize;
 
@@ -193,12 +193,12 @@ const BUDGET: f64 = 0.02;
 
 impl Saved {
     /// `None`: `after` has more passes, so that its stages alone say little, or no stage costs less.
-    fn between(before: &Plan, after: &Plan) -> Option<Self> {
+    fn between(before: &Plan, after: &Plan, facts: &Facts) -> Option<Self> {
         let passes = |plan: &Plan| (plan.passes.len(), plan.compute.len());
         if passes(before) != passes(after) {
             return None;
         }
-        let (before, after) = (stages(before), stages(after));
+        let (before, after) = (stages(before, facts), stages(after, facts));
         let stages = before.iter().zip(&after).map(|(a, b)| Self {
             stage: a.stage,
             ops: a.cost - b.cost,
@@ -206,6 +206,25 @@ impl Saved {
         });
         let best = stages.max_by(|a, b| a.share().total_cmp(&b.share()));
         best.filter(|s| s.ops > 0.0)
+    }
+
+    /// What a pass saves. Of `hoist`, the fragments pay for the interpolation.
+    fn of(before: &Plan, done: &Outcome, facts: &Facts) -> Option<Self> {
+        let saved = Self::between(before, &done.plan, facts)?;
+        let is_hoist = done
+            .plan
+            .steps
+            .last()
+            .is_some_and(|s| s.pass == Hoist::INFO.name);
+        let cost = done.change.cost;
+        Some(match is_hoist {
+            true => Self {
+                ops: cost.slice,
+                of: cost.whole,
+                ..saved
+            },
+            false => saved,
+        })
     }
 
     /// The share of the stage.
@@ -307,7 +326,7 @@ pub fn explain(
             .into_iter()
             .filter(is_switch)
             .collect(),
-        stages: stages(plan),
+        stages: stages(plan, facts),
         passes: steps
             .iter()
             .filter_map(|step| {
@@ -327,7 +346,7 @@ pub fn explain(
                 };
                 match pipeline::run(step, &before, frame, facts) {
                     Ok(done) => {
-                        explained.saved = Saved::between(&before, &done.plan);
+                        explained.saved = Saved::of(&before, &done, facts);
                         explained.sites = vec![done.change];
                         explained.left = done.left;
                         if order == Order::Chained {
@@ -337,7 +356,21 @@ pub fn explain(
                     Err(refused) => {
                         explained.refusals = refused.refusals;
                         explained.left = refused.left;
-                        explained.within_budget = within_budget(step, &before, frame, facts);
+                        let within = with_budget(step)
+                            .map(|step| (pipeline::run(&step, &before, frame, facts), step));
+                        match within {
+                            Some((Ok(done), step)) => {
+                                explained.within_budget = Some(WithinBudget {
+                                    step: step.to_string(),
+                                    saved: Saved::of(&before, &done, facts),
+                                    change: done.change,
+                                });
+                            }
+                            Some((Err(still), _)) => {
+                                still_refused(&mut explained.refusals, &still.first());
+                            }
+                            None => {}
+                        }
                     }
                 }
                 Some(explained)
@@ -364,7 +397,7 @@ impl Explained {
                     let done = pipeline::run(&step, plan, frame, facts).ok()?;
                     Some(VersionExplained {
                         material: plan.material.clone(),
-                        saved: Saved::between(plan, &done.plan),
+                        saved: Saved::of(plan, &done, facts),
                         change: done.change,
                     })
                 })
@@ -379,9 +412,8 @@ fn is_general(pass: &PassExplained) -> bool {
     name == Some(Specialize::INFO.name) && !pass.refusals.is_empty()
 }
 
-/// What a refused step does with a budget. `None`: it has no such parameter, has one already, or is
-/// refused all the same.
-fn within_budget(step: &Step, plan: &Plan, frame: &[Plan], facts: &Facts) -> Option<WithinBudget> {
+/// A refused step with a budget. `None`: it has no such parameter, or has one already.
+fn with_budget(step: &Step) -> Option<Step> {
     let pass = pass_named(&step.pass)?;
     let takes = parameters(pass).iter().any(|p| p.name == "budget");
     if !takes || step.params.contains_key("budget") {
@@ -389,19 +421,21 @@ fn within_budget(step: &Step, plan: &Plan, frame: &[Plan], facts: &Facts) -> Opt
     }
     let mut step = step.clone();
     step.params.insert("budget".to_owned(), BUDGET.into());
-    let done = pipeline::run(&step, plan, frame, facts).ok()?;
-    Some(WithinBudget {
-        step: step.to_string(),
-        saved: Saved::between(plan, &done.plan),
-        change: done.change,
-    })
+    Some(step)
 }
 
-fn stages(plan: &Plan) -> Vec<StageCost> {
+/// Where a step is refused with a budget too, `still` says what helps, and a budget alone does not.
+fn still_refused(refusals: &mut [Refusal], still: &Refusal) {
+    for refusal in refusals.iter_mut().filter(|r| r.remedy.contains("budget=")) {
+        refusal.remedy.clone_from(&still.remedy);
+    }
+}
+
+fn stages(plan: &Plan, facts: &Facts) -> Vec<StageCost> {
     let Some((pass, program)) = plan.main().and_then(|p| Some((p, plan.program(p)?))) else {
         return Vec::new();
     };
-    let graph = Graph::build(program);
+    let graph = as_drawn(program, pass, &plan.material, facts);
     let mut stages = Vec::new();
     for (stage, word, name) in [
         (ShaderStage::Vertex, "vertex", Some(&pass.vertex)),

@@ -1,10 +1,11 @@
 //! A refusal as a note on the author's source.
 
 use codespan_reporting::diagnostic::{Diagnostic, Label};
-use codespan_reporting::files::SimpleFiles;
 use codespan_reporting::term;
 use preshade_passes::pass::Refusal;
 use preshade_passes::plan::Plan;
+
+use crate::front::excerpt::Excerpts;
 
 /// What makes a refused step legal. `None`: nothing, since there is nothing for it to do.
 pub fn remedy(refusal: &Refusal) -> Option<&str> {
@@ -13,7 +14,7 @@ pub fn remedy(refusal: &Refusal) -> Option<&str> {
 
 /// The note, without a newline at its end.
 pub fn rendered(refusal: &Refusal, plan: &Plan) -> String {
-    let mut files = SimpleFiles::new();
+    let mut files = Excerpts::default();
     let mut labels = Vec::new();
     if let Some(at) = &refusal.location
         && let Some(file) = plan
@@ -22,11 +23,9 @@ pub fn rendered(refusal: &Refusal, plan: &Plan) -> String {
             .flat_map(|p| p.sources().files())
             .find(|f| f.name == at.file)
     {
-        let id = files.add(file.name.clone(), file.text.clone());
-        labels.push(Label::primary(
-            id,
-            at.range.start as usize..at.range.end as usize,
-        ));
+        let place = at.range.start as usize..at.range.end as usize;
+        files.add(file.name.clone(), &file.text, std::slice::from_ref(&place));
+        labels.push(Label::primary(0, files.place(0, place)));
     }
     let remedy = remedy(refusal).filter(|remedy| !remedy.is_empty());
     let remedy = remedy.map(|remedy| format!("to make it legal: {remedy}"));

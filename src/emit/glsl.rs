@@ -10,6 +10,7 @@ pub(super) mod lacks;
 mod layout;
 pub(super) mod lengths;
 mod loose_uniforms;
+mod meaning;
 mod narrow;
 mod read_back;
 mod reserved_words;
@@ -31,7 +32,7 @@ use preshade_passes::budget::Budget;
 use preshade_passes::contract::{Assumption, Contract};
 use preshade_passes::declared::Depth;
 use preshade_passes::plan::Plan;
-use preshade_passes::program::Program;
+use preshade_passes::program::{Invalid, Program};
 use preshade_passes::rebuild::quad;
 
 use self::author::Authored;
@@ -272,12 +273,14 @@ pub(super) fn write(
     options: &Options,
 ) -> Result<(String, StageFile), EmitError> {
     // naga writes the functions of every stage into each.
-    let program =
-        &reduce::to_stage(program, stage, entry).map_err(|invalid| EmitError::Writer {
-            file: name.to_owned(),
-            target,
-            message: invalid.to_string(),
-        })?;
+    let invalid = |invalid: Box<Invalid>| EmitError::Writer {
+        file: name.to_owned(),
+        target,
+        message: invalid.to_string(),
+    };
+    let program = &reduce::to_stage(program, stage, entry).map_err(invalid)?;
+    let kept = meaning::kept(program, target).map_err(invalid)?;
+    let program = kept.as_ref().unwrap_or(program);
     let settled = overrides::settle(program, stage, entry, name, target)?;
     let (module, info) = match &settled {
         Some(Settled { module, info }) => (module, info),

@@ -31,6 +31,7 @@ mod equivalence;
 #[cfg(feature = "glsl")]
 mod glsl;
 mod lengths;
+mod meaning;
 mod output;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod overrides;
@@ -40,6 +41,7 @@ mod plan_json;
 mod reduce;
 #[cfg(feature = "spirv")]
 mod spirv;
+mod stale;
 #[cfg(feature = "glsl")]
 mod tess;
 mod wgsl;
@@ -55,11 +57,13 @@ use serde::{Deserialize, Serialize};
 
 use crate::panics;
 
+pub use meaning::Meaning;
 pub use output::{is_material_name, write, write_file};
 pub use plan_json::{
     Fallback, GlslAttribute, GlslBlock, GlslTexture, GlslUniform, PassFiles, PlanFile,
     SpecConstant, StageFile, TessellationFiles, WeakerPromise, versions,
 };
+pub use stale::{remove, stale};
 
 /// An output language.
 #[derive(
@@ -243,7 +247,39 @@ impl EmitError {
 /// # Errors
 /// The first file that cannot be written; see [`EmitError`]. A panic in naga becomes [`EmitError::Writer`].
 pub fn emit(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<File>, EmitError> {
-    panics::run(|| emit_guarded(plan, targets, options)).unwrap_or_else(|panicked| {
+    let compare = &|_: &mut meaning::Texts<'_>| Ok(());
+    emit_guarded(plan, targets, Writing { options, compare })
+}
+
+/// As [`emit`], and compares what each text means with its program. `plan.json` has a note on each
+/// text that was not compared, with the reason.
+///
+/// # Errors
+/// As [`emit`]; a text that means something else is [`EmitError::Differs`].
+pub fn emit_compared(
+    plan: &Plan,
+    targets: &[Target],
+    options: &Options,
+    meaning: Meaning,
+) -> Result<Vec<File>, EmitError> {
+    let compare = &|texts: &mut meaning::Texts<'_>| texts.compare(options, meaning);
+    emit_guarded(plan, targets, Writing { options, compare })
+}
+
+/// How texts are written, and what compares those of a program: a build that never calls it has no
+/// interpreter.
+#[derive(Clone, Copy)]
+struct Writing<'a> {
+    options: &'a Options,
+    compare: &'a dyn Fn(&mut meaning::Texts<'_>) -> Result<(), EmitError>,
+}
+
+fn emit_guarded(
+    plan: &Plan,
+    targets: &[Target],
+    writing: Writing<'_>,
+) -> Result<Vec<File>, EmitError> {
+    panics::run(|| emit_unguarded(plan, targets, writing)).unwrap_or_else(|panicked| {
         Err(EmitError::Writer {
             file: plan.material.clone(),
             target: targets.first().copied().unwrap_or(Target::Wgsl),
@@ -266,10 +302,10 @@ struct EmittedStage {
 /// The `plan.json` entry of each (program, entry point, target).
 type WrittenFiles = BTreeMap<(String, Written, Target), StageFile>;
 
-fn emit_guarded(
+fn emit_unguarded(
     plan: &Plan,
     targets: &[Target],
-    options: &Options,
+    writing: Writing<'_>,
 ) -> Result<Vec<File>, EmitError> {
     #[cfg(feature = "glsl")]
     tess::check(plan, targets)?;
@@ -278,12 +314,12 @@ fn emit_guarded(
     refuse_flipped_rows(plan, targets)?;
     let mut files = Vec::new();
     let lengths = lengths::fixed(plan, dedup(targets));
-    let written = write_programs(plan, &lengths, options, &mut files)?;
+    let written = write_programs(plan, &lengths, writing, &mut files)?;
     let fallback = match plan.original.as_deref() {
         // A guarded plan always needs the original.
         Some(original) if plan.fallback.as_deref() == Some(ORIGINAL) || plan.guard.is_some() => {
             Some(write_original(
-                plan, original, &written, &lengths, options, &mut files,
+                plan, original, &written, &lengths, writing, &mut files,
             )?)
         }
         _ => None,
@@ -376,7 +412,7 @@ fn refuse_lost_point_sizes(plan: &Plan, targets: &[Target]) -> Result<(), EmitEr
 fn write_programs(
     plan: &Plan,
     lengths: &lengths::Fixed,
-    options: &Options,
+    writing: Writing<'_>,
     files: &mut Vec<File>,
 ) -> Result<WrittenFiles, EmitError> {
     let named = plan.passes.iter().map(|p| &p.program);
@@ -405,7 +441,15 @@ fn write_programs(
                 }
             };
             let program = with_defaults.as_ref().unwrap_or(&program);
-            for (file, stage_file) in write_program(plan, key, program, &stages, target, options)? {
+            let mut emitted = write_program(plan, key, program, &stages, target, writing.options)?;
+            (writing.compare)(&mut meaning::Texts {
+                plan,
+                key,
+                program,
+                target,
+                emitted: &mut emitted,
+            })?;
+            for (file, stage_file) in emitted {
                 files.push(file);
                 for (stage, mut stage_file) in stage_file {
                     let notes = fixed.iter().map(|length| lengths::note(length, target));
@@ -438,7 +482,7 @@ fn write_original(
     original: &Plan,
     written: &WrittenFiles,
     lengths: &lengths::Fixed,
-    options: &Options,
+    writing: Writing<'_>,
     files: &mut Vec<File>,
 ) -> Result<Fallback, EmitError> {
     let is_shipped = |pass: &GpuPass| {
@@ -465,7 +509,7 @@ fn write_original(
     for pass in &mut named.passes {
         pass.program = ORIGINAL.to_owned();
     }
-    let written = write_programs(&named, lengths, options, files)?;
+    let written = write_programs(&named, lengths, writing, files)?;
     Ok(Fallback::new(&named, &written))
 }
 

@@ -20,6 +20,7 @@ mod constants;
 mod demote;
 mod interface;
 mod narrow;
+mod numbers;
 mod rows;
 mod sample_mask;
 
@@ -110,6 +111,7 @@ pub(super) fn write(
         }
         false => {}
     }
+    numbers::choose(&mut words);
     sample_mask::as_arrays(&mut words);
     binding_arrays::declare(&mut words);
     draw_parameters(&mut words);

@@ -3,12 +3,12 @@
 use std::sync::Arc;
 
 use codespan_reporting::diagnostic::{Diagnostic, Label as Frame};
-use codespan_reporting::files::SimpleFiles;
 use codespan_reporting::term::{self, Config, Styles, StylesWriter, termcolor::Ansi};
 use preshade_passes::core::refusals::RefusalInfo;
 use preshade_passes::program::{Invalid, Location, SourceMap};
 
 use super::codes;
+use super::excerpt::{Excerpts, short_lines};
 
 /// The kind of an error. Scripts may match on [`Code::name`]: it is stable.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -113,7 +113,7 @@ const LACKS: &[(&str, &str)] = &[
     ),
     (
         "Not implemented as constant expression",
-        "naga computes this at run time only: put the argument into a `var` first",
+        "naga computes this at run time only: write its value, or a `let` in each function that uses it",
     ),
     (
         "Abstract types may only appear in constant expressions",
@@ -216,34 +216,46 @@ impl Error {
 
     /// Renders the error as a frame on the source, ending in a newline.
     pub fn render(&self, color: Color) -> String {
-        let mut files = SimpleFiles::new();
-        let mut bases = Vec::new();
-        for file in self.0.sources.files() {
-            files.add(printable(&file.name), printable(&file.text));
-            bases.push(file.base);
+        let mut files = Excerpts::default();
+        let sources = self.0.sources.files();
+        // Of each label, its file and the range in it.
+        let places: Vec<_> = (self.0.labels.iter())
+            .filter_map(|label| {
+                let base = self.0.sources.file_of(label.span)?.base;
+                let id = sources.iter().position(|f| f.base == base)?;
+                let range = label.span.to_range()?;
+                Some((
+                    id,
+                    range.start - base as usize..range.end - base as usize,
+                    label,
+                ))
+            })
+            .collect();
+        for (id, file) in sources.iter().enumerate() {
+            let own = places.iter().filter(|(of, ..)| *of == id);
+            let own: Vec<_> = own.map(|(_, range, _)| range.clone()).collect();
+            files.add(printable(&file.name), &printable(&file.text), &own);
         }
-        let mut frames: Vec<Frame<usize>> = Vec::new();
-        for label in &self.0.labels {
-            let (Some(file), Some(range)) =
-                (self.0.sources.file_of(label.span), label.span.to_range())
-            else {
-                continue;
+        let frames = places.iter().enumerate().map(|(n, (id, range, label))| {
+            let range = files.place(*id, range.clone());
+            let frame = match n {
+                0 => Frame::primary(*id, range),
+                _ => Frame::secondary(*id, range),
             };
-            let id = bases.iter().position(|b| *b == file.base).unwrap_or(0);
-            let base = file.base as usize;
-            let range = range.start - base..range.end - base;
-            let frame = if frames.is_empty() {
-                Frame::primary(id, range)
-            } else {
-                Frame::secondary(id, range)
-            };
-            frames.push(frame.with_message(printable(&label.text)));
-        }
+            frame.with_message(printable(&label.text))
+        });
+        let frames: Vec<Frame<usize>> = frames.collect();
         let diagnostic = Diagnostic::error()
             .with_code(self.0.code.name())
             .with_message(printable(&self.0.message))
             .with_labels(frames)
-            .with_notes(self.0.notes.iter().map(|n| printable(n)).collect());
+            .with_notes(
+                self.0
+                    .notes
+                    .iter()
+                    .map(|n| short_lines(&printable(n)))
+                    .collect(),
+            );
         let config = Config::default();
         let mut bytes = Vec::new();
         let done = match color {
@@ -340,7 +352,8 @@ fn in_wgsl(mut message: String) -> String {
     message.replace("(of type ", "(")
 }
 
-/// Removes naga's handle numbers from a message: ` [43]`.
+/// Removes naga's handle numbers from a message: ` [43]`. Where only the number told what is meant, the
+/// label shows it.
 fn without_handles(message: &str) -> String {
     let mut out = String::with_capacity(message.len());
     let mut rest = message;
@@ -348,7 +361,18 @@ fn without_handles(message: &str) -> String {
         out.push_str(before);
         let digits = after.bytes().take_while(u8::is_ascii_digit).count();
         rest = match after[digits..].strip_prefix(']').filter(|_| digits > 0) {
-            Some(behind) => behind,
+            Some(behind) => {
+                let word = out.rsplit(' ').next().unwrap_or_default();
+                let is_open = ["of", "in", "with", "to", "on", "got"].contains(&word);
+                if is_open && !behind.starts_with(" (") {
+                    out.push_str(if word == "in" {
+                        " a variable"
+                    } else {
+                        " a value"
+                    });
+                }
+                behind
+            }
             None => {
                 out.push_str(" [");
                 after
@@ -383,6 +407,10 @@ mod tests {
         assert_eq!(
             in_wgsl(without_handles(naga)),
             "`<` can't work with (vec4<f32>) and (f32)"
+        );
+        assert_eq!(
+            without_handles("The type of [12] doesn't match the type stored in [3]"),
+            "The type of a value doesn't match the type stored in a variable"
         );
     }
 }

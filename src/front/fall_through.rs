@@ -1,7 +1,7 @@
 //! Removes fall-through from GLSL's switch cases by copying the following case's statements. WGSL
 //! has no fall-through, and naga's SPIR-V writer produces an invalid module for it.
 
-use naga::{Block, Function, Module, Statement};
+use naga::{Block, Function, Module, Statement, SwitchCase};
 use preshade_passes::graph::operands;
 use preshade_passes::rebuild::copy::{CopyFunction, Copying};
 use preshade_passes::rebuild::writer::FunctionWriter;
@@ -37,8 +37,9 @@ fn write_out_cases(function: &mut Function, block: &mut Block) {
                 cases[i].fall_through = false;
                 continue;
             }
-            // Skip empty cases, which share the next body.
-            let next = cases[i + 1..].iter().find(|c| !c.body.is_empty());
+            // Skip empty cases that share the next body. An empty case that ends is a mere `break`.
+            let shares = |c: &&SwitchCase| c.body.is_empty() && c.fall_through;
+            let next = cases[i + 1..].iter().find(|c| !shares(c));
             if let Some(next) = next.map(|c| &c.body) {
                 let copy = copy(function, next);
                 cases[i].body.extend_block(copy);

@@ -39,7 +39,7 @@ macro_rules! effect_remedy {
 }
 
 /// The first row that fits is named.
-const ALL: [Foreign; 15] = [
+const ALL: [Foreign; 18] = [
     Foreign {
         is: "the text of a SPIR-V module, and preshade reads the module",
         endings: &["spvasm"],
@@ -166,12 +166,41 @@ const ALL: [Foreign; 15] = [
                  preshade-three returns it, and docs/guides/three-js.md shows how",
     },
     Foreign {
+        is: "a shader of bgfx, whose compiler adds to it",
+        endings: &["sc"],
+        sign: |text, _| one_of(text, &["#include <bgfx_shader.sh>"]),
+        remedy: "compile it with bgfx's `shaderc` for GLSL (`--platform linux -p 430`), and give the \
+                 text that follows its header",
+    },
+    Foreign {
+        is: "a material of Filament, whose compiler adds to it",
+        endings: &["mat"],
+        sign: |text, _| one_of(text, &["MaterialInputs material"]),
+        remedy: "compile it with `matc`, and give the GLSL that `matinfo --print-glsl` prints",
+    },
+    Foreign {
+        is: "both stages of a material in one file, told apart by a macro that is not defined",
+        endings: &[],
+        sign: |text, message| {
+            (message == NO_MAIN).then_some(())?;
+            let words = ["VERTEX", "FRAGMENT", "VERT", "FRAG", "PIXEL"];
+            let tests = |line: &str| line.contains("#if") && words.iter().any(|w| line.contains(w));
+            let line = text.lines().find(|line| tests(line))?;
+            one_of(text, &[line])
+        },
+        remedy: "write a file for each stage, .vert and .frag, which defines the macro and includes \
+                 this one",
+    },
+    Foreign {
         is: "written for push constants, and WGSL's `var<push_constant>` is now `var<immediate>`",
         endings: &[],
         sign: |text, _| one_of(text, &["var<push_constant>"]),
         remedy: "write `var<immediate>`, as naga and wgpu call it now",
     },
 ];
+
+/// The message of a GLSL stage without `main`.
+pub(super) const NO_MAIN: &str = "there is no function `main`";
 
 const EFFECT: &str = "an effect of the npm package postprocessing, which adds `main`, the \
                       uniforms and the vertex stage";

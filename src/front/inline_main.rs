@@ -19,6 +19,7 @@ use naga::{
 use preshade_passes::calls;
 use preshade_passes::graph::operands;
 use preshade_passes::rebuild::copy::{Copies, CopyFunction, Copying};
+use preshade_passes::rebuild::returns;
 use preshade_passes::rebuild::writer::FunctionWriter;
 
 /// Inlines `main` into each wrapper entry point. `module` must be valid and stays valid.
@@ -116,7 +117,9 @@ fn inline(module: &Module, wrapper: &Function, at: usize, main: &Function) -> Fu
     if !ends(&main.body) {
         inner.write_epilogue();
     }
-    inner.copying.finish()
+    let mut function = inner.copying.finish();
+    returns::drop_last(&mut function.body);
+    function
 }
 
 /// Whether the block ends in a `return` or `discard`, possibly nested in braces.
@@ -299,6 +302,10 @@ impl<'a> Inliner<'a> {
         });
         for statement in &wrapper.body[*from..] {
             epilogue.copy(statement, Span::UNDEFINED);
+        }
+        if !ends(&wrapper.body) {
+            let end = Statement::Return { value: None };
+            epilogue.copying.writer.statement(end, Span::UNDEFINED);
         }
         self.copying.writer = epilogue.copying.writer;
     }

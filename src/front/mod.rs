@@ -17,6 +17,7 @@ mod declaration;
 mod dialect;
 mod entry;
 mod error;
+pub(crate) mod excerpt;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod fall_through;
 mod foreign;
@@ -30,7 +31,6 @@ mod inline_main;
 mod killed_loops;
 mod lengths;
 mod locate_panic;
-#[cfg(any(feature = "glsl", feature = "spirv"))]
 mod map_spans;
 mod memory;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
@@ -118,7 +118,15 @@ impl Source {
                 ..Self::new(name, spirv::listed(&words))
             });
         }
-        Ok(Self::new(name, regular::decode(bytes)?))
+        let name = name.into();
+        let is_module = extension(&name) == Some("spv");
+        let text = regular::decode(bytes).map_err(|error| match error {
+            ReadError::NoText(_) | ReadError::Binary("no text") if is_module => {
+                ReadError::Binary("no SPIR-V, whose first word is 0x07230203")
+            }
+            other => other,
+        });
+        Ok(Self::new(name, text?))
     }
 
     /// Sets the language.
@@ -442,6 +450,9 @@ fn assemble(
         let error = entry::locate_invalid(Error::invalid(&invalid), &names, map);
         entry::name_clash(error, &bound)
     })?;
+    if language == Language::Wgsl {
+        wgsl::check_module(&program)?;
+    }
     entry::check_bindings(&program, &entries).map_err(|e| e.with_sources(map))?;
     Ok(Parsed {
         program: program.with_declared(declared),

@@ -112,6 +112,7 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, CompiledFrom),
         files: HashMap::new(),
         twice: HashMap::new(),
         imported: Vec::new(),
+        open: Vec::new(),
         composer: Composer::non_validating().with_capabilities(Capabilities::all()),
     };
     let own_file = options.files.canonical(&path).ok();
@@ -121,6 +122,7 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, CompiledFrom),
         wanted: Wanted::Modules,
         found: fingerprints(&all),
     };
+    let unknown = unknown_import(&source.text, &all);
     for one in all {
         // The given text of the main file takes precedence over the file on disk.
         if own_file.is_some() && own_file == options.files.canonical(&one.path).ok() {
@@ -134,7 +136,8 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, CompiledFrom),
         };
         library.register(one.name, file);
     }
-    let (_, imports, _) = get_preprocessor_data(&source.text);
+    let (own_name, imports, _) = get_preprocessor_data(&source.text);
+    library.open.extend(own_name);
     for import in imports {
         library.add(&import.import)?;
     }
@@ -154,6 +157,10 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, CompiledFrom),
             }
         }
     })?;
+    // The composer reports what is used.
+    if let Some(path) = unknown {
+        return Err(no_module(source, path, options));
+    }
     plain_names(&mut module);
     compact::compact(&mut module, compact::KeepUnused::No);
     let origin = CompiledFrom {
@@ -162,6 +169,49 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, CompiledFrom),
         searched: vec![searched],
     };
     Ok((module, origin))
+}
+
+/// The error of modules each of which imports the next, and the last the first.
+fn cycle(modules: &[String]) -> Error {
+    let named: Vec<String> = modules.iter().map(|m| format!("`{m}`")).collect();
+    let message = match named.as_slice() {
+        [one] => format!("{one} imports itself"),
+        [a, b] => format!("{a} and {b} import each other"),
+        [first, others @ ..] => format!("{first} imports itself through {}", others.join(", ")),
+        [] => String::new(),
+    };
+    Error::new(Code::Parse, message).note("move what both need to a module of its own")
+}
+
+/// The first `#import` of a path that no module has, though nothing may use its names. Imports
+/// under a condition are left to the composer.
+fn unknown_import<'t>(text: &'t str, all: &[Named]) -> Option<&'t str> {
+    let is_part = |whole: &str, part: &str| {
+        let rest = whole.strip_prefix(part);
+        rest.is_some_and(|rest| rest.is_empty() || rest.starts_with("::"))
+    };
+    let is_known = |path: &str| {
+        let mut all = all.iter();
+        all.any(|m| is_part(path, &m.name) || is_part(&m.name, path))
+    };
+    let mut depth = 0_usize;
+    for line in text.lines().map(str::trim_start) {
+        if line.starts_with("#if") {
+            depth += 1;
+        } else if line.starts_with("#endif") {
+            depth = depth.saturating_sub(1);
+        }
+        let Some(rest) = line.strip_prefix("#import ").filter(|_| depth == 0) else {
+            continue;
+        };
+        let path = rest.trim_start();
+        let end = path.find(|c: char| c.is_whitespace() || "{,;".contains(c));
+        let path = path[..end.unwrap_or(path.len())].trim_end_matches("::");
+        if !path.is_empty() && !path.starts_with('"') && !is_known(path) {
+            return Some(path);
+        }
+    }
+    None
 }
 
 /// The first `#{NAME}` that nothing defines, as the text of `NAME`. The composer would leave it, and
@@ -246,6 +296,8 @@ struct Library {
     twice: HashMap<String, String>,
     /// Added modules: path and text.
     imported: Vec<(String, String)>,
+    /// The modules whose imports are being added, outermost first.
+    open: Vec<String>,
     composer: Composer,
 }
 
@@ -264,6 +316,9 @@ impl Library {
     /// Adds a module after its imports. If a module is missing, the composer reports it when it is
     /// used.
     fn add(&mut self, name: &str) -> Result<(), Error> {
+        if let Some(first) = self.open.iter().position(|open| open == name) {
+            return Err(cycle(&self.open[first..]));
+        }
         let Some(file) = self.files.remove(name) else {
             return Ok(());
         };
@@ -274,9 +329,11 @@ impl Library {
             )
             .note("include the right folder only"));
         }
+        self.open.push(name.to_owned());
         for import in &file.imports {
             self.add(import)?;
         }
+        self.open.pop();
         let added = self
             .composer
             .add_composable_module(ComposableModuleDescriptor {

@@ -44,7 +44,7 @@ impl Level {
 }
 
 /// Checks one file. `base` offsets the spans. naga's WGSL parser stops near 200 open brackets, its
-/// GLSL parser never does. The WGSL parser is quadratic within a function, so the text's length is
+/// GLSL parser never does. naga is quadratic within a function, so statements and the text's length are
 /// limited too.
 pub(super) fn check(
     text: &str,
@@ -65,6 +65,8 @@ pub(super) fn check(
         glsl,
         brackets: usize::try_from(limits.nesting).unwrap_or(usize::MAX),
         open: vec![Level::default()],
+        most_statements: limits.statements,
+        statements: None,
         last: b';',
         is_called: false,
     };
@@ -106,6 +108,9 @@ struct Scan<'a> {
     brackets: usize,
     /// One level per open bracket, outermost first. Never empty.
     open: Vec<Level>,
+    most_statements: u64,
+    /// Statements and list values of the open function; `None` outside of functions.
+    statements: Option<u64>,
     /// The last byte outside of white space and comments, and whether it ends a callable word.
     last: u8,
     is_called: bool,
@@ -134,6 +139,25 @@ impl Scan<'_> {
         }
         let message = format!("one expression has more than {most} {of}");
         let note = "split it into several variables";
+        Err(self.error(message, at, "this one is too many", note))
+    }
+
+    /// Counts a statement or a list value.
+    fn count(&mut self, at: usize) -> Result<(), Error> {
+        let most = self.most_statements;
+        let Some(statements) = &mut self.statements else {
+            return Ok(());
+        };
+        *statements += 1;
+        if *statements <= most {
+            return Ok(());
+        }
+        let message = format!(
+            "one function has more than {most} statements and list values; the limit is \
+             `statements`"
+        );
+        let note = "the parser's time grows with their square: move some to other functions, or \
+                    allow more with --limits statements=NUMBER";
         Err(self.error(message, at, "this one is too many", note))
     }
 
@@ -173,6 +197,12 @@ impl Scan<'_> {
         if !byte.is_ascii_whitespace() {
             (self.last, self.is_called) = (byte, false);
         }
+        if matches!(byte, b';' | b',') {
+            self.count(at)?;
+        }
+        if byte == b'{' && self.open.len() == 1 && before != b'=' {
+            self.statements = Some(0);
+        }
         let glsl = self.glsl;
         let level = self.level();
         match byte {
@@ -202,6 +232,9 @@ impl Scan<'_> {
                 // The parser reports an extra bracket.
                 if self.open.len() > 1 {
                     self.open.pop();
+                }
+                if self.open.len() == 1 {
+                    self.statements = None;
                 }
                 let level = self.level();
                 if byte == b'}' {

@@ -1,12 +1,30 @@
-//! Parses one WGSL file to a naga module.
+//! Parses one WGSL file to a naga module: what naga lacks is rewritten, and what it takes though no
+//! browser does is refused.
+
+mod aliases;
+mod constants;
+mod diagnostics;
+mod edits;
+mod precedence;
+mod refused;
+mod swizzles;
+mod tokens;
 
 use std::borrow::Cow;
 
-use naga::front::wgsl;
+use naga::front::wgsl::{self, ParseError};
+use naga::{Module, Span};
 use preshade_passes::link::offset;
 
+use self::edits::Edits;
 use super::error::{Code, Error};
+use super::map_spans::map_spans;
 use crate::wgsl::subgroups;
+
+pub(super) use refused::check as check_module;
+
+/// Expressions and statements of one file that are rewritten for naga, at most: each takes a parse.
+const MOST_REWRITTEN: usize = 200;
 
 /// The text without `requires` of language extensions that naga does not know. They change nothing:
 /// what needs one is an error at its own place. The text keeps its length.
@@ -35,15 +53,69 @@ fn without_requirements(text: &str) -> Cow<'_, str> {
     out
 }
 
-/// The text for naga and wgpu, without directives that these do not know. It keeps its length.
+/// A text that naga reads, with the way back to the author's.
+struct Prepared {
+    text: String,
+    edits: Edits,
+    module: Result<Module, ParseError>,
+}
+
+/// Rewrites what naga lacks, until naga takes the text or rejects something else.
+fn prepared(author: &str) -> Prepared {
+    let author = without_requirements(author);
+    let author = subgroups::without(&author);
+    let mut edits = Edits::default();
+    if author.contains("@diagnostic") {
+        diagnostics::lift(&author, &tokens::tokens(&author), &mut edits);
+    }
+    let mut text = edits.applied(&author);
+    let mut module = wgsl::parse_str(&text);
+    for _ in 0..MOST_REWRITTEN {
+        let Err(error) = &module else {
+            break;
+        };
+        let Some((part, by)) = replacement(&text, error) else {
+            break;
+        };
+        edits.replace(edits.back(part), by);
+        text = edits.applied(&author);
+        module = wgsl::parse_str(&text);
+    }
+    Prepared {
+        text,
+        edits,
+        module,
+    }
+}
+
+/// What to write, and where, instead of what naga rejects. `None` if the author is to blame.
+fn replacement(text: &str, error: &ParseError) -> Option<(std::ops::Range<usize>, String)> {
+    let (span, _) = error.labels().next()?;
+    let part = span.to_range()?;
+    if constants::is_lacking(error.message()) {
+        return constants::value(text, part);
+    }
+    swizzles::is_rejected(error.message())
+        .then(|| swizzles::apart(text, part))
+        .flatten()
+}
+
+/// The text for naga and wgpu, without what these do not know.
 pub(crate) fn for_naga(text: &str) -> String {
-    let text = without_requirements(text);
-    subgroups::without(&text).into_owned()
+    prepared(text).text
 }
 
 /// Parses `text`. Error labels are offset by `base`; the module's spans are not.
-pub(super) fn parse(text: &str, base: u32) -> Result<naga::Module, Error> {
-    wgsl::parse_str(&for_naga(text)).map_err(|e| {
+pub(super) fn parse(text: &str, base: u32) -> Result<Module, Error> {
+    let Prepared { edits, module, .. } = prepared(text);
+    let back = |span: Span| match span.to_range() {
+        Some(range) if !edits.is_empty() => {
+            let range = edits.back(range);
+            Span::new(range.start as u32, range.end as u32)
+        }
+        _ => span,
+    };
+    let mut module = module.map_err(|e| {
         // naga reports its recursion limit as an internal error without a span.
         if e.message().contains("recursion limit") {
             return Error::new(Code::TooDeep, "expressions are nested too deeply to parse")
@@ -51,11 +123,16 @@ pub(super) fn parse(text: &str, base: u32) -> Result<naga::Module, Error> {
         }
         let mut error = Error::new(Code::Parse, e.message());
         for (span, label) in e.labels() {
-            error = error.label(offset(span, base), label);
+            error = error.label(offset(back(span), base), label);
         }
         for note in e.notes() {
             error = error.note(note);
         }
         error.with_remedy()
-    })
+    })?;
+    precedence::check(&tokens::tokens(text), base)?;
+    if !edits.is_empty() {
+        map_spans(&mut module, &back);
+    }
+    Ok(module)
 }

@@ -124,6 +124,8 @@ fn about(material: &str, facts: &Facts) -> Facts {
         frequencies: _,
         rasterizer,
         steady_textures,
+        infinite_textures,
+        narrow_depths,
         undrawn,
     } = facts;
     Facts {
@@ -139,6 +141,8 @@ fn about(material: &str, facts: &Facts) -> Facts {
         frequencies: Vec::new(),
         rasterizer: *rasterizer,
         steady_textures: own(steady_textures, |s| s.material == material),
+        infinite_textures: own(infinite_textures, |t| t.material == material),
+        narrow_depths: own(narrow_depths, |name| name == material),
         undrawn: undrawn
             .as_ref()
             .map(|all| own(all, |u| u.material == material)),

@@ -72,6 +72,28 @@ pub struct Times {
 }
 
 impl Drawn for Beside {
+    fn differs(&self, relation: Relation) -> Option<String> {
+        let (pixels, depths) = (self.error.changed_pixels, self.error.changed_depth);
+        let apart = self.lost + self.kept;
+        let (is_broken, what) = match relation {
+            Relation::Same => (
+                pixels > 0 || depths > 0,
+                format!("{pixels} pixels and {depths} depths"),
+            ),
+            // A light's matrix may be rounded otherwise, and its depths are biased.
+            Relation::Shadow => (apart > 0, format!("{apart} depths")),
+            // These say nothing of what the other decides.
+            Relation::Position => (self.moved > 0, format!("{} depths", self.moved)),
+            Relation::Discard => (apart > 0 && self.moved == 0, format!("{apart} depths")),
+            _ => (
+                apart + self.moved > 0,
+                format!("{} depths", apart + self.moved),
+            ),
+        };
+        let camera = &self.camera;
+        is_broken.then(|| format!("seen by `{camera}`, the two draw {what} otherwise"))
+    }
+
     fn told(&self, relation: Relation) -> Vec<String> {
         let [first, second] = relation.names();
         let camera = &self.camera;

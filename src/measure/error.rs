@@ -4,7 +4,8 @@
 use preshade_passes::budget::{Difference, or_infinite, unmeasured};
 use serde::{Deserialize, Serialize};
 
-use crate::render::{ColorImage, DepthImage, Rendered};
+use super::flip::flip;
+use crate::render::{DepthImage, Rendered};
 
 /// One step of 8 bits.
 const STEP: f64 = 1.0 / 255.0;
@@ -18,7 +19,7 @@ pub struct ErrorLadder {
     pub changed_alpha: u64,
     /// Pixels (samples with MSAA) whose depth bits differ.
     pub changed_depth: u64,
-    /// Largest difference of a colour channel in the target's units, 0..1 for unorm formats.
+    /// Largest difference of a channel in the target's units, 0..1 for unorm formats.
     /// Infinite if exactly one side is NaN; JSON then has `null`.
     #[serde(deserialize_with = "or_infinite")]
     pub max_abs: f64,
@@ -33,13 +34,14 @@ pub struct ErrorLadder {
     /// Pixels of the picture.
     #[serde(default)]
     pub pixels: u64,
-    /// Mean of the FLIP error map of colour target 0, 0..1 (Andersson et al. 2020). 0 without a
-    /// difference.
+    /// Mean of the FLIP error map, 0..1 (Andersson et al. 2020): the largest over all colour targets,
+    /// of their colours and of their alpha. Float values outside of 0..1 are seen through exposures
+    /// and a tone map. A pixel counts 1 where integers differ, or a value that is not finite.
     pub flip_mean: f64,
-    /// 99th percentile of FLIP.
+    /// 99th percentile of FLIP, likewise.
     pub flip_p99: f64,
-    /// Largest mean of FLIP over a tile of 16 x 16 pixels, fewer at the right and lower edge. Infinite in
-    /// a record of an older version, which did not measure it.
+    /// Largest mean of FLIP over a tile of 16 x 16 pixels, fewer at the right and lower edge, likewise.
+    /// Infinite in a record of an older version, which did not measure it.
     #[serde(default = "unmeasured", deserialize_with = "or_infinite")]
     pub flip_tile: f64,
     /// Pixels with a NaN or an infinity in the variant where the original has none.
@@ -127,11 +129,24 @@ pub fn compare(original: &Rendered, variant: &Rendered) -> Result<ErrorLadder, M
         if a.bytes == b.bytes {
             continue;
         }
+        let [mean, p99, tile] = flip(a, b);
+        out.flip_mean = out.flip_mean.max(mean);
+        out.flip_p99 = out.flip_p99.max(p99);
+        out.flip_tile = out.flip_tile.max(tile);
         for i in 0..pixels {
             if a.texel(i) == b.texel(i) {
                 continue;
             }
             changed[i] = true;
+            if let (Some(p), Some(q)) = (a.integers(i), b.integers(i)) {
+                alpha_only[i] &= p[..3] == q[..3];
+                beyond[i] = true;
+                let distances = p.iter().zip(q).map(|(p, q)| p.abs_diff(q) as f64);
+                let distance = distances.fold(0.0, f64::max);
+                out.max_abs = out.max_abs.max(distance);
+                out.max_steps = out.max_steps.max(distance / STEP);
+                continue;
+            }
             let (p, q) = (a.rgba(i), b.rgba(i));
             let differs =
                 |c: usize| p[c].to_bits() != q[c].to_bits() && !(p[c].is_nan() && q[c].is_nan());
@@ -170,11 +185,6 @@ pub fn compare(original: &Rendered, variant: &Rendered) -> Result<ErrorLadder, M
         .iter()
         .position(|c| *c)
         .map(|i| [i as u32 % size[0], i as u32 / size[0]]);
-    if out.changed_pixels > 0
-        && let (Some(Some(a)), Some(Some(b))) = (original.colors.first(), variant.colors.first())
-    {
-        [out.flip_mean, out.flip_p99, out.flip_tile] = flip(a, b);
-    }
     Ok(out)
 }
 
@@ -224,61 +234,13 @@ pub fn ulps(a: f32, b: f32) -> u64 {
     key(a).abs_diff(key(b))
 }
 
-/// Width and height of a tile, in pixels: a quarter of a degree at FLIP's viewing distance.
-const TILE: usize = 16;
-
-/// FLIP's mean, 99th percentile and worst tile at its default viewing distance (67 pixels a degree).
-fn flip(a: &ColorImage, b: &ColorImage) -> [f64; 3] {
-    let mut values = flip_map(a, b).to_vec();
-    let tile = worst_tile(&values, a.size[0] as usize);
-    let mean = values.iter().map(|v| f64::from(*v)).sum::<f64>() / values.len().max(1) as f64;
-    // The percentile is of pixels, not weighted by error.
-    let rank = (values.len() * 99 / 100).min(values.len().saturating_sub(1));
-    let p99 = match values.is_empty() {
-        true => 0.0,
-        false => f64::from(*values.select_nth_unstable_by(rank, f32::total_cmp).1),
-    };
-    [mean, p99, tile]
-}
-
-/// The largest mean over a tile of a map with rows of `width`. A tile at an edge counts the pixels that
-/// it has.
-fn worst_tile(map: &[f32], width: usize) -> f64 {
-    let width = width.max(1);
-    let mut worst = 0.0_f64;
-    for band in map.chunks(width * TILE) {
-        let mut tiles = vec![(0.0_f64, 0_u32); width.div_ceil(TILE)];
-        for (i, value) in band.iter().enumerate() {
-            let (sum, pixels) = &mut tiles[i % width / TILE];
-            *sum += f64::from(*value);
-            *pixels += 1;
-        }
-        let means = tiles.iter().map(|(sum, n)| sum / f64::from(*n));
-        worst = means.fold(worst, f64::max);
-    }
-    worst
-}
-
-fn flip_map(a: &ColorImage, b: &ColorImage) -> nv_flip::FlipImageFloat {
-    let rgb = |image: &ColorImage| {
-        let bytes: Vec<u8> = image
-            .to_rgba8()
-            .as_chunks::<4>()
-            .0
-            .iter()
-            .flat_map(|[r, g, b, _]| [*r, *g, *b])
-            .collect();
-        nv_flip::FlipImageRgb8::with_data(image.size[0], image.size[1], &bytes)
-    };
-    nv_flip::flip(rgb(a), rgb(b), nv_flip::DEFAULT_PIXELS_PER_DEGREE)
-}
-
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
     use preshade_passes::budget::Budget;
 
-    use super::{ErrorLadder, TILE, compare, worst_tile};
+    use super::super::flip::TILE;
+    use super::{ErrorLadder, compare};
     use crate::render::{ColorImage, Rendered};
 
     /// A grey picture with a black square at `at`.
@@ -317,18 +279,6 @@ mod tests {
         );
         let allows = |budget: &str| Budget::parse(budget).unwrap().allows(&error);
         assert!(allows("flip_mean=0.02") && !allows("flip_tile=0.02"));
-    }
-
-    #[test]
-    fn a_tile_at_the_edge_counts_its_own_pixels() {
-        // 20 x 18 pixels: the last tile has 4 x 2.
-        let mut map = vec![0.0; 20 * 18];
-        map[17 * 20 + 19] = 1.0;
-        assert_eq!(worst_tile(&map, 20), 1.0 / 8.0);
-        map.fill(0.0);
-        map[0] = 1.0;
-        assert_eq!(worst_tile(&map, 20), 1.0 / 256.0);
-        assert_eq!(worst_tile(&[], 0), 0.0);
     }
 
     #[test]

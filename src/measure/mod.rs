@@ -21,16 +21,19 @@ pub mod crossover;
 pub mod effects;
 mod elsewhere;
 pub mod error;
+mod flip;
 pub mod frequency;
 pub mod groups;
 pub mod interpolation;
 pub mod junctions;
 pub mod on_adapter;
 pub mod outputs;
+mod owners;
 pub mod profile;
 pub mod ranges;
 pub mod rasterizer;
 pub mod record;
+mod seen;
 mod session;
 pub mod shading;
 pub mod shadow;
@@ -63,12 +66,13 @@ pub use on_adapter::validate_on;
 pub use outputs::OutputsReport;
 pub use ranges::ranges;
 pub use rasterizer::rasterizer;
+pub(crate) use seen::check_seen;
 pub use session::Session;
 pub use shading::{
     CountProgram, Counter, Discarded, Shading, ShadingSummary, facts, facts_for_choice,
 };
 pub use shadow::ShadowReport;
-pub use steady::steady_textures;
+pub use steady::bound;
 pub use subject::Subject;
 pub use timing::{
     Clock, Estimate, FEWEST_SAMPLES, FrameTime, Timing, TimingSettings, estimate, time,
@@ -88,6 +92,9 @@ pub enum Error {
     /// Two pictures of different kinds.
     #[error(transparent)]
     Mismatch(#[from] error::Mismatch),
+    /// The original draws nothing; with the reason.
+    #[error("{start}{0}", start = crate::render::NOT_MEASURED)]
+    Nothing(String),
     /// The adapter's clock gave no positive time.
     #[error("the adapter's clock gave only zero or negative times")]
     Clock,
@@ -97,6 +104,11 @@ impl Error {
     /// As [`crate::render::Error::is_lost`].
     pub fn is_lost(&self) -> bool {
         matches!(self, Self::Render(error) if error.is_lost())
+    }
+
+    /// Whether a loop did not end ([`crate::render::Error::Endless`]).
+    pub(crate) fn is_endless(&self) -> bool {
+        matches!(self, Self::Render(crate::render::Error::Endless { .. }))
     }
 
     /// What was measured, or nothing if it cannot be.
@@ -119,11 +131,18 @@ pub fn known(scene: &crate::scene::Scene) -> preshade_passes::pass::Facts {
     let constants = changing
         .clone()
         .and_then(|changing| constants::constants_beside(scene, changing).ok());
+    let bound = bound(scene).unwrap_or_default();
+    let those = |which: fn(&steady::Texels) -> bool| {
+        let those = bound.textures.iter().filter(|(_, texels)| which(texels));
+        those.map(|(texture, _)| texture.clone()).collect()
+    };
     preshade_passes::pass::Facts {
         changing,
         constants: constants.unwrap_or_default(),
         ranges: ranges(scene).unwrap_or_default(),
-        steady_textures: steady_textures(scene).unwrap_or_default(),
+        steady_textures: those(|texels| texels.is_steady),
+        infinite_textures: those(|texels| texels.is_infinite),
+        narrow_depths: bound.narrow_depths.iter().cloned().collect(),
         undrawn: undrawn(scene).ok(),
         ..preshade_passes::pass::Facts::default()
     }

@@ -18,9 +18,11 @@ use crate::render::{FrameSettings, Prepared, Rendered, SceneInputs, Variant as R
 use crate::scene::{Camera, DrawOrder, Filter, Frame, Scene};
 
 mod earlier;
+mod pictures;
 mod positions;
 
 pub use earlier::{allowed, earlier};
+pub(crate) use pictures::pictures;
 use positions::{Drawn, Positions};
 
 /// The auxiliary pictures of a variant, in one frame of each camera.

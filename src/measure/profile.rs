@@ -14,7 +14,7 @@ use preshade_passes::reflect;
 use preshade_passes::state::{CompareFunction, StencilOperation};
 use serde::Serialize;
 
-use super::{Clock, Error, Estimate, Session, Timing, TimingSettings, View, time};
+use super::{Clock, Error, Estimate, Session, Timing, TimingSettings, View, check_seen, time};
 use crate::render::{AdapterReport, Gpu, Prepared, ShaderForm};
 use crate::scene::bind::TextureContent;
 use crate::scene::{Frame, Image, Scene};
@@ -130,6 +130,9 @@ pub fn profile(
     let all = View::all(scene, 1);
     let first = all.first().map(|(view, _)| view.order);
     let views = all.into_iter().filter(|(v, _)| Some(v.order) == first);
+    let views: Vec<(View, &Frame)> = views.collect();
+    let frames: Vec<_> = views.iter().map(|(v, frame)| (*frame, v.order)).collect();
+    check_seen(&session, &frames)?;
     Ok(Profile {
         schema: SCHEMA.to_owned(),
         scene: scene.name.clone(),
@@ -137,6 +140,7 @@ pub fn profile(
         command: command.to_owned(),
         adapter: gpu.adapter().clone(),
         views: views
+            .into_iter()
             .map(|(view, frame)| profiled(&session, (view, frame), timing))
             .collect::<Result<_, _>>()?,
     })

@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use naga::{Module, TypeInner};
 use preshade_passes::evaluate::{Scalar, Value};
-use preshade_passes::pass::{Source, SourceRange};
+use preshade_passes::pass::{Numbers, Source, SourceRange};
 use preshade_passes::reflect;
 
 use super::originals;
@@ -111,14 +111,21 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, SceneError> {
         }
         let outputs = reflect::outputs(module, &point.function);
         ends.settle(seen, outputs.iter().filter_map(|o| o.binding.as_ref()));
-        let unbounded = unknown.into_iter().map(|source| (source, ANYTHING));
-        ends.0.extend(unbounded);
-        found.extend(ends.0.into_iter().map(|(source, [low, high])| SourceRange {
-            material: material.name.clone(),
-            source,
-            low,
-            high,
-        }));
+        for source in unknown {
+            ends.numbers.remove(&source);
+            ends.of.insert(source, ANYTHING);
+        }
+        found.extend(
+            ends.of
+                .into_iter()
+                .map(|(source, [low, high])| SourceRange {
+                    material: material.name.clone(),
+                    components: ends.numbers.remove(&source).unwrap_or_default(),
+                    source,
+                    low,
+                    high,
+                }),
+        );
     }
     Ok(found)
 }
@@ -213,15 +220,39 @@ impl Sample {
 
 /// The least and the largest of each source.
 #[derive(Default)]
-struct Ends(BTreeMap<Source, [f32; 2]>);
+struct Ends {
+    of: BTreeMap<Source, [f32; 2]>,
+    /// The components of buffers that hold finite numbers only.
+    numbers: BTreeMap<Source, Vec<Numbers>>,
+}
 
 /// All numbers.
 const ANYTHING: [f32; 2] = [f32::MIN, f32::MAX];
 
 impl Ends {
     fn add(&mut self, source: Source, [low, high]: [f32; 2]) {
-        let ends = self.0.entry(source).or_insert([low, high]);
+        let ends = self.of.entry(source).or_insert([low, high]);
         *ends = [ends[0].min(low), ends[1].max(high)];
+    }
+
+    fn add_part(&mut self, source: Source, part: &Value) {
+        let Some(ends) = ends(part) else { return };
+        let now = components(part);
+        match self.numbers.get_mut(&source) {
+            Some(before) if before.len() == now.len() => {
+                for (before, now) in before.iter_mut().zip(now) {
+                    *before = before.or(now);
+                }
+            }
+            // Not finite, now or before.
+            _ if self.of.contains_key(&source) => {
+                self.numbers.remove(&source);
+            }
+            _ => {
+                self.numbers.insert(source.clone(), now);
+            }
+        }
+        self.add(source, ends);
     }
 
     fn add_varyings(&mut self, varyings: BTreeMap<u32, Value>) {
@@ -268,16 +299,10 @@ impl Ends {
             match (&module.types[global.ty].inner, &value) {
                 (TypeInner::Struct { members, .. }, Value::Composite(parts)) => {
                     for (member, part) in members.iter().zip(parts) {
-                        if let Some(ends) = ends(part) {
-                            self.add(source(member.name.clone()), ends);
-                        }
+                        self.add_part(source(member.name.clone()), part);
                     }
                 }
-                _ => {
-                    if let Some(ends) = ends(&value) {
-                        self.add(source(None), ends);
-                    }
-                }
+                _ => self.add_part(source(None), &value),
             }
         }
     }
@@ -291,13 +316,13 @@ impl Ends {
             Coverage::None => {
                 for output in outputs {
                     if let naga::Binding::Location { location, .. } = *output {
-                        self.0.insert(Source::Varying { location }, ANYTHING);
+                        self.of.insert(Source::Varying { location }, ANYTHING);
                     }
                 }
                 return;
             }
         };
-        for (source, [low, high]) in &mut self.0 {
+        for (source, [low, high]) in &mut self.of {
             if matches!(source, Source::Varying { .. }) {
                 let more = by * low.abs().max(high.abs());
                 (*low, *high) = ((*low - more).max(f32::MIN), (*high + more).min(f32::MAX));
@@ -400,6 +425,30 @@ fn numbers(value: &Value) -> u64 {
     match value {
         Value::Composite(parts) => parts.iter().map(numbers).sum(),
         _ => 1,
+    }
+}
+
+/// The numbers of each component of a number or a vector, or all together of another value. Empty if
+/// one is not finite.
+fn components(value: &Value) -> Vec<Numbers> {
+    fn each(value: &Value, found: &mut Vec<f32>) {
+        match value {
+            Value::Scalar(Scalar::F32(x)) => found.push(*x),
+            Value::Composite(parts) => parts.iter().for_each(|part| each(part, found)),
+            _ => {}
+        }
+    }
+    let mut found = Vec::new();
+    each(value, &mut found);
+    let are_scalars = match value {
+        Value::Composite(parts) => found.len() == parts.len() && parts.len() <= 4,
+        _ => true,
+    };
+    let numbers = found.iter().copied().map(Numbers::one);
+    match found.iter().all(|x| x.is_finite()) {
+        false => Vec::new(),
+        true if are_scalars => numbers.collect(),
+        true => numbers.reduce(Numbers::or).into_iter().collect(),
     }
 }
 

@@ -147,6 +147,7 @@ fn drawn(gpu: &Gpu, source: &str, triangle: &[[f32; 3]; 3]) -> Result<ColorImage
         ]),
         samplers: BTreeMap::new(),
         attributes: BTreeMap::new(),
+        attribute_roles: BTreeMap::new(),
         part_of: None,
     };
     let scene = scene(material, triangle);
@@ -180,6 +181,7 @@ fn scene(material: Material, triangle: &[[f32; 3]; 3]) -> Scene {
         files: Vec::new(),
         is_made_up: false,
         own_size: None,
+        part: None,
         initial: Default::default(),
         rows: Default::default(),
         notes: Vec::new(),

@@ -360,7 +360,7 @@ pub enum Discarded {
 /// A float format with exact additive blending: to 2^24 if the adapter blends 32-bit floats,
 /// otherwise to 2^11. Alpha to coverage needs an alpha channel, which only a 16-bit format has with
 /// several samples.
-fn count_format(gpu: &Gpu, plans: &[Plan]) -> &'static str {
+pub(super) fn count_format(gpu: &Gpu, plans: &[Plan]) -> &'static str {
     let mut passes = plans.iter().flat_map(|p| &p.passes);
     if passes.any(|p| p.multisample.alpha_to_coverage) {
         return "rgba16float";
@@ -409,7 +409,7 @@ fn every_late_fragment(mut plan: Plan) -> Plan {
 }
 
 /// The plan with every opaque main pass counting instead of shading, and no other colour.
-fn counting_plan(
+pub(super) fn counting_plan(
     plan: &Plan,
     format: &str,
     count: &impl Fn(&Plan, &GpuPass) -> CountProgram,

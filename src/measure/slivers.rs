@@ -7,12 +7,12 @@
 
 use glam::{Vec2, Vec4, Vec4Swizzles};
 use naga::ShaderStage;
-use preshade_passes::contract::{Assumption, Contract};
+use preshade_passes::contract::Assumption;
 use preshade_passes::plan::{GpuPass, Plan};
 use preshade_passes::state::Topology;
 
 use super::Session;
-use super::verdict::breaks;
+use super::verdict::Promise;
 use super::vertices::{self, Vertices};
 use crate::render::Rendered;
 use crate::scene::{Frame, Scene, bind};
@@ -26,15 +26,19 @@ const REACH: f32 = 1.0;
 /// Most vertices to run. A broken promise of a larger scene stays broken.
 const MOST_VERTICES: u64 = 200_000;
 
-/// Whether `picture` keeps the contract wherever no sliver may cover a pixel of this frame. `None`:
+/// Whether `picture` keeps the promise wherever no sliver may cover a pixel of this frame. `None`:
 /// the contract does not depend on it, or the slivers are not known.
 pub(super) fn explain(
     session: &Session<'_>,
-    contract: &Contract,
+    promise: &Promise,
     frame: &Frame,
     [reference, picture]: [&Rendered; 2],
 ) -> Option<String> {
-    if !contract.given().contains(&Assumption::FineInterpolation) {
+    if !promise
+        .contract
+        .given()
+        .contains(&Assumption::FineInterpolation)
+    {
         return None;
     }
     let size = reference.colors.iter().flatten().next()?.size;
@@ -55,7 +59,7 @@ pub(super) fn explain(
         }
     }
     let error = super::error::compare(reference, &elsewhere).ok()?;
-    breaks(contract, &error).is_none().then(|| {
+    promise.broken(&error).is_none().then(|| {
         format!(
             "its promise is about triangles that a rasteriser resolves (`fine-interpolation`), and \
              {} here are thinner than 1/16 of a pixel",

@@ -1,11 +1,12 @@
 //! The plans of a frame, drawn beside the original and held to their contract.
 
-use preshade_passes::contract::{Contract, Verdict};
+use preshade_passes::contract::Verdict;
 use preshade_passes::guard::Assumed;
 use preshade_passes::plan::Plan;
 
-use super::verdict::breaks;
-use super::{Error, ErrorLadder, Session, compare};
+use super::owners::{Broke, Group};
+use super::verdict::Promise;
+use super::{Error, ErrorLadder, Session, View, compare};
 use crate::render::{self, Prepared, Rendered};
 use crate::scene::{DrawOrder, Frame};
 
@@ -14,8 +15,12 @@ pub struct Subject<'a> {
     session: &'a Session<'a>,
     /// The plans, in the scene's order of materials.
     pub plans: Vec<Plan>,
-    /// The contract of all plans together.
-    pub contract: Contract,
+    /// The promise of all plans together.
+    pub promise: Promise,
+    /// Those of its materials, where they differ.
+    groups: Vec<Group<'a>>,
+    /// The promise that the verdict is about: another one if it is broken for some materials alone.
+    pub judged: Promise,
     /// Whether the pictures so far keep the contract.
     pub verdict: Verdict,
     /// The worst difference of all pictures so far; `None`: nothing was compared.
@@ -32,10 +37,12 @@ pub struct Subject<'a> {
 impl<'a> Subject<'a> {
     /// A frame of `plans`, not yet built.
     pub fn new(session: &'a Session<'a>, plans: Vec<Plan>) -> Self {
-        let contracts = plans.iter().map(|plan| plan.contract.clone());
+        let promise = Promise::of(&plans);
         Self {
             session,
-            contract: contracts.fold(Contract::exact(), Contract::and),
+            groups: Group::of(&plans),
+            judged: promise.clone(),
+            promise,
             plans,
             verdict: Verdict::NotMeasured {
                 why: "nothing was drawn".to_owned(),
@@ -77,7 +84,7 @@ impl<'a> Subject<'a> {
         self.prepared = None;
         if !matches!(self.verdict, Verdict::Broken { .. }) {
             self.verdict = Verdict::NotMeasured {
-                why: error.to_string(),
+                why: error.to_string().replace(render::NOT_MEASURED, ""),
             };
         }
     }
@@ -136,29 +143,56 @@ impl<'a> Subject<'a> {
         Ok(prepared.map(Prepared::render).transpose()?)
     }
 
-    /// Compares a picture with the original's and checks the contract. `view` names the view. The
-    /// first broken view is the verdict.
+    /// Compares a picture with the original's and checks the promise of all materials together, and
+    /// then each material's own. The first broken view, named as the view writes itself, is the
+    /// verdict.
     ///
     /// # Errors
     ///
-    /// Pictures of different kinds.
-    pub fn compare(
+    /// Pictures of different kinds; what draws the materials' places cannot be drawn.
+    pub(super) fn compare(
         &mut self,
+        (view, frame): (&View, &Frame),
         reference: &Rendered,
         picture: &Rendered,
-        view: &str,
-    ) -> Result<ErrorLadder, Error> {
+    ) -> Result<(ErrorLadder, Option<Broke>), Error> {
         let error = compare(reference, picture)?;
         self.add(&error);
+        let mut broke = self.promise.broken(&error).map(|how| Broke {
+            how,
+            promise: self.promise.clone(),
+            picture: None,
+        });
+        for group in &mut self.groups {
+            if broke.is_none() && !error.is_exact() {
+                broke = group.broken(self.session, (frame, view.order), [reference, picture])?;
+            }
+        }
         if !matches!(self.verdict, Verdict::Broken { .. }) {
-            self.verdict = match breaks(&self.contract, &error) {
+            self.verdict = match &broke {
                 None => Verdict::Holds,
-                Some(how) => Verdict::Broken {
-                    r#where: format!("{view}: {how}"),
-                },
+                Some(broke) => {
+                    self.judged = broke.promise.clone();
+                    Verdict::Broken {
+                        r#where: format!("{}: {}", view.described(), broke.how),
+                    }
+                }
             };
         }
-        Ok(error)
+        Ok((error, broke))
+    }
+
+    /// As [`Self::compare`], for the verdict alone.
+    ///
+    /// # Errors
+    /// As [`Self::compare`].
+    pub fn judge(
+        &mut self,
+        view: (&View, &Frame),
+        reference: &Rendered,
+        picture: &Rendered,
+    ) -> Result<ErrorLadder, Error> {
+        Ok(self.compare(view, reference, picture)?.0)
     }
 
     /// Adds a difference to the worst so far.

@@ -46,8 +46,8 @@ impl Colours {
     /// A warning if no wrong colour could be seen.
     pub(crate) fn warning(&self) -> Option<String> {
         (self.pictures > 0 && self.seen.len() <= PLAIN).then(|| {
-            "every picture of the original has one colour in front of another: no wrong colour \
-             would be seen, so that what holds here was tested for its outline alone"
+            "only the silhouette was tested, because every picture of the original has one flat \
+             colour"
                 .to_owned()
         })
     }

@@ -251,6 +251,7 @@ impl<'g> Stopwatch<'g> {
     }
 
     fn sample(&self, variant: &Prepared<'_>, frames: u32) -> Result<Sample, render::Error> {
+        variant.check_end()?;
         let gpu = self.gpu;
         let mut encoder = gpu.device.create_command_encoder(&Default::default());
         let start = Instant::now();

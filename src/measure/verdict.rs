@@ -4,12 +4,48 @@ use preshade_passes::budget::Budget;
 use preshade_passes::contract::{Assumption, Contract, Surface, Turned};
 use preshade_passes::plan::{GpuPass, Phase, Plan};
 
-use super::ErrorLadder;
 use super::error::counted;
+use super::{ErrorLadder, owners};
 
 /// Whether the contract is about an original with `@invariant` positions.
 pub(super) fn needs_invariant_original(contract: &Contract) -> bool {
     contract.given().contains(&Assumption::InvariantOriginal)
+}
+
+/// What the plans of a frame promise together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Promise {
+    /// The contract of all together.
+    pub contract: Contract,
+    /// Whether depths have the original's bits, whatever the colours may do.
+    pub keeps_depth: bool,
+}
+
+impl Promise {
+    /// The promise of `plans`: the weakest of theirs, with all budgets.
+    pub fn of<'p>(plans: impl IntoIterator<Item = &'p Plan>) -> Self {
+        let mut this = Self {
+            contract: Contract::exact(),
+            keeps_depth: true,
+        };
+        for plan in plans {
+            // A budget of 1 is that of a diagnostic picture, which promises nothing.
+            let is_diagnostic = plan.contract.budgets().iter().any(|b| b.limit >= 1.0);
+            this.keeps_depth &= owners::keeps_positions(plan) && !is_diagnostic;
+            this.contract = this.contract.and(plan.contract.clone());
+        }
+        this
+    }
+
+    /// How a difference breaks the promise; `None`: it does not.
+    pub fn broken(&self, error: &ErrorLadder) -> Option<String> {
+        let is_budget = !self.contract.budgets().is_empty();
+        if is_budget && self.keeps_depth && error.changed_depth > 0 {
+            let depths = counted(error.changed_depth, "depth");
+            return Some(format!("{depths} differ, which no budget allows"));
+        }
+        breaks(&self.contract, error)
+    }
 }
 
 /// How a difference breaks a contract; `None` where it does not.

@@ -167,6 +167,9 @@ impl Run<'_, '_> {
         for i in 0..self.views.len() {
             self.tell(i, 0.0, self.views[i].0.described());
             if let Err(error) = self.measure_view(i, &mut ties) {
+                if error.is_endless() {
+                    return Err(error);
+                }
                 // Without the original there is nothing to compare with, and a lost adapter draws no more.
                 self.lost = Some(error.to_string());
                 break;
@@ -272,7 +275,8 @@ impl Run<'_, '_> {
         let mut untested = Vec::new();
         for materials in undiscarded {
             let is_decided = materials.iter().any(|m| deciding.contains(m));
-            let list = if is_decided {
+            // A captured frame is what the user has: nobody can add a fragment that is discarded.
+            let list = if is_decided && !self.session.scene().is_captured() {
                 &mut untested
             } else {
                 &mut warnings

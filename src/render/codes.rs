@@ -26,6 +26,11 @@ refusals! {
     OUT_OF_MEMORY = "out-of-memory":
         "The adapter has too little memory for the scene at this size.",
         "Use a smaller `--size` or smaller textures.";
+    ENDLESS = "endless-loop":
+        "A loop of which no end is proved took more than 32,768 turns in some invocation, in a copy that \
+         leaves it then. The shader itself was not drawn: a loop without end hangs a GPU. A lane outside \
+         of a triangle counts too, whose varyings lie beyond those at the corners.",
+        "Give the loop a counter with a constant bound, or the scene values with which it ends.";
     FRAME = "frame":
         "The plans of a scene's materials do not fit into one frame. For example, two of them \
          need one attachment with different contents.",

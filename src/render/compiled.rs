@@ -3,6 +3,8 @@
 
 use std::sync::{Mutex, PoisonError};
 
+use preshade_passes::checks::Checks;
+
 use super::Error;
 use super::gpu::Gpu;
 use super::pipeline::VertexLayout;
@@ -10,7 +12,7 @@ use super::pipeline::VertexLayout;
 /// The compiled objects so far, by content.
 #[derive(Debug, Default)]
 pub(super) struct Compiled {
-    shaders: Memo<String, wgpu::ShaderModule>,
+    shaders: Memo<(String, Checks), wgpu::ShaderModule>,
     pub layouts: Memo<Vec<wgpu::BindGroupLayoutEntry>, wgpu::BindGroupLayout>,
     pub render: Memo<RenderKey, wgpu::RenderPipeline>,
     pub compute: Memo<ComputeKey, wgpu::ComputePipeline>,
@@ -70,20 +72,27 @@ pub(super) fn shared<K: PartialEq, V: Clone>(
     Ok(value)
 }
 
-/// The module of a WGSL text.
+/// The module of a WGSL text with the checks that it needs.
 pub(super) fn shader(
     gpu: &Gpu,
     compiled: Option<&Compiled>,
     label: &str,
-    text: &str,
+    (text, needed): (&str, Checks),
 ) -> Result<wgpu::ShaderModule, Error> {
     let make = || {
         gpu.checked(&format!("the shader `{label}`"), || {
-            gpu.shader(wgpu::ShaderModuleDescriptor {
-                label: Some(label),
-                source: wgpu::ShaderSource::Wgsl(crate::front::for_naga(text).into()),
-            })
+            gpu.shader(
+                needed,
+                wgpu::ShaderModuleDescriptor {
+                    label: Some(label),
+                    source: wgpu::ShaderSource::Wgsl(crate::front::for_naga(text).into()),
+                },
+            )
         })
     };
-    shared(compiled.map(|c| &c.shaders), || text.to_owned(), make)
+    shared(
+        compiled.map(|c| &c.shaders),
+        || (text.to_owned(), needed),
+        make,
+    )
 }

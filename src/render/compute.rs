@@ -89,7 +89,7 @@ pub(super) fn prepare(
                     .map_err(failed)?;
                 let (made, workgroups) = match (&subdivided, &pass.geometry) {
                     (Some(subdivided), _) => (
-                        Made::Subdivided(subdivided),
+                        Made::Subdivided(subdivided, &drawn),
                         Workgroups::Of(subdivided.mesh.workgroups(pass.workgroup)),
                     ),
                     (None, Geometry::FullScreen) => (

@@ -22,6 +22,8 @@ pub(super) struct DrawTable {
     triangle_bits: Option<u32>,
     /// Instances of all draws, and the largest number of triangles of a draw.
     counts: (u64, u32),
+    /// Size of the target, and the viewport of draws without their own.
+    size: [u32; 2],
     viewport: [f32; 4],
     /// First ids of all draws, for shaders.
     table: wgpu::Buffer,
@@ -105,6 +107,7 @@ impl DrawTable {
             vertices: computed(inputs, plans)?,
             values: values(inputs, plans),
             frame,
+            size: scene.size,
             viewport: viewport.map(|v| v as f32),
             first_ids,
             triangle_bits,
@@ -165,7 +168,10 @@ impl DrawTable {
             index_bytes,
             base_vertex: draw.call.base_vertex,
             triangle_bits: self.triangle_bits.unwrap_or_default(),
-            viewport: self.viewport,
+            viewport: match &draw.area {
+                Some(area) => area.scaled(self.size).part(),
+                None => self.viewport,
+            },
             vertices: draw.vertex_count,
             streams,
         };
@@ -234,6 +240,11 @@ impl DrawTable {
     fn frame_buffer(&self, name: &str) -> Result<&(FrameWords, wgpu::Buffer), String> {
         let found = self.frame.get(name);
         found.ok_or_else(|| format!("the frame has no buffer `{name}`"))
+    }
+
+    /// A buffer of the frame; `None`: no plan has one of this name.
+    pub fn words(&self, name: &str) -> Option<&wgpu::Buffer> {
+        Some(&self.frame.get(name)?.1)
     }
 
     /// Clears the frame's buffers.
@@ -329,7 +340,8 @@ fn frame_buffer(
             planned.name
         ));
     }
-    let usage = wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST;
+    let usage =
+        wgpu::BufferUsages::STORAGE | wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
     let indirect = match planned.holds {
         FrameWords::Draws => wgpu::BufferUsages::INDIRECT,
         FrameWords::Tiles | FrameWords::Instances | FrameWords::Pixels => {

@@ -9,6 +9,7 @@ use preshade_passes::geometry::Geometry;
 use preshade_passes::plan::{Draws, Phase, When};
 use preshade_passes::state::StoreOp;
 
+use super::bounded::Guard;
 use super::drawn::{Arguments, DrawTable};
 use super::gpu::Gpu;
 use super::inputs::{self, SceneInputs};
@@ -80,6 +81,8 @@ pub struct Prepared<'a> {
     most_instances: u32,
     creation: Duration,
     pipelines: usize,
+    /// The bounded copies that are drawn first; `None`: all loops end.
+    guard: Option<Guard<'a>>,
 }
 
 /// The query of each render pass while a frame is drawn.
@@ -124,6 +127,18 @@ enum Call {
     Indirect(Arguments),
 }
 
+impl Call {
+    /// Where a draw whose own part of the target is `own` draws with this geometry. Geometry of ours
+    /// covers what ids name, at depths of its own.
+    fn area(&self, own: Area, whole: Area) -> Area {
+        match self {
+            Self::AsGiven | Self::Subdivided(_) | Self::Unindexed(_) => own,
+            Self::FullScreen => whole,
+            Self::Indirect(_) => own.with_all_depths(),
+        }
+    }
+}
+
 impl std::fmt::Debug for Prepared<'_> {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.debug_struct("Prepared")
@@ -163,6 +178,7 @@ impl<'a> Prepared<'a> {
         let (gpu, scene) = (inputs.gpu(), inputs.scene());
         check_loads(&variant.frame().passes)?;
         let targets = Targets::new(gpu, variant, scene.size)?;
+        let guard = Guard::new(inputs, variant, settings)?;
         let start = Instant::now();
         let shaders = variant.compile(gpu, inputs.compiled())?;
         let blank = blank_fragment(gpu, inputs.compiled())?;
@@ -206,6 +222,7 @@ impl<'a> Prepared<'a> {
             most_corners: u32::MAX,
             most_instances: u32::MAX,
             creation: start.elapsed(),
+            guard,
         };
         if let Some(frame) = scene.cameras.first().and_then(|c| c.frames.first()) {
             prepared.aim(
@@ -253,11 +270,52 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// Runs the compute passes and reads back the vertices that they store for each draw.
+    /// Draws bounded copies of the frame's shaders, if a loop of them may not end. Whatever draws the
+    /// frame asks this first.
+    ///
+    /// # Errors
+    /// [`Error::Endless`], or as [`Prepared::draw`].
+    pub fn check_end(&self) -> Result<(), Error> {
+        self.guard.as_ref().map_or(Ok(()), Guard::check)
+    }
+
+    /// The scene that it draws.
+    pub(super) fn inputs(&self) -> &'a SceneInputs<'a> {
+        self.inputs
+    }
+
+    /// The first word of a buffer of the frame.
     ///
     /// # Errors
     /// [`Error::Lost`], [`Error::Refused`].
+    pub(super) fn first_word(&self, buffer: &str) -> Result<u32, Error> {
+        let what = "reading a buffer of the frame back";
+        let Some(from) = self.table.words(buffer) else {
+            return Ok(0);
+        };
+        let device = &self.gpu.device;
+        let copy = self.gpu.checked(what, || {
+            device.create_buffer(&wgpu::BufferDescriptor {
+                label: Some(what),
+                size: 4,
+                usage: wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::MAP_READ,
+                mapped_at_creation: false,
+            })
+        })?;
+        let mut encoder = device.create_command_encoder(&Default::default());
+        encoder.copy_buffer_to_buffer(from, 0, &copy, 0, 4);
+        self.gpu.submit(what, encoder)?;
+        let bytes = self.gpu.read_buffer(&copy)?;
+        let word = bytes.first_chunk::<4>().copied().unwrap_or_default();
+        Ok(u32::from_le_bytes(word))
+    }
+
+    /// Runs the compute passes and reads back the vertices that they store for each draw.
+    ///
+    /// # Errors
+    /// As [`Prepared::draw`].
     pub fn computed_vertices(&self) -> Result<Vec<ComputedVertices>, Error> {
+        self.check_end()?;
         let what = "reading computed vertices back";
         let device = &self.gpu.device;
         let mut encoder = device.create_command_encoder(&Default::default());
@@ -288,7 +346,7 @@ impl<'a> Prepared<'a> {
         copies.into_iter().map(read).collect()
     }
 
-    /// Encodes the whole frame, from clear to resolve.
+    /// Encodes the whole frame, from clear to resolve. [`Self::check_end`] comes before it is submitted.
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
         self.encode_with(encoder, Queries::None);
     }
@@ -366,6 +424,7 @@ impl<'a> Prepared<'a> {
     /// Draws the frame once with a query of type `ty` for each render pass, of `words` 64-bit
     /// words.
     fn draw_queried(&self, ty: wgpu::QueryType, words: u64) -> Result<Vec<u64>, Error> {
+        self.check_end()?;
         let count = self.passes.len() as u32;
         let bytes = u64::from(count) * 8 * words;
         let device = &self.gpu.device;
@@ -408,8 +467,10 @@ impl<'a> Prepared<'a> {
     /// Draws the frame once and waits.
     ///
     /// # Errors
-    /// [`Error::Refused`] if a command is invalid, [`Error::Lost`] if the device is lost.
+    /// [`Error::Refused`] if a command is invalid, [`Error::Lost`] if the device is lost,
+    /// [`Error::Endless`].
     pub fn draw(&self) -> Result<(), Error> {
+        self.check_end()?;
         let mut encoder = self.gpu.device.create_command_encoder(&Default::default());
         self.gpu.checked("a frame", || self.encode(&mut encoder))?;
         self.gpu.submit("a frame", encoder)
@@ -604,18 +665,19 @@ impl<'a> Prepared<'a> {
     fn draw_all(&self, pass: &PreparedPass, render: &mut wgpu::RenderPass<'_>) {
         let scene = self.inputs.scene();
         let divisor = self.targets.divisor(&pass.frame);
-        let whole = (divisor > 1).then_some([0, 0, scene.size[0], scene.size[1]]);
-        if let Some(viewport) = scene.viewport.or(whole) {
-            Area::of(viewport, scene.size).divided(divisor).set(render);
-        }
+        let target = [0, 0, scene.size[0], scene.size[1]];
+        let whole = Area::of(scene.viewport.unwrap_or(target), scene.size);
         let mut current = None;
+        let mut area = Area::of(target, scene.size);
         for item in pass.sequence.iter().filter_map(|i| pass.items.get(*i)) {
             let Some(draw) = self.inputs.draw(item.draw) else {
                 continue;
             };
-            if let Some(area) = &draw.area {
-                let area = area.scaled(self.inputs.scene().size);
-                area.divided(divisor).set(render);
+            let own = draw.area.map_or(whole, |own| own.scaled(scene.size));
+            let wanted = item.call.area(own, whole).divided(divisor);
+            if area != wanted {
+                wanted.set(render);
+                area = wanted;
             }
             if current != Some(item.pipeline) {
                 render.set_pipeline(&pass.pipelines[item.pipeline]);
@@ -755,7 +817,7 @@ impl FrameBuilder<'_, '_> {
             .of(gpu, bindings, (index, bound, previous))
             .map_err(|message| found.failed(message))?;
         let made = match &subdivided {
-            Some(subdivided) => Made::Subdivided(subdivided),
+            Some(subdivided) => Made::Subdivided(subdivided, &drawn),
             None => Made::Drawn(&drawn),
         };
         let build = Build {

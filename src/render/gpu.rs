@@ -4,6 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
+use preshade_passes::checks::Checks;
 use serde::{Deserialize, Serialize};
 use wgpu::{Backends, DeviceType, ErrorFilter, Features};
 
@@ -289,9 +290,11 @@ struct Trouble {
     uncaptured: Option<String>,
 }
 
-/// The longest time for one submission; after that the device counts as hung. Software adapters
-/// need seconds for full scenes.
+/// The longest time for one submission; after that the device counts as hung.
 const SUBMISSION_TIMEOUT: Duration = Duration::from_secs(120);
+
+/// The same of a software adapter, which needs minutes for a large frame on a busy machine.
+const SOFTWARE_TIMEOUT: Duration = Duration::from_secs(1200);
 
 impl Gpu {
     /// Opens an adapter for the user's own shaders, with its full limits and every feature that
@@ -461,12 +464,13 @@ impl Gpu {
             .contains(Features::PIPELINE_STATISTICS_QUERY)
     }
 
-    /// Compiles a shader, with run-time checks if [`Trust`] demands them.
+    /// Compiles a shader with the run-time checks that it needs, and all if [`Trust`] demands them.
     pub(crate) fn shader(
         &self,
+        needed: Checks,
         descriptor: wgpu::ShaderModuleDescriptor<'_>,
     ) -> wgpu::ShaderModule {
-        trusted::compile(&self.device, self.trust, descriptor)
+        trusted::compile(&self.device, self.trust, needed, descriptor)
     }
 
     /// Fails unless the device has the feature with this WebGPU name.
@@ -523,12 +527,24 @@ impl Gpu {
 
     fn submit_now(&self, what: &str, encoder: wgpu::CommandEncoder) -> Result<(), Error> {
         let index = self.checked(what, || self.queue.submit([encoder.finish()]))?;
-        self.device
-            .poll(wgpu::PollType::Wait {
-                submission_index: Some(index),
-                timeout: Some(SUBMISSION_TIMEOUT),
-            })
-            .map_err(|e| self.lose(format!("{what}: {e}")))?;
+        let time = match self.report.kind == "software" {
+            true => SOFTWARE_TIMEOUT,
+            false => SUBMISSION_TIMEOUT,
+        };
+        let waited = self.device.poll(wgpu::PollType::Wait {
+            submission_index: Some(index),
+            timeout: Some(time),
+        });
+        match waited {
+            Ok(_) => {}
+            Err(wgpu::PollError::Timeout) => {
+                let what = what.to_owned();
+                let slow = Error::Slow { what, time };
+                self.lose(slow.to_string());
+                return Err(slow);
+            }
+            Err(other) => return Err(self.lose(format!("{what}: {other}"))),
+        }
         self.check_trouble()
     }
 

@@ -3,6 +3,7 @@
 
 use std::collections::BTreeMap;
 use std::num::NonZeroU64;
+use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
 use preshade_passes::guard::Assumed;
@@ -29,6 +30,8 @@ pub struct SceneInputs<'a> {
     previous: Option<&'a SceneInputs<'a>>,
     compiled: Option<Compiled>,
     initial: Initial,
+    /// Grows with each frame that is set.
+    pub(super) serial: AtomicU64,
 }
 
 /// The resources of one draw.
@@ -116,6 +119,11 @@ struct Uploads {
 }
 
 impl<'a> SceneInputs<'a> {
+    /// The author's pass of a material.
+    pub(super) fn authored(&self, material: usize) -> Option<&GpuPass> {
+        self.authored.get(material)
+    }
+
     /// Binds and uploads everything that the draws of `scene` need, for the first frame of its
     /// first camera.
     ///
@@ -171,6 +179,7 @@ impl<'a> SceneInputs<'a> {
             previous: None,
             compiled: None,
             initial: Initial::new(gpu, scene)?,
+            serial: AtomicU64::new(0),
         })
     }
 
@@ -209,6 +218,7 @@ impl<'a> SceneInputs<'a> {
     /// # Errors
     /// As [`SceneInputs::new`].
     pub fn set_frame(&self, frame: &Frame) -> Result<(), Error> {
+        self.serial.fetch_add(1, Ordering::Relaxed);
         let mut writes = Vec::new();
         for (draw, inputs) in self.scene.draws.iter().zip(&self.draws) {
             let material = &self.scene.materials[draw.material];

@@ -57,8 +57,8 @@ pub(super) type Groups<'a> = BTreeMap<u32, Vec<Bound<'a>>>;
 /// Geometry that the renderer made for a pass.
 #[derive(Clone, Copy)]
 pub(super) enum Made<'a> {
-    /// Subdivided triangles.
-    Subdivided(&'a Subdivided),
+    /// Subdivided triangles, and the draw's entry in the draw table.
+    Subdivided(&'a Subdivided, &'a Drawn),
     /// The draw's entry in the draw table.
     Drawn(&'a Drawn),
 }
@@ -67,7 +67,7 @@ impl<'a> Made<'a> {
     /// The uniform buffer of a source that is not the author's.
     fn host(self, source: &BindingSource) -> Option<&'a wgpu::Buffer> {
         match self {
-            Self::Subdivided(_) => None,
+            Self::Subdivided(..) => None,
             Self::Drawn(drawn) => drawn.host(source),
         }
     }
@@ -79,7 +79,8 @@ impl<'a> Made<'a> {
         draw: &'a DrawInputs,
     ) -> Result<(&'a wgpu::Buffer, wgpu::BufferBindingType), String> {
         let drawn = match self {
-            Self::Subdivided(subdivided) => return subdivided.part(b, part, draw),
+            Self::Subdivided(_, drawn) if matches!(part, GeometryPart::Frame { .. }) => drawn,
+            Self::Subdivided(subdivided, _) => return subdivided.part(b, part, draw),
             Self::Drawn(drawn) => drawn,
         };
         if let Some(found) = drawn.part(b, part) {

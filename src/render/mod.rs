@@ -13,6 +13,7 @@
 //!
 //! [`mod@self_test`] runs a plan's self-test as a host does at load, with modules 2 to 5.
 
+mod bounded;
 pub mod codes;
 mod compiled;
 mod compute;
@@ -46,6 +47,9 @@ pub use shader::{ShaderForm, Variant};
 pub use subdivided::{DrawSubdivision, SubdivisionCost, Surplus};
 pub use trusted::Trust;
 
+/// How errors begin that say nothing of a shader but that it was not measured.
+pub const NOT_MEASURED: &str = "not measured: ";
+
 /// Why nothing was drawn.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -62,6 +66,14 @@ pub enum Error {
     /// valid.
     #[error("the graphics device was lost: {0}")]
     Lost(String),
+    /// A submission had no end within the time that it may take. The device counts as lost from then on.
+    #[error("{what} has not ended after {} s. It is too slow for this adapter, or does not end", time.as_secs())]
+    Slow {
+        /// What was drawn.
+        what: String,
+        /// How long it was waited for.
+        time: std::time::Duration,
+    },
     /// The lock of an adapter that several processes share failed.
     #[error("the adapter cannot be shared: {0}")]
     Shared(#[source] std::io::Error),
@@ -93,6 +105,17 @@ pub enum Error {
         material: String,
         /// A message.
         message: String,
+    },
+    /// A loop takes more turns than any GPU should be asked for. Its shader was drawn as a bounded copy
+    /// alone.
+    #[error(
+        "{NOT_MEASURED}{} did not end within {} turns, so that it would hang a GPU",
+        .which.as_deref().unwrap_or("a loop"),
+        preshade_passes::bounded::MOST_TURNS
+    )]
+    Endless {
+        /// The loop, in words.
+        which: Option<String>,
     },
     /// The plans of a scene's materials do not fit into one frame.
     #[error(transparent)]
@@ -130,19 +153,20 @@ impl Error {
     /// Whether the device is lost, or the lock of an adapter that processes share failed: nothing more can be drawn,
     /// whatever it is. A measurement that skips what cannot be drawn must not skip this.
     pub fn is_lost(&self) -> bool {
-        matches!(self, Self::Lost(_) | Self::Shared(_))
+        matches!(self, Self::Lost(_) | Self::Slow { .. } | Self::Shared(_))
     }
 
     /// The stable error code.
     pub fn code(&self) -> &'static str {
         match self {
             Self::NoAdapter { .. } => codes::NO_ADAPTER.code,
-            Self::Lost(_) => codes::DEVICE_LOST.code,
+            Self::Lost(_) | Self::Slow { .. } => codes::DEVICE_LOST.code,
             Self::Shared(_) => codes::SHARED_ADAPTER.code,
             Self::Unsupported { .. } => codes::NO_FEATURE.code,
             Self::Refused { .. } => codes::DRIVER_REFUSED.code,
             Self::OutOfMemory(_) => codes::OUT_OF_MEMORY.code,
             Self::Plan { .. } => crate::emit::codes::BROKEN_PLAN.code,
+            Self::Endless { .. } => codes::ENDLESS.code,
             Self::Frame(_) => codes::FRAME.code,
             Self::Scene { .. } => codes::DRAW.code,
             Self::Draws { .. } => codes::DRAWS.code,

@@ -72,6 +72,34 @@ impl ColorImage {
         self.bytes.get(index * n..(index + 1) * n).unwrap_or(&[])
     }
 
+    /// The channels of pixel `index` of an integer target, 0 where it has none. `None`: its values
+    /// are no integers.
+    pub fn integers(&self, index: usize) -> Option<[i64; 4]> {
+        let (channel, width) = self.channel();
+        let mut out = [0; 4];
+        for (value, bytes) in out.iter_mut().zip(self.texel(index).chunks_exact(width)) {
+            *value = match (channel, bytes) {
+                (Channel::Uint8, [b]) => i64::from(*b),
+                (Channel::Uint16, [a, b]) => i64::from(u16::from_le_bytes([*a, *b])),
+                (Channel::Uint32, [a, b, c, d]) => i64::from(u32::from_le_bytes([*a, *b, *c, *d])),
+                (Channel::Sint32, [a, b, c, d]) => i64::from(i32::from_le_bytes([*a, *b, *c, *d])),
+                _ => return None,
+            };
+        }
+        let integer = [
+            Channel::Uint8,
+            Channel::Uint16,
+            Channel::Uint32,
+            Channel::Sint32,
+        ];
+        integer.contains(&channel).then_some(out)
+    }
+
+    /// How many channels the format stores.
+    pub fn channels(&self) -> u8 {
+        self.format.components()
+    }
+
     /// Red, green, blue and alpha of pixel `index` as stored: values of an sRGB target stay
     /// encoded. Missing channels are 0, a missing alpha is 1.
     pub fn rgba(&self, index: usize) -> [f32; 4] {

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use preshade_passes::checks::Checks;
 use preshade_passes::frame::{ColorAttachments, FramePass};
 use preshade_passes::plan::{GpuPass, Plan};
 use preshade_passes::state::ColorTarget;
@@ -352,5 +353,6 @@ pub(super) fn blank_fragment(
     gpu: &Gpu,
     compiled: Option<&Compiled>,
 ) -> Result<wgpu::ShaderModule, Error> {
-    compiled::shader(gpu, compiled, BLANK, "@fragment fn blank() {}")
+    let blank = ("@fragment fn blank() {}", Checks::default());
+    compiled::shader(gpu, compiled, BLANK, blank)
 }

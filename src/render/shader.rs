@@ -3,6 +3,8 @@
 
 use std::collections::BTreeMap;
 
+use preshade_passes::bounded;
+use preshade_passes::checks::Checks;
 use preshade_passes::frame::{FramePass, FramePlan};
 use preshade_passes::plan::{GpuPass, Plan, SCHEMA};
 
@@ -39,8 +41,11 @@ pub(super) struct ShaderStageRef {
 pub struct Variant {
     plans: Vec<Plan>,
     frame: FramePlan,
-    /// Shaders by the name of the emitted file, or `MATERIAL.KEY` for IR.
-    shaders: BTreeMap<String, Shader>,
+    /// Shaders by the name of the emitted file, or `MATERIAL.KEY` for IR, with the checks that the
+    /// material's texts need.
+    shaders: BTreeMap<String, (Shader, Checks)>,
+    /// The plans with their programs, if a program has a loop.
+    looping: Vec<Plan>,
     /// Vertex and fragment stage of each pass of each plan.
     stages: Vec<Vec<(ShaderStageRef, Option<ShaderStageRef>)>>,
     /// Stage of each compute pass of each plan.
@@ -79,13 +84,34 @@ impl Variant {
                             material: plan.material.clone(),
                             message: e.to_string(),
                         })?;
-                    out.add_files(&plan.material, files)?;
+                    out.add_files(&plan.material, files, needed(plan))?;
                 }
                 ShaderForm::Ir => out.add_ir(plan)?,
             }
         }
         out.frame = FramePlan::merge(&out.plans)?;
+        let has_loop = |plan: &Plan| {
+            let mut programs = plan.programs.values();
+            programs.any(|program| bounded::is_open(program, &|_| false))
+        };
+        if plans.iter().any(has_loop) {
+            out.looping = plans.to_vec();
+        }
         Ok(out)
+    }
+
+    /// The same with all checks in every shader, and no bounded copies.
+    pub(super) fn checked(mut self) -> Self {
+        for (_, needed) in self.shaders.values_mut() {
+            *needed = Checks::ALL;
+        }
+        self.looping.clear();
+        self
+    }
+
+    /// The plans with their programs, if a loop may not end.
+    pub(super) fn looping(&self) -> &[Plan] {
+        &self.looping
     }
 
     /// Reads the files that [`emit::emit`] wrote for each material, with WGSL among the targets.
@@ -99,7 +125,7 @@ impl Variant {
             let json = files.iter().map(|f| f.name.as_str());
             let name = json.clone().find_map(|n| n.strip_suffix(".plan.json"));
             let name = name.unwrap_or_default().to_owned();
-            out.add_files(&name, files.clone())?;
+            out.add_files(&name, files.clone(), Checks::default())?;
         }
         out.frame = FramePlan::merge(&out.plans)?;
         Ok(out)
@@ -113,6 +139,7 @@ impl Variant {
                 passes: Vec::new(),
             },
             shaders: BTreeMap::new(),
+            looping: Vec::new(),
             stages: Vec::new(),
             compute: Vec::new(),
         }
@@ -120,7 +147,12 @@ impl Variant {
 
     /// Adds the emitted files of a material: `MATERIAL.plan.json` and the WGSL files that its
     /// passes name.
-    fn add_files(&mut self, material: &str, files: Vec<emit::File>) -> Result<(), Error> {
+    fn add_files(
+        &mut self,
+        material: &str,
+        files: Vec<emit::File>,
+        needed: Checks,
+    ) -> Result<(), Error> {
         let failed = |message: String| Error::Plan {
             material: material.to_owned(),
             message,
@@ -144,7 +176,7 @@ impl Variant {
                 return Ok(None);
             };
             if let Some(shader) = shaders.remove(&s.file) {
-                self.shaders.insert(s.file.clone(), shader);
+                self.shaders.insert(s.file.clone(), (shader, needed));
             }
             match self.shaders.contains_key(&s.file) {
                 true => Ok(Some(ShaderStageRef {
@@ -179,12 +211,13 @@ impl Variant {
             material: plan.material.clone(),
             message: format!("plan.json: {e}"),
         };
+        let needed = needed(plan);
         let name = |key: &str| format!("{}.{key}", plan.material);
         let json = serde_json::to_string(plan).map_err(failed)?;
         let host: Plan = serde_json::from_str(&json).map_err(failed)?;
         for (key, program) in &plan.programs {
             let module = Shader::Ir(Box::new(program.module().clone()));
-            self.shaders.insert(name(key), module);
+            self.shaders.insert(name(key), (module, needed));
         }
         let compute = host.compute.iter().map(|c| ShaderStageRef {
             shader: name(&c.program),
@@ -257,21 +290,32 @@ impl Variant {
     ) -> Result<BTreeMap<&str, wgpu::ShaderModule>, Error> {
         self.shaders
             .iter()
-            .map(|(name, shader)| {
+            .map(|(name, (shader, needed))| {
                 let module = match shader {
-                    Shader::Wgsl(text) => compiled::shader(gpu, compiled, name, text)?,
+                    Shader::Wgsl(text) => compiled::shader(gpu, compiled, name, (text, *needed))?,
                     Shader::Ir(module) => gpu.checked(&format!("the shader `{name}`"), || {
                         let module = std::borrow::Cow::Owned((**module).clone());
-                        gpu.shader(wgpu::ShaderModuleDescriptor {
-                            label: Some(name),
-                            source: wgpu::ShaderSource::Naga(module),
-                        })
+                        gpu.shader(
+                            *needed,
+                            wgpu::ShaderModuleDescriptor {
+                                label: Some(name),
+                                source: wgpu::ShaderSource::Naga(module),
+                            },
+                        )
                     })?,
                 };
                 Ok((name.as_str(), module))
             })
             .collect()
     }
+}
+
+/// The checks that the texts of a material need: those of the author's, so that original and variant
+/// are compiled alike.
+fn needed(plan: &Plan) -> Checks {
+    let author = plan.original.as_deref().unwrap_or(plan);
+    let each = author.programs.values().map(Checks::needed);
+    each.fold(Checks::default(), Checks::or)
 }
 
 /// A pass of a frame.

@@ -1,5 +1,6 @@
 //! The textures of a scene's draws: images of any format, uploaded as they are.
 
+use preshade_passes::checks::Checks;
 use std::sync::Arc;
 
 use wgpu::{
@@ -343,10 +344,13 @@ pub(crate) fn draw_depths(gpu: &Gpu, image: &Image, texture: &wgpu::Texture) -> 
 }
 
 fn depth_pipeline(gpu: &Gpu, format: TextureFormat) -> wgpu::RenderPipeline {
-    let module = gpu.shader(wgpu::ShaderModuleDescriptor {
-        label: None,
-        source: wgpu::ShaderSource::Wgsl(include_str!("depths.wgsl").into()),
-    });
+    let module = gpu.shader(
+        Checks::default(),
+        wgpu::ShaderModuleDescriptor {
+            label: None,
+            source: wgpu::ShaderSource::Wgsl(include_str!("depths.wgsl").into()),
+        },
+    );
     gpu.device
         .create_render_pipeline(&wgpu::RenderPipelineDescriptor {
             label: None,

@@ -2,14 +2,16 @@
 //! checks.
 #![allow(unsafe_code)]
 
+use preshade_passes::checks::Checks;
 use wgpu::{Device, ShaderModule, ShaderModuleDescriptor, ShaderRuntimeChecks};
 
 /// The author of a device's shaders. It decides whether wgpu compiles run-time checks (of indices,
 /// loops and divisions) into them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trust {
-    /// The user's own shaders: no checks. For some shaders the checks cost more than the measured
-    /// transforms gain, and native hosts do not have them.
+    /// The user's own shaders: only the checks that they need ([`Checks::needed`]), so that they draw
+    /// what they draw in a browser. For some shaders needless checks cost more than the measured
+    /// transforms gain.
     #[default]
     Own,
     /// Somebody else's shaders: all checks, as in a browser. Indices are clamped, loops end, and x
@@ -17,18 +19,22 @@ pub enum Trust {
     Strangers,
 }
 
-/// Compiles a shader with the checks that `trust` demands. A device has one level of trust, so
-/// comparisons never mix two settings.
+/// Compiles a shader with the checks that `trust` demands, and those that it needs. A device has one
+/// level of trust, and the texts of a material have the same needs, so comparisons never mix two
+/// settings.
 pub(super) fn compile(
     device: &Device,
     trust: Trust,
+    needed: Checks,
     descriptor: ShaderModuleDescriptor<'_>,
 ) -> ShaderModule {
     match trust {
         Trust::Strangers => device.create_shader_module(descriptor),
         // SAFETY: wgpu requires that the shaders read and write within their bindings, index within
-        // their arrays, do not divide by 0, end their loops and obey the ray query protocol. We do
-        // not prove any of this. The user of this process trusts the shaders as an engine trusts
+        // their arrays, do not divide by 0, end their loops and obey the ray query protocol.
+        // `needed` has the checks of indices and divisors wherever the author's text does not make
+        // them needless, and `bounded` draws loops that may not end in copies first. We do not
+        // prove the rest. The user of this process trusts the shaders as an engine trusts
         // its own materials, and opens the device as `Own`; the command line does so unless its
         // limits say that the shaders may be a stranger's (`Limits::trust`). These limit the damage
         // of a mistake: every bound buffer is as long as its type in the shader (`scene::bind` lays
@@ -37,7 +43,12 @@ pub(super) fn compile(
         // wgpu-hal enables. Arrays in registers or on the stack have no such protection: a software
         // adapter writes past those in this process.
         Trust::Own => unsafe {
-            device.create_shader_module_trusted(descriptor, ShaderRuntimeChecks::unchecked())
+            let checks = ShaderRuntimeChecks {
+                bounds_checks: needed.indices,
+                int_div_checks: needed.divisors,
+                ..ShaderRuntimeChecks::unchecked()
+            };
+            device.create_shader_module_trusted(descriptor, checks)
         },
     }
 }

@@ -203,8 +203,11 @@ fn views(decision: &Decision) -> Vec<String> {
             let ms = at.time_ms.map_or(at.predicted_ms, |time| time.median);
             format!("{ms:.3} ms as written")
         });
+        let again = view.again.as_ref().map_or(String::new(), |again| {
+            format!(", against itself {}", ratio(again))
+        });
         lines.push(format!(
-            "{}: {:.2} fragments shaded a pixel, overdraw {:.2}, {time}",
+            "{}: {:.2} fragments shaded a pixel, overdraw {:.2}, {time}{again}",
             view.view, view.shaded_per_pixel, view.overdraw
         ));
         let plans = decision.plans.iter().enumerate();

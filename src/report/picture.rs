@@ -28,7 +28,8 @@ pub fn flip(original: &Picture, variant: &Picture) -> Picture {
 impl Pictures {
     /// The PNG files: `original.png`, `NAME.png`, `NAME.difference.png`, `original.overdraw.png`,
     /// `NAME.overdraw.png` and the contact sheet `NAME.sheet.png`. If another view than the
-    /// headline's is the worst, also `NAME.worst.png` and `NAME.worst.difference.png`.
+    /// headline's is the worst, also `NAME.worst.png` and `NAME.worst.difference.png`; of auxiliary
+    /// pictures `NAME.velocity.png`, `NAME.normal.png` and so on.
     ///
     /// # Errors
     ///
@@ -51,6 +52,9 @@ impl Pictures {
             files.push(worst.variant.file(&format!("{name}.worst.png"))?);
             let difference = format!("{name}.worst.difference.png");
             files.push(worst.difference.file(&difference)?);
+        }
+        for (what, picture) in &self.outputs {
+            files.push(picture.file(&format!("{name}.{what}.png"))?);
         }
         files.push(sheet::contact(self).file(&format!("{name}.sheet.png"))?);
         Ok(files)

@@ -232,6 +232,21 @@ impl Area {
         }
     }
 
+    /// x, y, width and height of the viewport, in pixels.
+    pub(crate) fn part(&self) -> [f32; 4] {
+        let [x, y, w, h, ..] = self.viewport;
+        [x, y, w, h]
+    }
+
+    /// The same part, with all depths.
+    pub(crate) fn with_all_depths(self) -> Self {
+        let [x, y, w, h] = self.part();
+        Self {
+            viewport: [x, y, w, h, 0.0, 1.0],
+            ..self
+        }
+    }
+
     /// The same part of an attachment with this divisor
     /// ([`preshade_passes::plan::Attachment`]).
     pub(crate) fn divided(self, divisor: u32) -> Self {

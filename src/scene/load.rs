@@ -20,6 +20,7 @@ use super::file::{
 };
 use super::image::MAX_SIDE;
 use super::place::Folder;
+use super::roles::Roles;
 use super::{
     Access, Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, SceneError, Stream,
     Value, Variables, bind, error, material, meshes, numbers, range, size, value_path, variables,
@@ -146,6 +147,10 @@ impl SceneText<'_> {
                 };
                 SceneError::new(what).help(help)
             }
+            _ if message == "invalid type: sequence, expected a map" => {
+                SceneError::new("a list, where each entry has a name")
+                    .help("write `[materials.NAME]`, say, and not `[[materials]]`")
+            }
             _ => SceneError::new(message),
         };
         match e.span() {
@@ -250,6 +255,7 @@ impl Loader<'_> {
             files: self.folder.files(),
             is_made_up: false,
             own_size: None,
+            part: None,
             initial: Default::default(),
             rows: Default::default(),
             notes: parts.notes,
@@ -466,6 +472,7 @@ impl Loader<'_> {
                 .detail(e.render(front::Color::Never));
             self.source.at(what, files[0].span())
         })?;
+        let attribute_roles = Roles::of(&parsed).attributes;
         let mut material = Material {
             name: name.to_owned(),
             file: self.folder.whole(files[0].get_ref()),
@@ -486,6 +493,7 @@ impl Loader<'_> {
                 .iter()
                 .map(|(n, s)| (n.clone(), s.get_ref().clone()))
                 .collect(),
+            attribute_roles,
             part_of: None,
         };
         self.state(&mut material, entry, samples);

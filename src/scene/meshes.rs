@@ -146,6 +146,12 @@ pub(super) fn build(
         vertices: Cell::new(0),
         bytes: Cell::new(bytes),
     };
+    let mut planned = BTreeMap::new();
+    let vertices = entries
+        .keys()
+        .map(|name| builder.planned(name, &mut planned))
+        .fold(0, u64::saturating_add);
+    limits.check("vertices", vertices, "the vertices of all meshes")?;
     let mut done = BTreeMap::new();
     for name in entries.keys() {
         builder.mesh(name, &mut done, &mut Vec::new())?;
@@ -180,6 +186,28 @@ impl SceneMeshes<'_> {
         let all = self.bytes.get().saturating_add(bytes);
         self.bytes.set(all);
         Ok(self.limits.check("scene-bytes", all, SCENE_BYTES)?)
+    }
+
+    /// Vertices of a mesh, before any is created. Files, unknown meshes and cycles count as 0.
+    fn planned<'n>(&'n self, name: &'n str, known: &mut BTreeMap<&'n str, u64>) -> u64 {
+        if let Some(known) = known.get(name) {
+            return *known;
+        }
+        known.insert(name, 0);
+        let Some(entry) = self.entries.get(name).map(Spanned::get_ref) else {
+            return 0;
+        };
+        let mut all = size::vertices(entry);
+        for part in entry.merge.iter().flatten().map(Spanned::get_ref) {
+            let copies = part.field.as_ref().map_or(Ok(1), |field| {
+                copies(field.get_ref(), self.variables, self.limits)
+            });
+            let one = self.planned(part.mesh.get_ref(), known);
+            // A wrong field is an error when its mesh is built.
+            all = all.saturating_add(one.saturating_mul(copies.unwrap_or(0)));
+        }
+        known.insert(name, all);
+        all
     }
 
     fn mesh(

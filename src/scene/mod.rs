@@ -114,6 +114,8 @@ pub struct Scene {
     pub is_made_up: bool,
     /// The size before [`Scene::resized`], in pixels; `None`: it was not.
     pub own_size: Option<[u32; 2]>,
+    /// Of a captured frame, which part of it the scene is: `render pass 2 (4 % of the frame)`.
+    pub part: Option<String>,
     /// What a reader of its files should know: which value of a glTF file fed which binding, and
     /// what of it is not drawn.
     pub notes: Vec<String>,
@@ -160,6 +162,9 @@ pub struct Material {
     pub samplers: BTreeMap<String, Sampler>,
     /// Mesh stream by attribute name, where the names differ.
     pub attributes: BTreeMap<String, String>,
+    /// Mesh stream by attribute name, by what the shader does with the attribute. A stream that has
+    /// the attribute's name comes first.
+    pub attribute_roles: BTreeMap<String, String>,
     /// The material as the scene names it, if this one is for some of its draws.
     pub part_of: Option<String>,
 }

@@ -40,10 +40,19 @@ impl Pulled {
         };
         let element = runtime_array(module, global.ty)?;
         let index = flow.behind(value);
+        // A member of a struct is an offset or an id, and no list of indices.
+        let is_list = |global: &naga::GlobalVariable| {
+            let element = runtime_array(module, global.ty);
+            element.is_some_and(|e| leaf_shape(&module.types[e].inner).is_some())
+        };
         let mut indices: Vec<String> = index
             .iter()
             .filter(|v| is_array_read(flow, **v, &[ScalarKind::Uint, ScalarKind::Sint]))
-            .filter_map(|v| module.global_variables[flow.read(*v)?.global].name.clone())
+            .map(|v| {
+                flow.read(*v)
+                    .map(|read| &module.global_variables[read.global])
+            })
+            .filter_map(|global| global.filter(|g| is_list(g))?.name.clone())
             .collect();
         indices.sort_unstable();
         indices.dedup();

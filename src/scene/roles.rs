@@ -133,7 +133,37 @@ impl Roles {
         found.sort_unstable();
         let (_, value) = found.first()?;
         self.pulled = Pulled::of(flow, *value);
+        self.first_vertices(flow, *value);
         Some(*value)
+    }
+
+    /// Gives 0 to the integers that are added to the number of a vertex: each mesh begins where its
+    /// buffer does.
+    fn first_vertices(&mut self, flow: &StageFlow<'_, '_>, vertex: ValueId) {
+        let module = flow.values.graph.module();
+        for value in flow.behind(vertex) {
+            let Some((context, Expression::Binary { op, left, right }, _)) = flow.expression(value)
+            else {
+                continue;
+            };
+            let sides = [*left, *right].map(|e| flow.values.named(context, e));
+            let [Some(left), Some(right)] = sides else {
+                continue;
+            };
+            for (offset, number) in [(left, right), (right, left)] {
+                if *op == BinaryOperator::Add
+                    && reads_builtin(flow, number, BuiltIn::VertexIndex)
+                    && let Some(read) = flow.read(flow.through(offset))
+                    && read.semantic(module).is_none()
+                    && leaf_shape(&module.types[read.ty].inner)
+                        .is_some_and(|(_, _, scalar)| scalar.kind != ScalarKind::Float)
+                    && !reads_builtin(flow, offset, BuiltIn::VertexIndex)
+                {
+                    self.values
+                        .insert(read.text(module), Value::Numbers(vec![0.0]));
+                }
+            }
+        }
     }
 
     /// Gives 1 to the uniforms that divide made-up numbers on their way to a position without a

@@ -8,6 +8,11 @@ use preshade_passes::state::{DepthDirection, DepthFormat};
 use super::Scene;
 
 impl Scene {
+    /// Whether it is a captured frame's, which draws what the frame drew and nothing else.
+    pub fn is_captured(&self) -> bool {
+        self.draws.iter().any(|draw| draw.captured.is_some())
+    }
+
     /// Another depth format and direction. If the direction changes, cameras map depth `z` to
     /// `w - z`.
     #[must_use]

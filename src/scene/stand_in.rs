@@ -64,6 +64,7 @@ impl Scene {
                 textures: BTreeMap::new(),
                 samplers: BTreeMap::new(),
                 attributes: BTreeMap::new(),
+                attribute_roles: BTreeMap::new(),
                 part_of: None,
                 ..own.clone()
             })

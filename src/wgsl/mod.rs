@@ -1,6 +1,7 @@
 //! Writes a module as readable WGSL that naga and Tint accept, and checks the text by parsing it
 //! again.
 
+mod constants;
 pub(crate) mod deep_expressions;
 pub(crate) mod fingerprint;
 mod initialisers;
@@ -44,10 +45,13 @@ pub(crate) fn written(program: &Program) -> Result<(Program, String), WgslError>
             WgslError::Writer(format!("the prepared module is invalid: {invalid}"))
         })
     };
-    let prepared = match deep_expressions::name_deep_expressions(program) {
-        Some(module) => with(module)?,
-        None => program.clone(),
-    };
+    let mut prepared = program.clone();
+    if let Some(module) = constants::hide(&prepared) {
+        prepared = with(module)?;
+    }
+    if let Some(module) = deep_expressions::name_deep_expressions(&prepared) {
+        prepared = with(module)?;
+    }
     let raw = |program: &Program| {
         let mut writer = Writer::new(String::new(), WriterFlags::empty());
         let written = writer.write(program.module(), program.info());

@@ -4,7 +4,6 @@
 use naga::{Expression, Handle, Statement};
 use preshade_passes::graph::operands;
 
-#[cfg(any(feature = "glsl", test))]
 pub(crate) use operands::blocks_mut as blocks;
 
 /// Calls `f` on each operand of `expression`.

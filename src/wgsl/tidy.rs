@@ -171,7 +171,13 @@ impl<'a> Body<'a> {
         let barriers = self.barriers(whole);
         // Lines that now read a variable.
         let mut reading: FastHashSet<usize> = FastHashSet::default();
+        // By line: the values that move there.
+        let mut moved: FastHashMap<usize, FastHashMap<String, String>> = FastHashMap::default();
         for line in 0..lines.len() {
+            if let (Some(values), Some(text)) = (moved.remove(&line), &mut lines[line]) {
+                *text =
+                    text::rename_words(text, Words::Free, |w| values.get(w).map(String::as_str));
+            }
             let Some(expression) = lines[line].as_deref().and_then(baked) else {
                 continue;
             };
@@ -185,12 +191,8 @@ impl<'a> Body<'a> {
             if (reads || value.reads == Reads::Texture) && barriers[line + 1] != barriers[*target] {
                 continue;
             }
-            let name = format!("_e{expression}");
-            if let Some(text) = &mut lines[*target] {
-                *text = text::rename_words(text, Words::Free, |w| {
-                    (w == name).then_some(value.text.as_str())
-                });
-            }
+            let values = moved.entry(*target).or_default();
+            values.insert(format!("_e{expression}"), value.text);
             lines[line] = None;
             if reads {
                 reading.insert(*target);

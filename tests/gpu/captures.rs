@@ -11,6 +11,12 @@ use preshade::unstable::render::ShaderForm;
 use crate::capture_support::{SIZE, folder, point};
 use crate::render_support::{gpu, render};
 
+/// The main pass. Which one takes longest depends on the machine.
+const QUADS: Choice = Choice {
+    frame: 0,
+    pass: Some(1),
+};
+
 #[test]
 fn a_captured_frame_is_drawn_as_it_was_and_takes_variants() {
     let own = folder();
@@ -21,7 +27,7 @@ fn a_captured_frame_is_drawn_as_it_was_and_takes_variants() {
     let frame = &found.frames[0];
     assert_eq!((frame.pixels, frame.differ), (u64::from(SIZE * SIZE), 0));
 
-    let scene = capture::scene(&capture, Choice::default(), Some(gpu())).unwrap();
+    let scene = capture::scene(&capture, QUADS, Some(gpu())).unwrap();
     let names: Vec<&str> = scene.materials.iter().map(|m| m.name.as_str()).collect();
     assert_eq!((names, scene.draws.len()), (vec!["quads"], 2));
     assert!(
@@ -76,7 +82,7 @@ fn colours_are_the_same_without_the_blending_of_alpha() {
     let path = own.write("unblended");
     let capture = Capture::open(&path, &Limits::default()).unwrap();
     let found = check(&capture, gpu()).unwrap();
-    let scene = capture::scene(&capture, Choice::default(), Some(gpu())).unwrap();
+    let scene = capture::scene(&capture, QUADS, Some(gpu())).unwrap();
     assert!(!scene.materials[0].state.is_blended());
     let drawn = render(gpu(), &scene);
     let pixels = |bytes: &[u8]| -> Vec<[u8; 3]> {
@@ -194,5 +200,41 @@ fn a_point_of_webgl_has_its_coordinate_its_matrix_and_the_number_of_its_draw() {
     let found = check(&capture, gpu()).unwrap();
     assert!(found.left_out.is_empty(), "{:?}", found.left_out);
     assert_eq!(found.frames[0].differ, 0);
+    fs::remove_dir_all(path).unwrap();
+}
+
+/// A page that draws nothing but a full-screen triangle is looked at, by its only pass.
+#[test]
+fn a_frame_of_one_full_screen_pass_is_a_scene() {
+    let mut own = folder();
+    own.file["frames"][0]["commands"]
+        .as_array_mut()
+        .unwrap()
+        .pop();
+    own.file["frames"][0]["canvas"] = 1.into();
+    own.file["frames"][0]
+        .as_object_mut()
+        .unwrap()
+        .remove("picture");
+    let path = own.write("full-screen");
+    let capture = Capture::open(&path, &Limits::default()).unwrap();
+    for gpu in [None, Some(gpu())] {
+        let scene = capture::scene(&capture, Choice::default(), gpu).unwrap();
+        assert_eq!((scene.draws.len(), &scene.part), (1, &None));
+    }
+    fs::remove_dir_all(path).unwrap();
+}
+
+/// The part of the frame that a pass takes is said with it.
+#[test]
+fn a_scene_says_which_part_of_the_frame_it_is() {
+    let path = folder().write("part");
+    let capture = Capture::open(&path, &Limits::default()).unwrap();
+    let scene = capture::scene(&capture, QUADS, Some(gpu())).unwrap();
+    let part = scene.part.unwrap();
+    assert!(
+        part.starts_with("render pass 1 (") && part.ends_with(" % of the frame)"),
+        "{part}"
+    );
     fs::remove_dir_all(path).unwrap();
 }

@@ -360,11 +360,18 @@ fn a_prepass_has_the_draws_that_hide_most() {
             let session = Session::new(gpu(), scene, ShaderForm::Text).unwrap();
             let frame = &scene.cameras[0].frames[0];
             session.inputs().set_frame(frame).unwrap();
-            let layers = Layers::draw(&session, frame).unwrap();
+            let layers = Layers::draw(&session, frame, &Facts::default()).unwrap();
             let choices = weighed(scene, &[ahead::RECIPE]);
             let plans = with(&choices, ahead::RECIPE).plans(&choices);
             let timing = settings(&Model::nominal(), Timed::Yes).timing;
-            ahead::measured(&session, frame, (&layers, &plans), &timing).unwrap()
+            ahead::measured(
+                &session,
+                frame,
+                (&layers, &plans),
+                &Facts::default(),
+                &timing,
+            )
+            .unwrap()
         };
         let found = measured(&scene).unwrap();
         assert_eq!(
@@ -391,7 +398,7 @@ fn draws_are_sorted_by_what_they_hide() {
             let frame = &scene.cameras[0].frames[0];
             session.inputs().set_frame(frame).unwrap();
             let timing = settings(&Model::nominal(), Timed::Yes).timing;
-            let layers = Layers::draw(&session, frame).unwrap();
+            let layers = Layers::draw(&session, frame, &Facts::default()).unwrap();
             sorting::measured(&session, frame, &layers, &timing).unwrap()
         };
         assert_eq!(sorted(&scene), None);

@@ -99,7 +99,7 @@ fn source() -> String {
         return array<u32, 4>(0u, 0xffffffffu, 1u, 0x80000000u)[(n + k * 3u) & 3u];
     }}
     let mixed = (n * 747796405u + k * 2891336453u) ^ (n >> 3u);
-    return mixed * 277803737u ^ (mixed >> 13u);
+    return (mixed * 277803737u) ^ (mixed >> 13u);
 }}
 fn fields(w: u32) -> vec4<f32> {{
     let bytes = vec4<u32>(w, w >> 8u, w >> 16u, w >> 24u) & vec4<u32>(255u);
@@ -204,6 +204,7 @@ fn drawn(parsed: front::Parsed, size: [u32; 2]) -> ColorImage {
         textures: BTreeMap::new(),
         samplers: BTreeMap::new(),
         attributes: BTreeMap::new(),
+        attribute_roles: BTreeMap::new(),
         part_of: None,
     };
     let positions = Stream::Float {
@@ -214,6 +215,7 @@ fn drawn(parsed: front::Parsed, size: [u32; 2]) -> ColorImage {
         files: Vec::new(),
         is_made_up: false,
         own_size: None,
+        part: None,
         initial: Default::default(),
         rows: Default::default(),
         notes: Vec::new(),

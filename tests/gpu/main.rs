@@ -26,6 +26,7 @@ mod captures;
 mod decide;
 mod device_lost;
 mod early_discard;
+mod endless;
 mod evaluate_on_adapter;
 mod exactness;
 mod explore;

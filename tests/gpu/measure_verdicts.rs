@@ -8,8 +8,10 @@ use preshade::unstable::measure::record::{Report, VariantReport};
 use preshade::unstable::measure::{
     self, Session, Settings, Timed, TimingSettings, Variant, verify,
 };
-use preshade::unstable::passes::contract::Verdict;
+use preshade::unstable::passes::budget::{Budget, Metric};
+use preshade::unstable::passes::contract::{Contract, Verdict};
 use preshade::unstable::passes::pass::Facts;
+use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::state::{Blend, ColorTarget, CompareFunction, MaterialState};
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::ShaderForm;
@@ -333,4 +335,87 @@ fn a_made_up_scene_without_ties_does_not_remove_a_discard() {
     let body = format!("{:?}", body.unwrap().1.function.body);
     assert_eq!(variant.plans[0].passes.len(), 2, "{:?}", variant.kept);
     assert!(body.contains("Kill"), "{body}");
+}
+
+/// Two planes side by side: `left` is promised within a budget, `right` exactly. Whatever the budget
+/// allows in all, what is seen of `right` keeps its bits.
+#[test]
+fn each_material_is_held_to_its_own_promise() {
+    let mut scene = scene_of_two();
+    let approximate = Contract::Approximate {
+        budget: Budget {
+            metric: Metric::FlipMean,
+            limit: 0.9,
+        },
+        given: Vec::new(),
+    };
+    let tinted = |plan: &Plan, value: &str| {
+        let text = FLAT.replace("return object.tint;", &format!("return {value};"));
+        let mut changed = plan.clone();
+        let of = changed.programs.values_mut();
+        of.for_each(|of| *of = program(&text));
+        changed
+    };
+    let slightly = "object.tint + vec4(0.1)";
+    for samples in [1, 4] {
+        scene = with_samples(scene, samples);
+        let originals = originals(&scene);
+        let verdict = |left: &str, right: &str| {
+            let mut plans = vec![tinted(&originals[0], left), tinted(&originals[1], right)];
+            plans[0].contract = approximate.clone();
+            let report = run(&scene, variant_of(plans));
+            report.variants[1].verdict.clone()
+        };
+        assert_eq!(verdict(slightly, "object.tint"), Verdict::Holds);
+        assert_eq!(verdict("object.tint", "object.tint"), Verdict::Holds);
+        for left in [slightly, "object.tint"] {
+            let broken = verdict(left, slightly);
+            assert!(
+                matches!(&broken, Verdict::Broken { r#where } if r#where.contains("`right`, whose own promise is `exact`")),
+                "{broken:?}"
+            );
+        }
+    }
+}
+
+/// Depths have the original's bits under every promise whose positions stay.
+#[test]
+fn no_budget_allows_another_depth() {
+    let scene = scene_of_two();
+    let mut plans = originals(&scene);
+    for plan in &mut plans {
+        plan.contract = Contract::Approximate {
+            budget: Budget::max_abs(0.9),
+            given: Vec::new(),
+        };
+        plan.passes[0].depth.as_mut().unwrap().write = false;
+    }
+    let report = run(&scene, variant_of(plans));
+    let verdict = &report.variants[1].verdict;
+    assert!(
+        matches!(verdict, Verdict::Broken { r#where } if r#where.contains("which no budget allows")),
+        "{verdict:?}"
+    );
+}
+
+/// Two squares side by side, each of its own material.
+fn scene_of_two() -> Scene {
+    let at = |x: f32| Mat4::from_translation(Vec3::new(x, 0.0, 0.5));
+    let half = Mat4::from_scale(Vec3::new(0.5, 1.0, 1.0));
+    let mut draws = vec![
+        draw("left", at(-0.5) * half, [0.3; 4]),
+        draw("right", at(0.5) * half, [0.6; 4]),
+    ];
+    draws[1].material = 1;
+    let materials = ["left", "right"].map(|name| material(name, FLAT));
+    crate::render_support::scene([32, 32], materials.into(), draws)
+}
+
+fn variant_of(plans: Vec<Plan>) -> Variant {
+    Variant {
+        name: "planted".to_owned(),
+        recipe: "planted".to_owned(),
+        plans,
+        kept: Vec::new(),
+    }
 }

@@ -5,15 +5,16 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DVec3, DVec4, Mat4, Vec3};
 use preshade::unstable::measure::outputs::{self, MOST_LEFT_OUT, TOLERANCE};
-use preshade::unstable::measure::{Session, Timed, verify};
+use preshade::unstable::measure::{Session, Timed, originals, verify};
 use preshade::unstable::passes::contract::Verdict;
 use preshade::unstable::passes::plan::{BindingSource, Plan, Role};
+use preshade::unstable::passes::reflect;
 use preshade::unstable::render::ShaderForm;
 use preshade::unstable::scene::{Draw, Scene, Value};
 
 use crate::outputs_support::{
-    Row, alone, drawn, drawn_after, earlier, fixtures, limited, load, moving_scenes, normals,
-    report, row, settings, variant,
+    Row, Subject, alone, drawn, drawn_after, earlier, fixtures, limited, load, moving_scenes,
+    normals, report, row, settings, variant,
 };
 use crate::render_support::*;
 
@@ -118,6 +119,73 @@ fn velocities_are_those_of_the_positions_in_two_frames() {
             assert!(row.holds, "{row:?}");
         }
     }
+}
+
+/// The scene's plan, drawing the interpolated clip position of `fixtures/scenes/stability/surface.wgsl`.
+fn clip_positions(scene: &Scene) -> Plan {
+    let path = concat!(
+        env!("CARGO_MANIFEST_DIR"),
+        "/fixtures/scenes/stability/surface.wgsl"
+    );
+    let text = std::fs::read_to_string(path).unwrap();
+    let (before, _) = text.split_once("@fragment").unwrap();
+    let text = before
+        .replace(
+            "@location(1) uv: vec2<f32>,\n}",
+            "@location(1) uv: vec2<f32>,\n@location(2) at: vec4<f32>,\n}",
+        )
+        .replace("world.xyz, uv)", "world.xyz, uv, camera.view_proj * world)");
+    let fragment = "@fragment fn fs(in: VertexOut) -> @location(0) vec4<f32> { return in.at; }";
+    let program = program(&format!("{text}{fragment}"));
+    let mut plan = originals(scene).remove(0);
+    let pass = &mut plan.passes[0];
+    pass.targets[0].as_mut().unwrap().format = "rgba32float".to_owned();
+    reflect::fill(pass, &program);
+    plan.programs.insert(pass.program.clone(), program);
+    plan
+}
+
+/// A velocity is exact as far as the adapter interpolates at the centre of a pixel. Prints both errors, in pixels: where a
+/// velocity is further off than its tolerance, so is the clip position of that adapter.
+#[test]
+fn velocities_are_off_where_clip_positions_are() {
+    let mut scene = load("stability/grazing", [160, 96]);
+    let size = scene.size;
+    let at = drawn(gpu(), &scene, &[clip_positions(&scene)]);
+    let depths = at.depth.clone().unwrap().values;
+    let clips = at.colors[0].clone().unwrap();
+    let (mut covered, mut apart, mut of) = (0, 0.0_f64, [0; 2]);
+    for (pixel, depth) in depths.into_iter().enumerate() {
+        let [x, y, _, w] = clips.rgba(pixel).map(f64::from);
+        if depth == 0.0 || depth == 1.0 {
+            continue;
+        }
+        covered += 1;
+        let place = [pixel as u32 % size[0], pixel as u32 / size[0]];
+        let [column, row] = place.map(|p| f64::from(p) + 0.5);
+        let [wide, high] = size.map(f64::from);
+        let off = [
+            (x / w * 0.5 + 0.5) * wide - column,
+            (0.5 - y / w * 0.5) * high - row,
+        ];
+        let off = off[0].abs().max(off[1].abs());
+        if off > apart {
+            (apart, of) = (off, place);
+        }
+    }
+    scene.orders.truncate(1);
+    let subject = Subject {
+        name: "grazing".to_owned(),
+        scene,
+        moving: "",
+    };
+    let row = row(gpu(), &subject, "velocity+id", Timed::No);
+    let (_, _, _, worst) = row.velocity.unwrap();
+    println!(
+        "clip positions: {apart:.5} pixels off at {of:?}; velocities: {worst:.5} of {TOLERANCE:.5}"
+    );
+    assert!(covered > 5000, "{covered}");
+    assert!(worst <= TOLERANCE || apart > TOLERANCE, "{worst}, {apart}");
 }
 
 /// A plan that says of a buffer that it does not change, when it does.

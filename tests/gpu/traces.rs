@@ -78,7 +78,12 @@ fn a_trace_is_drawn_as_the_app_drew_it() {
 #[test]
 fn a_frame_of_a_trace_takes_variants() {
     let capture = capture("29", 1);
-    let scene = capture::scene(&capture, Choice::default(), Some(gpu())).unwrap();
+    let passes = capture::passes(&capture, 0).unwrap();
+    let choice = Choice {
+        frame: 0,
+        pass: passes.iter().position(|p| p.descriptor.label == "main"),
+    };
+    let scene = capture::scene(&capture, choice, Some(gpu())).unwrap();
     assert_eq!(scene.draws.len(), 2);
     let session = Session::new(gpu(), &scene, ShaderForm::Text).unwrap();
     let facts = measure::facts(&session).unwrap();

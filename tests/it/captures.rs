@@ -5,7 +5,7 @@ use std::io::Write as _;
 
 use preshade::unstable::capture::{self, Capture, Choice, Kind};
 use preshade::unstable::limits::Limits;
-use preshade::unstable::passes::state::{Blend, ColorTarget};
+use preshade::unstable::passes::state::{Blend, ColorTarget, DepthDirection};
 use preshade::unstable::scene::Scene;
 use serde_json::{Value, json};
 
@@ -54,6 +54,31 @@ fn a_broken_capture_is_an_error_that_names_the_place() {
             "/bindGroups/0/entries/0/buffer",
             json!(5),
             "there is no buffer 5: the last is 1",
+        ),
+        (
+            "/bindGroups/0/entries/0/size",
+            json!(9999),
+            "bind group 0: binding 0: bytes 0 to 9999 of buffer 1, which has 272",
+        ),
+        (
+            "/frames/0/commands/2/commands/1",
+            json!({ "do": "setVertexBuffer", "slot": 0, "buffer": 0, "offset": 4096 }),
+            "command 2: vertex buffer 0: byte 4096 and on of buffer 0, which has 48",
+        ),
+        (
+            "/frames/0/commands/2/commands/1",
+            json!({ "do": "setIndexBuffer", "buffer": 0, "indexFormat": "uint16", "offset": 2, "size": u64::MAX }),
+            "the index buffer: bytes 2 to 18446744073709551615 of buffer 0",
+        ),
+        (
+            "/frames/0/commands/2/commands/1",
+            json!({ "do": "drawIndirect", "buffer": 0, "offset": 40 }),
+            "a draw's arguments: bytes 40 to 56 of buffer 0, which has 48",
+        ),
+        (
+            "/frames/0/commands/0",
+            json!({ "do": "copyBufferToBuffer", "source": 0, "destination": 1, "destinationOffset": 240, "size": 48 }),
+            "command 0: the destination: bytes 240 to 288 of buffer 1, which has 272",
         ),
         (
             "/bindGroups/1/entries/0/texture",
@@ -141,6 +166,78 @@ fn passes_are_told_apart_by_what_reads_them() {
         .map(|b| f32::from_le_bytes(*b))
         .collect();
     assert_eq!(near, [0.5, 0.5, 0.25, 0.0]);
+    fs::remove_dir_all(path).unwrap();
+}
+
+/// The direction is that of the clear value, else of what writes depth, and each material has it.
+#[test]
+fn depth_grows_as_the_pass_clears_it_or_as_its_draws_compare() {
+    let cases = [
+        ("clear", json!(1.0), "less", DepthDirection::Forward),
+        ("clear", json!(0.0), "greater", DepthDirection::Reversed),
+        ("clear", json!(0), "greater-equal", DepthDirection::Reversed),
+        // All draws win against 0, whatever they are.
+        ("clear", json!(0.0), "always", DepthDirection::Reversed),
+        ("clear", json!(0.5), "greater", DepthDirection::Reversed),
+        ("clear", json!(0.5), "less-equal", DepthDirection::Forward),
+        ("load", json!(0.0), "greater", DepthDirection::Reversed),
+        ("load", json!(0.0), "less", DepthDirection::Forward),
+        ("load", json!(0.0), "equal", DepthDirection::Forward),
+    ];
+    for (index, (load, clear, compare, direction)) in cases.into_iter().enumerate() {
+        let mut own = folder();
+        let depth =
+            &mut own.file["frames"][0]["commands"][2]["descriptor"]["depthStencilAttachment"];
+        depth["depthLoadOp"] = load.into();
+        depth["depthClearValue"] = clear.clone();
+        own.file["renderPipelines"][1]["depthStencil"]["depthCompare"] = compare.into();
+        let path = own.write(&format!("direction-{index}"));
+        let capture = Capture::open(&path, &Limits::default()).unwrap();
+        let scene = capture::scene(&capture, Choice::default(), None).unwrap();
+        let place = format!("{load} {clear}, {compare}");
+        assert_eq!(scene.depth_direction, direction, "{place}");
+        assert_eq!(
+            scene.materials[0].state.depth_direction, direction,
+            "{place}"
+        );
+        // A clear to no plane is an image.
+        assert_eq!(
+            scene.initial.depth.is_some(),
+            clear == json!(0.5),
+            "{place}"
+        );
+        fs::remove_dir_all(path).unwrap();
+    }
+}
+
+/// A shadow map that grows forward, and a main pass that is reversed and loads what an earlier one cleared.
+#[test]
+fn each_pass_of_a_frame_has_its_own_direction() {
+    let mut own = folder();
+    let commands = own.file["frames"][0]["commands"].as_array_mut().unwrap();
+    let mut later = commands[2].clone();
+    let depth = &mut later["descriptor"]["depthStencilAttachment"];
+    depth["depthClearValue"] = json!(0.0);
+    commands.push(later.clone());
+    later["descriptor"]["depthStencilAttachment"]["depthLoadOp"] = json!("load");
+    commands.push(later);
+    // Nothing but the clear tells.
+    own.file["renderPipelines"][1]["depthStencil"]["depthCompare"] = json!("equal");
+    let path = own.write("both-directions");
+    let capture = Capture::open(&path, &Limits::default()).unwrap();
+    let directions: Vec<DepthDirection> = (1..4)
+        .map(|pass| {
+            let choice = Choice {
+                pass: Some(pass),
+                ..Choice::default()
+            };
+            capture::scene(&capture, choice, None)
+                .unwrap()
+                .depth_direction
+        })
+        .collect();
+    let [forward, reversed] = [DepthDirection::Forward, DepthDirection::Reversed];
+    assert_eq!(directions, [forward, reversed, reversed]);
     fs::remove_dir_all(path).unwrap();
 }
 

@@ -587,7 +587,7 @@ fn what_naga_lacks_has_a_remedy() {
         (
             "const f = frexp(8.5); return vec4f(f.fract);",
             "",
-            "into a `var`",
+            "write its value",
             "var x = 8.5; let f = frexp(x); return vec4f(f.fract);",
             "",
         ),

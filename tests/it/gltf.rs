@@ -229,3 +229,116 @@ fn what_cannot_be_read_is_named() {
     );
     std::fs::remove_dir_all(&folder).unwrap();
 }
+
+fn case(name: &str) -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR"))
+        .join("fixtures/cases")
+        .join(name)
+}
+
+#[test]
+fn members_that_gltf_leaves_optional_may_be_absent() {
+    let text = std::fs::read_to_string(case("gltf-scene-without-nodes.gltf")).unwrap();
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"));
+    // An animation of a material has no node (KHR_animation_pointer).
+    let animated = text.replacen(
+        "\"scene\": 0",
+        "\"animations\": [{\"samplers\": [{\"input\": 0, \"output\": 0}], \"channels\": [{\"sampler\": 0, \
+         \"target\": {\"path\": \"pointer\"}}]}], \"scene\": 0",
+        1,
+    );
+    assert_ne!(text, animated);
+    let mut binary = b"glTF\x02\0\0\0".to_vec();
+    let mut json = text.clone();
+    json.push_str(&" ".repeat(json.len().wrapping_neg() % 4));
+    binary.extend((20 + json.len() as u32).to_le_bytes());
+    binary.extend((json.len() as u32).to_le_bytes());
+    binary.extend(b"JSON");
+    binary.extend(json.as_bytes());
+    for (name, bytes) in [
+        ("plain.gltf", text.clone().into_bytes()),
+        ("mark.gltf", format!("\u{feff}{text}").into_bytes()),
+        ("animated.gltf", animated.into_bytes()),
+        ("binary.glb", binary),
+    ] {
+        let path = folder.join(name);
+        std::fs::write(&path, bytes).unwrap();
+        let scene = scene::load_gltf(
+            &path,
+            &Shading::BuiltIn,
+            &Variables::new(),
+            Access::default(),
+        );
+        let scene = scene.unwrap_or_else(|e| panic!("{name}: {e}"));
+        assert_eq!(scene.draws.len(), 1, "{name}");
+        let notes = scene.notes.join("\n");
+        assert_eq!(
+            notes.contains("animations"),
+            name == "animated.gltf",
+            "{notes}"
+        );
+    }
+}
+
+#[test]
+fn an_index_beyond_the_vertices_is_named() {
+    let path = case("gltf-index-out-of-range.gltf");
+    let read = scene::load_gltf(
+        &path,
+        &Shading::BuiltIn,
+        &Variables::new(),
+        Access::default(),
+    );
+    let message = read.unwrap_err().to_string();
+    assert!(message.contains("index 9, and 4 vertices"), "{message}");
+}
+
+/// Each draw has one front face, so a mirrored instance is a draw of its own.
+#[test]
+fn a_mirrored_instance_has_its_own_front_face() {
+    let path = case("gltf-mirrored-instance.gltf");
+    let scene = scene::load_gltf(
+        &path,
+        &Shading::BuiltIn,
+        &Variables::new(),
+        Access::default(),
+    )
+    .unwrap();
+    let faces = scene.draws.iter().map(|d| {
+        let state = &scene.materials[d.material].state;
+        (d.instances, state.primitive.front_face)
+    });
+    let faces: Vec<(u32, FrontFace)> = faces.collect();
+    assert_eq!(faces, [(1, FrontFace::Ccw), (1, FrontFace::Cw)]);
+}
+
+/// The author's shader on a glTF file gets its attributes by what it does with them, and the light's
+/// colour is not the material's.
+#[test]
+fn attributes_are_matched_by_use_and_lights_are_no_materials() {
+    for folder in ["gltf-short-names", "gltf-light-color"] {
+        let [file, shader] = ["leaf.glb", "lit.wgsl"].map(|name| case(folder).join(name));
+        let shading = Shading::Shader(shader);
+        let scene = scene::load_gltf(&file, &shading, &Variables::new(), Access::default());
+        let scene = scene.unwrap_or_else(|e| panic!("{folder}: {e}"));
+        let material = &scene.materials[scene.draws[0].material];
+        let notes = scene.notes.join("\n");
+        assert!(
+            !material.values.contains_key("light.color"),
+            "{folder}: {notes}"
+        );
+        if folder == "gltf-short-names" {
+            let roles: Vec<(&str, &str)> = material
+                .attribute_roles
+                .iter()
+                .map(|(name, stream)| (name.as_str(), stream.as_str()))
+                .collect();
+            assert_eq!(roles, [("n", "normal"), ("p", "position")]);
+        }
+        let guessed = scene::bind::guessed(&scene);
+        let synthesised = guessed
+            .iter()
+            .filter(|g| matches!(g.guess, scene::bind::Guess::AttributeSynthesised));
+        assert_eq!(synthesised.count(), 0, "{guessed:?}");
+    }
+}

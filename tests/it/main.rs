@@ -15,6 +15,7 @@ mod results_support;
 
 mod adversarial;
 mod agree;
+mod agree_cases;
 mod bevy;
 mod build_script;
 #[cfg(feature = "verify")]
@@ -26,6 +27,7 @@ mod front;
 mod front_mutations;
 mod fuzz_corpus;
 mod glsl;
+mod glsl_scopes;
 mod glsl_semantics;
 mod glsl_vulkan;
 mod gltf;
@@ -44,6 +46,9 @@ mod scene_shaders;
 mod scene_synthesise;
 mod shared_binding;
 mod snapshots;
+mod text_meaning;
 #[cfg(feature = "capture")]
 mod traces;
 mod validate;
+mod wgsl_in;
+mod wgsl_in_cases;

@@ -570,3 +570,17 @@ fn a_removed_discard_is_reported_with_its_values() {
     let with = apply("specialize:set=g.e=4").unwrap();
     assert_eq!(removed_discard(&with), None);
 }
+
+/// An offset that a buffer of structs adds to the number of a vertex is no list of indices, and each
+/// mesh begins at 0.
+#[test]
+fn a_storage_array_of_structs_with_offsets_is_made_up() {
+    let scene = scene::synthesise(
+        parse(&["cases/made-up-storage-structs.wgsl"]),
+        MaterialState::default(),
+    );
+    assert!(bound(&scene).len() > 1);
+    let value = scene.materials[0].values.get("items.first");
+    assert_eq!(value, Some(&scene::Value::Numbers(vec![0.0])));
+    assert!(scene.draws.iter().all(|d| !d.values.contains_key("items")));
+}

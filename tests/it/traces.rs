@@ -283,7 +283,9 @@ fn a_trace_that_is_none_is_an_error_that_names_the_place() {
     }
     let error = converted(Path::new("nowhere"), "nowhere", &LAST).unwrap_err();
     assert!(
-        error.to_string().contains("cannot read `trace.ron`"),
+        error
+            .to_string()
+            .contains("cannot read `nowhere/trace.ron`"),
         "{error}"
     );
 }
@@ -374,4 +376,42 @@ fn a_mutated_trace_is_an_error_or_a_folder() {
         let _ = converted(&to, "mutated", &LAST);
         at += step + at % 7;
     }
+}
+
+/// A trace that fails, or frames that it lacks, leave the earlier capture as it was.
+#[test]
+fn a_failed_conversion_keeps_the_earlier_capture() {
+    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join("folders/kept");
+    let _ = fs::remove_dir_all(&out);
+    let written = || {
+        let data = fs::read_dir(out.join("data")).unwrap();
+        let mut names: Vec<_> = data.map(|e| e.unwrap().file_name()).collect();
+        names.sort();
+        (fs::read(file_of(&out)).unwrap(), names)
+    };
+    converted(&recorded("30"), "kept", &LAST).unwrap();
+    let before = written();
+    let too_many = Wanted {
+        from: Some(2),
+        frames: 9,
+        ..LAST
+    };
+    converted(&recorded("30"), "kept", &too_many).unwrap_err();
+    let missing = changed("30", "without-data", |text| {
+        text.replace("data8.bin", "data99.bin").into_bytes()
+    });
+    converted(&missing, "kept", &LAST).unwrap_err();
+    assert!(written() == before);
+    // What a killed program left is removed, and so is what the new capture does not name.
+    fs::write(out.join("data/.0.bin.1-2.tmp"), "half").unwrap();
+    fs::write(out.join("data").join(format!("{:032x}.bin", 7)), "old").unwrap();
+    converted(&recorded("30"), "kept", &LAST).unwrap();
+    assert!(written() == before);
+    // Nothing that fails makes a folder.
+    let new = Path::new(env!("CARGO_TARGET_TMPDIR")).join("folders/never");
+    converted(&missing, "never", &LAST).unwrap_err();
+    assert!(!new.exists());
+    // A folder with something else is not a capture's.
+    fs::write(out.join("notes.txt"), "mine").unwrap();
+    assert!(prepare(&out).is_err());
 }

@@ -83,29 +83,8 @@ pub enum Expect {
     /// [`Expect::Holds`], also where the pre-pass computes its depth so many neighbouring floats
     /// apart, either way.
     Withstands(i32),
-    /// [`Expect::Holds`], but where what its contract assumes, by this name, is known not to be so:
-    /// there it breaks, and holds in all other places.
-    Assumes(&'static str, &'static [Unmet]),
     /// It is refused by every material, under this code.
     Refused(&'static str),
-}
-
-/// Where an assumption is not met.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Unmet {
-    /// How the adapter's name begins.
-    pub adapter: &'static str,
-    /// `None`: in both.
-    pub direction: Option<DepthDirection>,
-    /// At most so many pixels differ for it.
-    pub pixels: u64,
-}
-
-impl Unmet {
-    fn is(&self, setup: Setup) -> bool {
-        gpu().adapter().name.starts_with(self.adapter)
-            && self.direction.is_none_or(|d| d == setup.direction)
-    }
 }
 
 /// A depth attachment.
@@ -351,17 +330,8 @@ pub fn pictures(inputs: &SceneInputs<'_>, host: &Host) -> Result<Vec<Rendered>, 
     Ok(pictures)
 }
 
-/// What is said of a contract that broke where what it names as assumed is not so.
+/// What older figures say of a contract that broke where what it names as assumed was not so.
 pub const UNMET: &str = "assumption unmet";
-
-fn assumes(contract: &Contract, name: &str) -> bool {
-    let word = |a: &Assumption| {
-        serde_json::to_value(a)
-            .ok()
-            .and_then(|v| Some(v.as_str()? == name))
-    };
-    contract.given().iter().any(|a| word(a).unwrap_or_default())
-}
 
 /// What all plans together promise.
 pub fn contract(plans: &[Plan]) -> Contract {
@@ -413,19 +383,8 @@ fn draw(stage: &Stage<'_>, setup: Setup, recipe: &str, expect: Expect) -> Run {
         Ok(error) => {
             run.changed_pixels = error.changed_pixels;
             run.max_abs = Some(error.max_abs).filter(|m| m.is_finite());
-            let unmet = match expect {
-                Expect::Assumes(name, unmet) if assumes(&contract, name) => {
-                    unmet.iter().find(|u| u.is(setup))
-                }
-                _ => None,
-            };
-            match (breaks(&contract, &error), unmet) {
-                (Some(_), Some(unmet)) if error.changed_pixels <= unmet.pixels => {
-                    run.result = UNMET.to_owned();
-                }
-                (Some(how), _) => run.result = how,
-                (None, Some(_)) => run.result = "it holds where it was not to".to_owned(),
-                (None, None) => {}
+            if let Some(how) = breaks(&contract, &error) {
+                run.result = how;
             }
         }
     }

@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use preshade::unstable::passes::state::DepthDirection;
 use preshade::unstable::render::AdapterReport;
 use serde::{Deserialize, Serialize};
 
@@ -229,18 +228,6 @@ fn suffix(expect: &super::case::Expect) -> String {
         Expect::OffNearPlane => " (refused where some lie on the near plane)".to_owned(),
         Expect::Shades(most) => format!(" (shading at most {most} a pixel)"),
         Expect::Withstands(steps) => format!(" (also with its pre-pass {steps} floats away)"),
-        Expect::Assumes(name, unmet) => {
-            let unmet = unmet.iter().map(|u| match u.direction {
-                None => u.adapter.to_owned(),
-                Some(DepthDirection::Forward) => format!("{} forward", u.adapter),
-                Some(DepthDirection::Reversed) => format!("{} reversed", u.adapter),
-            });
-            let unmet: Vec<String> = unmet.collect();
-            format!(
-                " (assuming `{name}`, which is not so on {})",
-                unmet.join(", ")
-            )
-        }
         Expect::Refused(code) => format!(" (refused: {code})"),
     }
 }

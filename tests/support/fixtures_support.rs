@@ -3,8 +3,10 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::front::{self, Options, Parsed, Source};
 use preshade::unstable::passes::examples;
+use preshade::unstable::passes::graph::counted::Ends;
+use preshade::unstable::passes::graph::{FunctionId, Graph};
 use preshade::unstable::passes::pass::Use;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::state::MaterialState;
@@ -66,4 +68,30 @@ pub fn materials() -> Vec<Vec<PathBuf>> {
             vec![p, frag]
         });
     wgsl.chain(glsl).collect()
+}
+
+/// Every WGSL file of the fixtures that are drawn with made-up inputs.
+pub fn wgsl_files() -> Vec<PathBuf> {
+    let folders = ["shaders", "cases", "adversarial"].map(|f| root().join("fixtures").join(f));
+    let files = folders.iter().filter_map(|f| std::fs::read_dir(f).ok());
+    let mut files: Vec<PathBuf> = files.flatten().map(|e| e.unwrap().path()).collect();
+    files.retain(|p| p.extension().is_some_and(|e| e == "wgsl"));
+    files.sort();
+    files
+}
+
+/// A WGSL file of one material. An error is why it is not drawn: the front end refuses it, or a
+/// driver might not come back from it.
+pub fn drawable(path: &Path) -> Result<Parsed, String> {
+    let name = path.file_name().unwrap().to_string_lossy().into_owned();
+    let source = Source::new(name, std::fs::read_to_string(path).unwrap());
+    let parsed = front::parse(&[source], &Options::default())
+        .map_err(|e| format!("refused: {:?}", e.code()))?;
+    let graph = Graph::build(&parsed.program);
+    let entries = 0..parsed.program.module().entry_points.len();
+    let ends = entries.map(|i| graph.ends(FunctionId::EntryPoint(i)));
+    match ends.into_iter().any(|ends| ends == Ends::Unknown) {
+        true => Err("a loop that may not end".to_owned()),
+        false => Ok(parsed),
+    }
 }

@@ -221,6 +221,15 @@ fn tint_errors(files: &[&Path]) -> Vec<Vec<serde_json::Value>> {
 
 /// What a script of `tests/accept` prints of each file, all in one node process.
 fn judged_by(script: &str, files: &[&Path]) -> Vec<serde_json::Value> {
+    judged_with(script, files, &[])
+}
+
+/// As [`judged_by`], with variables of the environment.
+pub fn judged_with(
+    script: &str,
+    files: &[&Path],
+    environment: &[(&str, &Path)],
+) -> Vec<serde_json::Value> {
     if files.is_empty() {
         return Vec::new();
     }
@@ -229,6 +238,7 @@ fn judged_by(script: &str, files: &[&Path]) -> Vec<serde_json::Value> {
     assert!(here.join("node_modules/webgpu").is_dir(), "{missing}");
     let mut node = Command::new("node")
         .arg(here.join(script))
+        .envs(environment.iter().copied())
         .stdin(Stdio::piped())
         .stdout(Stdio::piped())
         .stderr(Stdio::piped())

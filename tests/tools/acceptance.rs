@@ -12,7 +12,7 @@ use rayon::prelude::*;
 
 use crate::accept;
 use crate::fixtures_support;
-use crate::uniformity_cases;
+use crate::{uniformity_cases, wgsl_in_cases};
 
 #[test]
 fn other_compilers_take_every_variant_of_every_fixture() {
@@ -57,6 +57,18 @@ fn tint_says_of_uniformity_what_the_cases_say() {
             wrong.push(format!("{}: {errors:?}", case.name));
         }
     }
+    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+}
+
+#[test]
+fn tint_takes_of_wgsl_what_the_cases_say() {
+    use wgsl_in_cases::{CASES, text};
+    let texts: Vec<String> = CASES.iter().map(text).collect();
+    let judged = CASES.iter().zip(accept::tint_says(&texts));
+    let wrong = judged.filter(|(case, errors)| errors.is_empty() == case.refused.is_some());
+    let wrong: Vec<String> = wrong
+        .map(|(case, errors)| format!("{}{}: {errors:?}", case.declarations, case.statements))
+        .collect();
     assert!(wrong.is_empty(), "{}", wrong.join("\n"));
 }
 

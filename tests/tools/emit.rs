@@ -56,7 +56,7 @@ const EVERYTHING: &str = include_str!("../materials/everything.wgsl");
 
 /// A program that the writer has to write: one that no transform has touched ships as its author's
 /// own text.
-fn touched(program: &Program) -> Program {
+pub fn touched(program: &Program) -> Program {
     program.with_module(program.module().clone()).unwrap()
 }
 

@@ -10,16 +10,10 @@ use preshade::unstable::recipe::Recipe;
 use preshade_passes::pass::Facts;
 use preshade_passes::place;
 use preshade_passes::plan::{Plan, Role};
-use preshade_passes::program::Program;
 use preshade_passes::state::MaterialState;
 
 use crate::accept;
-
-/// A program that the writer has to write: one that no transform has touched ships as its author's
-/// own text.
-fn touched(program: &Program) -> Program {
-    program.with_module(program.module().clone()).unwrap()
-}
+use crate::emit::touched;
 
 /// The materials under `fixtures/FOLDER`: a file, or two files of one folder or stem.
 fn materials(folder: &str) -> BTreeMap<String, Vec<PathBuf>> {

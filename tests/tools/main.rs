@@ -12,14 +12,23 @@ mod fixtures_support;
 mod interfaces;
 #[path = "../support/reflection_support.rs"]
 mod reflection_support;
+#[cfg(feature = "verify")]
+#[path = "../support/swiftshader_support.rs"]
+mod swiftshader_support;
 #[path = "../../passes/tests/it/uniformity_cases.rs"]
 mod uniformity_cases;
+#[path = "../it/wgsl_in_cases.rs"]
+mod wgsl_in_cases;
 
 mod acceptance;
+#[cfg(feature = "verify")]
+mod drawn_by_dawn;
 mod emit;
 mod es100;
 mod example;
 mod fixtures_emit;
+mod flows;
+mod glsl_in;
 mod glsl_layout;
 mod glsl_names;
 mod interface_texts;
@@ -27,4 +36,6 @@ mod lacks;
 mod native;
 mod reflection;
 mod spirv_in;
+mod spirv_meaning;
+mod spirv_modules;
 mod webgl;

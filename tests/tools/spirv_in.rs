@@ -14,21 +14,34 @@ use crate::{accept, fixtures_support};
 
 /// Runs a tool of `scripts/setup.sh accept`.
 fn run(tool: &str, arguments: &[&std::ffi::OsStr]) {
+    let said = ran(tool, arguments);
+    assert!(said.is_ok(), "{tool} {arguments:?}: {said:?}");
+}
+
+/// What the tool says if it fails.
+fn ran(tool: &str, arguments: &[&std::ffi::OsStr]) -> Result<(), String> {
     let output = Command::new(tool).args(arguments).output();
     let output = output.unwrap_or_else(|e| panic!("{tool}: {e}; run scripts/setup.sh accept"));
     let said = [output.stdout, output.stderr].concat();
-    let said = String::from_utf8_lossy(&said);
-    assert!(output.status.success(), "{tool} {arguments:?}: {said}");
+    match output.status.success() {
+        true => Ok(()),
+        false => Err(String::from_utf8_lossy(&said).into_owned()),
+    }
 }
 
-fn scratch() -> PathBuf {
+pub(crate) fn scratch() -> PathBuf {
     let dir = accept::scratch();
     std::fs::create_dir_all(&dir).unwrap();
     dir
 }
 
 /// What glslang makes of a text, with its options.
-fn glslang(source: &Path, options: &[&str], dir: &Path) -> Vec<u8> {
+pub(crate) fn glslang(source: &Path, options: &[&str], dir: &Path) -> Vec<u8> {
+    try_glslang(source, options, dir).unwrap_or_else(|e| panic!("{}: {e}", source.display()))
+}
+
+/// The same, or what glslang says.
+pub(crate) fn try_glslang(source: &Path, options: &[&str], dir: &Path) -> Result<Vec<u8>, String> {
     let out = dir.join("glslang.spv");
     let mut all: Vec<&std::ffi::OsStr> = options.iter().map(AsRef::as_ref).collect();
     all.extend([
@@ -37,34 +50,57 @@ fn glslang(source: &Path, options: &[&str], dir: &Path) -> Vec<u8> {
         "-o".as_ref(),
         out.as_os_str(),
     ]);
-    run("glslangValidator", &all);
-    std::fs::read(out).unwrap()
+    ran("glslangValidator", &all)?;
+    Ok(std::fs::read(out).unwrap())
 }
 
 /// The words of an assembly text.
-fn assembled(text: &str, dir: &Path) -> Vec<u8> {
+pub(crate) fn assembled(text: &str, dir: &Path) -> Vec<u8> {
+    let words = assembled_only(text, dir);
+    let out = dir.join("a.spv");
+    run(
+        "spirv-val",
+        &[
+            "--target-env".as_ref(),
+            "vulkan1.1".as_ref(),
+            out.as_os_str(),
+        ],
+    );
+    words
+}
+
+/// The same of a text that not every version of `spirv-val` takes.
+pub(crate) fn assembled_only(text: &str, dir: &Path) -> Vec<u8> {
     let (source, out) = (dir.join("a.spvasm"), dir.join("a.spv"));
     std::fs::write(&source, text).unwrap();
     let environment: [&std::ffi::OsStr; 2] = ["--target-env".as_ref(), "vulkan1.1".as_ref()];
     let paths = [source.as_os_str(), "-o".as_ref(), out.as_os_str()];
     let keep = ["--preserve-numeric-ids".as_ref()];
     run("spirv-as", &[&environment[..], &keep, &paths].concat());
-    run("spirv-val", &[&environment[..], &paths[2..]].concat());
     std::fs::read(out).unwrap()
 }
 
 /// A module without names and debug information, as games ship them.
 fn optimised(bytes: &[u8], dir: &Path) -> Vec<u8> {
+    optimised_by(&["--strip-debug", "-O"], bytes, dir)
+}
+
+/// What spirv-opt makes of a module, with its options.
+pub(crate) fn optimised_by(options: &[&str], bytes: &[u8], dir: &Path) -> Vec<u8> {
     let from = dir.join("from.spv");
     std::fs::write(&from, bytes).unwrap();
-    std::fs::read(optimised_file(&from)).unwrap()
+    std::fs::read(optimised_to(options, &from)).unwrap()
 }
 
 pub(crate) fn optimised_file(from: &Path) -> PathBuf {
+    optimised_to(&["--strip-debug", "-O"], from)
+}
+
+fn optimised_to(options: &[&str], from: &Path) -> PathBuf {
     let to = from.with_extension("optimised.spv");
-    let options: [&std::ffi::OsStr; 2] = ["--strip-debug".as_ref(), "-O".as_ref()];
-    let paths = [from.as_os_str(), "-o".as_ref(), to.as_os_str()];
-    run("spirv-opt", &[&options[..], &paths[..]].concat());
+    let mut all: Vec<&std::ffi::OsStr> = options.iter().map(AsRef::as_ref).collect();
+    all.extend([from.as_os_str(), "-o".as_ref(), to.as_os_str()]);
+    run("spirv-opt", &all);
     to
 }
 
@@ -289,7 +325,7 @@ fn what_naga_would_ignore_is_refused() {
     }
 }
 
-const VERTEX: &str = "#version 450\nlayout(location=0) in vec3 p; layout(location=0) out vec2 v;\n\
+pub(crate) const VERTEX: &str = "#version 450\nlayout(location=0) in vec3 p; layout(location=0) out vec2 v;\n\
                       void main(){ v=p.xy; gl_Position=vec4(p,1); }";
 
 /// A material of a fragment shader's declarations and its `main`, with `v` and `o`.

@@ -107,6 +107,7 @@ pub fn scene(text: &str, size: [u32; 2], count: u32) -> Result<Scene, Failure> {
             textures: BTreeMap::new(),
             samplers: BTreeMap::new(),
             attributes: BTreeMap::new(),
+            attribute_roles: BTreeMap::new(),
             part_of: None,
         },
         Mesh {

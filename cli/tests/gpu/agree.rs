@@ -118,3 +118,33 @@ fn a_scene_without_the_first_program_is_one_error() {
         "{said}"
     );
 }
+
+/// What the scene counts is a finding, and decides the status.
+#[test]
+fn what_is_drawn_otherwise_is_a_finding() {
+    let folder = Path::new("../fixtures/cases/adv");
+    let output = run(
+        folder,
+        &[
+            "agree",
+            "agree-forced-early.wgsl",
+            "--with",
+            "agree-forced-early-b.wgsl",
+            "--as",
+            "same",
+            "--scene",
+            "agree-forced-early.toml",
+            "--seconds",
+            "0",
+            "--fail-on",
+            "drawn",
+        ],
+    );
+    let said = String::from_utf8_lossy(&output.stdout);
+    assert_eq!(output.status.code(), Some(1), "{said}");
+    assert!(said.contains("error[drawn]: seen by"), "{said}");
+    assert!(
+        said.contains("note[depth]: the second tests the depth"),
+        "{said}"
+    );
+}

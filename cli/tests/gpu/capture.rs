@@ -102,3 +102,159 @@ fn a_page_in_a_frame_is_captured() {
     assert!(said.contains("2 frames of 320x240, 6 draws"), "{said}");
     is_whole(&folder);
 }
+
+fn preshade(arguments: &[&str], folder: &Path) -> (Option<i32>, String) {
+    let output = Command::new(env!("CARGO_BIN_EXE_preshade"))
+        .args(arguments)
+        .arg(folder)
+        .output()
+        .unwrap();
+    let said = [output.stdout, output.stderr].concat();
+    let said = String::from_utf8_lossy(&said).into_owned();
+    (output.status.code(), said)
+}
+
+/// A page of `fixtures/cases`, and an empty folder for its capture.
+fn case(name: &str) -> (String, PathBuf) {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let page = root.join("fixtures/cases/newcomer").join(name);
+    let folder = Path::new(env!("CARGO_TARGET_TMPDIR"))
+        .join("capture-cases")
+        .join(name);
+    let _ = fs::remove_dir_all(&folder);
+    fs::create_dir_all(folder.parent().unwrap()).unwrap();
+    (page.to_str().unwrap().to_owned(), folder)
+}
+
+/// Each says in its first line what is right.
+#[test]
+fn cases_of_pages_are_captured_and_take_variants() {
+    for (name, material, told) in [
+        (
+            "reversed-z.html",
+            "card",
+            "the replayed frame is the page's",
+        ),
+        (
+            "reversed-z-webgl.html",
+            "card",
+            "the replayed frame is the page's",
+        ),
+        (
+            "cutoff-zero.html",
+            "ball",
+            "Warning: no fragment of `ball` is discarded",
+        ),
+        (
+            "sin-hash.html",
+            "pipeline-0",
+            "in `h`, which takes the fraction of a sine times 43758.5",
+        ),
+    ] {
+        let (page, folder) = case(name);
+        let (status, said) = preshade(&["capture", &page, "-o"], &folder);
+        assert_eq!(status, Some(0), "{name}: {said}");
+        let verify = [
+            "verify",
+            "--time",
+            "no",
+            "--variant",
+            "depth-prepass",
+            "--size",
+            "160x90",
+        ];
+        let (status, said) = preshade(&verify, &folder);
+        assert_eq!(status, Some(0), "{name}: {said}");
+        let line = said.lines().find(|line| line.starts_with("depth-prepass"));
+        assert!(
+            line.is_some_and(|l| l.contains("same picture")),
+            "{name}: {said}"
+        );
+        assert!(said.contains(told), "{name}: {said}");
+        let out = folder.with_extension("out");
+        let out = out.to_str().unwrap();
+        let rewrite = [
+            "rewrite",
+            "--pass",
+            "depth-prepass",
+            "--material",
+            material,
+            "-o",
+            out,
+        ];
+        let (status, said) = preshade(&rewrite, &folder);
+        assert_eq!(status, Some(0), "{name}: {said}");
+        assert!(said.contains("prepass"), "{name}: {said}");
+    }
+}
+
+/// An error, a signal: the earlier capture stays, the page's own words are told, and nothing of the browser is left.
+#[test]
+fn what_ends_a_capture_ends_the_browser_and_keeps_the_earlier_one() {
+    let (good, folder) = case("reversed-z.html");
+    let (status, said) = preshade(&["capture", &good, "-o"], &folder);
+    assert_eq!(status, Some(0), "{said}");
+    let before = fs::read(folder.join("frame.json")).unwrap();
+    let (bad, _) = case("page-fails.html");
+    let (status, said) = preshade(&["capture", &bad, "--patience", "5", "-o"], &folder);
+    assert_eq!(status, Some(2), "{said}");
+    assert!(
+        said.contains("the page says: Uncaught my own words"),
+        "{said}"
+    );
+    assert!(said.contains("keeps its earlier capture"), "{said}");
+    // The profile is in a folder of our own, so that we see whether it is left.
+    let profiles = folder.with_extension("profiles");
+    let _ = fs::remove_dir_all(&profiles);
+    fs::create_dir_all(&profiles).unwrap();
+    for signal in ["INT", "TERM", "HUP", "KILL"] {
+        let mut running = Command::new(env!("CARGO_BIN_EXE_preshade"))
+            .args(["capture", &good, "--after", "600", "-o"])
+            .arg(&folder)
+            .env("TMPDIR", &profiles)
+            .spawn()
+            .unwrap();
+        let count = || fs::read_dir(&profiles).unwrap().count();
+        wait_until(|| count() > 0 && is_running(&profiles));
+        let kill = Command::new("kill")
+            .args(["-s", signal])
+            .arg(running.id().to_string())
+            .status();
+        assert!(kill.unwrap().success());
+        running.wait().unwrap();
+        wait_until(|| count() == 0 && !is_running(&profiles));
+    }
+    assert!(fs::read(folder.join("frame.json")).unwrap() == before);
+}
+
+/// Whether a browser has its profile below a folder.
+fn is_running(profiles: &Path) -> bool {
+    let own = profiles.to_str().unwrap();
+    let found = Command::new("pgrep")
+        .args(["-f", &format!("user-data-dir={own}")])
+        .output();
+    !found.unwrap().stdout.is_empty()
+}
+
+fn wait_until(mut holds: impl FnMut() -> bool) {
+    for _ in 0..600 {
+        if holds() {
+            return;
+        }
+        std::thread::sleep(std::time::Duration::from_millis(100));
+    }
+    panic!("not within a minute");
+}
+
+#[test]
+fn a_frame_that_reads_beyond_a_buffer_is_refused_by_name() {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
+    let folder = root.join("fixtures/cases/adv/frame-offset");
+    let (status, said) = preshade(
+        &["verify", "--time", "no", "--variant", "depth-prepass"],
+        &folder,
+    );
+    assert_eq!(status, Some(2));
+    let told = "vertex buffer 0: byte 4294967296 and on of buffer 1, which has 120";
+    assert!(said.contains(told) && !said.contains("panicked"), "{said}");
+}

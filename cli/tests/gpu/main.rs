@@ -20,6 +20,7 @@ mod action;
 mod agree;
 #[cfg(feature = "capture")]
 mod capture;
+mod cases;
 mod cli;
 mod fleet;
 mod hostile;

@@ -167,3 +167,85 @@ fn flags_of_a_report_are_for_one_input() {
         );
     }
 }
+
+/// Inputs at the edge of what floats and viewports can do: variants, and what the report says.
+const EDGES: [(&str, &[&str], &[&str]); 6] = [
+    (
+        "preamble-subnormal-uniform/scene.toml",
+        &[
+            "preamble:least=0",
+            "preamble:allow=rounding",
+            "hoist",
+            "specialize,preamble",
+            "visibility-buffer:form=compute,budget=0.02",
+            "visibility-buffer:form=binned,budget=0.02",
+        ],
+        &["visibility-buffer[subnormal]"],
+    ),
+    (
+        "preamble-subnormal-select/scene.toml",
+        &[
+            "preamble",
+            "preamble:allow=rounding",
+            "hoist",
+            "visibility-buffer:form=compute,budget=0.02",
+        ],
+        &["visibility-buffer[subnormal]"],
+    ),
+    (
+        "skip-taps-negative-zero-atan/scene.toml",
+        &["skip-taps:threshold=0"],
+        &["skip-taps[no-tap]"],
+    ),
+    (
+        "skip-taps-negative-zero-reciprocal/scene.toml",
+        &["skip-taps:threshold=0"],
+        &["skip-taps[no-tap]"],
+    ),
+    (
+        "nan-depth-reversed.toml",
+        &[
+            "early-discard",
+            "early-discard:quad=lane",
+            "early-discard:texture=packed",
+        ],
+        &["same picture"],
+    ),
+    (
+        "frame-viewport",
+        &[
+            "visibility-buffer:budget=0.02",
+            "visibility-buffer:select=tiles,budget=0.02",
+            "visibility-buffer:form=binned,budget=0.02",
+        ],
+        &["within budget"],
+    ),
+];
+
+#[test]
+fn promises_hold_at_the_edges() {
+    let cases = here().join("../fixtures/cases/adv");
+    for is_second in [false, true] {
+        for (input, variants, says) in EDGES {
+            let mut command = preshade(&cases);
+            if is_second {
+                command.env(VARIABLE, swiftshader());
+            }
+            let variants = variants.iter().flat_map(|v| ["--variant", v]);
+            let command = command
+                .args(["verify", input, "--time", "no"])
+                .args(variants);
+            let output = command.output().unwrap();
+            let text = String::from_utf8_lossy(&output.stdout);
+            let status = output.status.code();
+            assert!(
+                matches!(status, Some(0 | 3)),
+                "{input}: {}{text}",
+                stderr(&output)
+            );
+            for word in says {
+                assert!(text.contains(word), "{input}: {text}");
+            }
+        }
+    }
+}

@@ -98,7 +98,7 @@ fn what_does_not_end_before_it_is_measured_is_stopped() {
         &["plan", "a.toml", "--time", "no"],
     ] {
         let start = Instant::now();
-        let limits = ["--limits", "seconds=1", "--format", "json"];
+        let limits = ["--limits", "seconds=1,statements=100k", "--format", "json"];
         let output = run(&here, &[command, &limits].concat());
         let told = ended(&output, 2, command);
         assert!(told.contains("stopped after 1 s"), "{command:?}: {told}");

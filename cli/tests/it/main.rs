@@ -9,6 +9,7 @@ mod trees;
 
 mod agree;
 mod cli;
+mod edges;
 mod hostile;
 mod many;
 mod newcomer;

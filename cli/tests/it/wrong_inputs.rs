@@ -51,6 +51,21 @@ const CASES: &[Case] = &[
     ),
     ("a.obj", "{}", &["is a mesh", "docs/reference/scenes.md"]),
     (
+        "a.sc",
+        "$input v_uv\n#include <bgfx_shader.sh>\nvoid main() {}\n",
+        &["is a shader of bgfx", "shaderc"],
+    ),
+    (
+        "a.mat",
+        "material { name : a }\nfragment { void material(inout MaterialInputs material) {} }\n",
+        &["is a material of Filament", "matc"],
+    ),
+    (
+        "both.frag",
+        "#ifdef VERTEX\nvoid main() {}\n#endif\n#ifdef FRAGMENT\nvoid main() {}\n#endif\n",
+        &["both stages", "defines the macro"],
+    ),
+    (
         "toy.frag",
         "void mainImage(out vec4 c, in vec2 p) { c = vec4(p / iResolution.xy, 0.0, 1.0); }",
         &["for Shadertoy", "void main()"],

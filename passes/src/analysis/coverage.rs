@@ -2,7 +2,7 @@
 //! `frag_depth`, and under alpha to coverage the alpha of location 0. A pre-pass draws it, an early
 //! discard must not change it, and a shading count keeps it.
 
-use naga::{Binding, BuiltIn, ShaderStage, TypeInner};
+use naga::{Binding, BuiltIn, EarlyDepthTest, ShaderStage, TypeInner};
 
 use crate::core::plan::GpuPass;
 use crate::core::program::Program;
@@ -26,11 +26,14 @@ pub struct Decides {
     pub depth: bool,
     /// Its alpha becomes a coverage mask.
     pub alpha: bool,
+    /// The depth test comes before it, so neither its discards nor its depth change what is written.
+    pub is_forced: bool,
 }
 
 impl Decides {
     /// Examines the fragment entry point `entry` as `pass` draws it.
     pub fn of(graph: &Graph, program: &Program, entry: usize, pass: &GpuPass) -> Self {
+        let early = program.module().entry_points[entry].early_depth_test;
         let function = &program.module().entry_points[entry].function;
         Self {
             discards: graph.may_discard(FunctionId::EntryPoint(entry)),
@@ -38,6 +41,7 @@ impl Decides {
                 .iter()
                 .any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::FragDepth))),
             alpha: pass.multisample.alpha_to_coverage,
+            is_forced: early == Some(EarlyDepthTest::Force),
         }
     }
 

@@ -319,9 +319,11 @@ fn subgroup(stages: &ImplicitInputs<'_>) -> Option<String> {
 }
 
 /// What changes when a stage runs once for each sample: positions, varyings that name no sampling,
-/// and derivatives. A stage that reads flat values alone has the same result at either rate.
+/// and derivatives. A stage that reads flat values alone has the same result at either rate. With one
+/// sample a pixel both rates shade the same points, but SwiftShader interpolates to them by another
+/// formula.
 fn sample_rate(stages: &ImplicitInputs<'_>) -> Option<String> {
-    let kept = stages.kept.as_ref().filter(|_| stages.is_multisampled())?;
+    let kept = stages.kept.as_ref()?;
     let inputs = stages.fragment_inputs();
     let is_by_sample = |input: &Io| {
         matches!(

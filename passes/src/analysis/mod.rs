@@ -2,6 +2,7 @@
 
 pub mod authored;
 pub mod below;
+pub mod checks;
 pub mod contraction;
 pub mod coverage;
 pub mod cut;
@@ -23,6 +24,7 @@ pub(crate) mod reach;
 pub mod refusals;
 pub(crate) mod rounding;
 pub(crate) mod simplify;
+pub mod subnormal;
 pub mod uniformity;
 pub(crate) mod unwritten;
 pub(crate) mod users;
@@ -30,3 +32,4 @@ pub mod values;
 pub mod view;
 pub mod viewer;
 pub mod world;
+pub mod zero;

@@ -4,7 +4,7 @@
 //! Primozic's article on fragment culling), an alpha test in one pass only, stores that run twice,
 //! a forced early test on an alpha-tested draw.
 
-use naga::{Binding, BuiltIn, EarlyDepthTest, EntryPoint, ShaderStage, Span};
+use naga::{Binding, BuiltIn, EntryPoint, ShaderStage, Span};
 
 use crate::analysis::coverage::{self, Decides};
 use crate::analysis::effects;
@@ -292,9 +292,7 @@ impl Examination {
                 "decide coverage by discard",
             );
         }
-        if entry.early_depth_test == Some(EarlyDepthTest::Force)
-            && (decides.discards || decides.depth)
-        {
+        if decides.is_forced && (decides.discards || decides.depth) {
             self.refuse(
                 &refusals::FORCED_EARLY_TEST,
                 "the fragment stage forces the early depth test and discards: a discarded fragment \

@@ -13,9 +13,9 @@ use crate::analysis::below::{below, is_cheap};
 use crate::analysis::contraction::{self, Pruned};
 use crate::analysis::cut::{self, Cut};
 use crate::analysis::loops::{LoopEnds, iterated};
-use crate::analysis::range::AllRanges;
 use crate::analysis::reach::{with_operands, with_users};
-use crate::analysis::rounding::{ORDINARY, Roundings};
+use crate::analysis::rounding::Roundings;
+use crate::analysis::subnormal;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::core::pass::SourceRange;
 use crate::graph::rate::Rate;
@@ -61,7 +61,7 @@ pub enum Stays {
     MayNotEnd,
     /// Not every invocation computes it.
     Conditional,
-    /// It depends on a number that is known to be subnormal.
+    /// It depends on a number that may be subnormal in the scene.
     Subnormal,
     /// It decides coverage or depth, and may round otherwise.
     Coverage,
@@ -125,7 +125,7 @@ pub fn judge(
     let coverage = with_operands(values, values.coverage.clone());
     let (ends, iterated) = (LoopEnds::new(values), iterated(values));
     let foreign = foreign(values, is_steady);
-    let subnormal = subnormal(values, known);
+    let subnormal = subnormal::changed(values, known);
     let verdicts = (0..values.values.len())
         .map(|id| {
             if !is_of_draw(id) {
@@ -155,18 +155,6 @@ pub fn judge(
         roundings,
         most,
     }
-}
-
-/// Values that depend on one that is subnormal whatever the sources are within their ranges. On
-/// llvmpipe the fragment stage takes it for 0, and the compute stage does not.
-fn subnormal(values: &Values<'_, '_>, known: &[SourceRange]) -> Vec<bool> {
-    let ranges = AllRanges::new(values, values.cycles(), known, f64::from(ORDINARY));
-    let is_small = |id: &ValueId| {
-        let magnitude = ranges.of(*id).magnitude();
-        magnitude > 0.0 && magnitude < f64::from(f32::MIN_POSITIVE)
-    };
-    let all = 0..values.values.len();
-    with_users(values, all.filter(is_small).collect())
 }
 
 /// For each value, what it or its condition depends on that a compute stage lacks or might see too early.

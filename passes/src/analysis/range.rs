@@ -39,14 +39,18 @@ pub struct AllRanges {
 
 impl AllRanges {
     /// Ranges of the exact values. `known` are measured inputs. All others are assumed to lie
-    /// within `ordinary` of 0.
+    /// within `ordinary` of 0, texels too.
     pub fn new(
         values: &Values<'_, '_>,
         cycles: &[Vec<ValueId>],
         known: &[SourceRange],
         ordinary: f64,
     ) -> Self {
-        let outside = Outside { known, ordinary };
+        let outside = Outside {
+            known,
+            ordinary,
+            texels: Interval::up_to(ordinary),
+        };
         let assumed = known.is_empty().then_some(ordinary);
         Self::found(values, cycles, &outside, assumed, Arithmetic::Real)
     }
@@ -56,6 +60,23 @@ impl AllRanges {
         let outside = Outside {
             known: &[],
             ordinary: f64::INFINITY,
+            texels: Interval::ANYTHING,
+        };
+        Self::found(values, cycles, &outside, None, Arithmetic::Finite)
+    }
+
+    /// Ranges of the finite values that any adapter computes from texels of 0 to 1 and from inputs that
+    /// are `known`, or else within `ordinary` of 0.
+    pub fn of_unit_texels(
+        values: &Values<'_, '_>,
+        cycles: &[Vec<ValueId>],
+        known: &[SourceRange],
+        ordinary: f64,
+    ) -> Self {
+        let outside = Outside {
+            known,
+            ordinary,
+            texels: Interval::UNIT,
         };
         Self::found(values, cycles, &outside, None, Arithmetic::Finite)
     }
@@ -272,9 +293,8 @@ impl AllRanges {
                 op: UnaryOperator::Negate,
                 expr,
             } => of(*expr).negated(),
-            // Texels are assumed to be in the range of varyings.
             Expression::ImageSample { .. } | Expression::ImageLoad { .. } if is_float(e) => {
-                Interval::up_to(outside.ordinary)
+                outside.texels
             }
             Expression::As {
                 kind: ScalarKind::Float,
@@ -497,6 +517,7 @@ fn of_constant(module: &Module, arena: &Arena<Expression>, e: Handle<Expression>
 struct Outside<'a> {
     known: &'a [SourceRange],
     ordinary: f64,
+    texels: Interval,
 }
 
 impl Outside<'_> {

@@ -28,9 +28,14 @@ refusals! {
         "The depth is cleared to the end of the range against which the comparison lets nothing \
          pass.",
         "Say which way depth grows (`--reversed-z`, `depth_direction`).";
+    DEPTH_RANGE = "depth-range":
+        "A draw of the frame sets a viewport whose depth range is not 0 to 1, and the variant would \
+         compute a depth without it.",
+        "Set the depth range 0 to 1, or leave the material as it is.";
     DEPTH_TIES = "depth-ties":
-        "Several surfaces were measured to share the nearest depth. Under EQUAL all of them pass \
-         and the last one wins, where the first did.",
+        "Several surfaces were measured to share the nearest depth, as do a decal in the plane of \
+         its wall, or a mesh that is drawn twice. Under EQUAL all of them pass and the last one \
+         wins, where the first did.",
         "Take `form=biased`.";
     DEPTH_WRITE_OFF = "depth-write-off":
         "The material writes no depth, so nothing of it hides anything.",
@@ -122,6 +127,11 @@ refusals! {
         "The shader has subgroup operations. Their results depend on which other fragments run, \
          and the pass changes that.",
         "Compute the value without them, or leave the material as it is.";
+    SUBNORMAL = "subnormal":
+        "A number of the draw, or one computed from it, is subnormal: below 2^-126, and not 0. Some \
+         stages of a driver take such a number for 0, and others keep it. So a stage of another kind \
+         may compute something else from it.",
+        "Set the number to 0, or leave the material as it is.";
     SURVIVING_SAMPLES = "surviving-samples":
         "With several samples the fragment stage reads the sample mask, or a varying at the \
          centroid of the covered samples. A driver may leave out samples that fail the early depth \

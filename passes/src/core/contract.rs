@@ -37,7 +37,9 @@ pub enum Assumption {
     /// Opaque draws come in the same order in every pass where order matters.
     SameDrawOrder,
     /// Two stages (vertex, fragment or compute) compute the same bits from the same inputs: the
-    /// compiler fuses the same multiply-adds in both.
+    /// compiler fuses the same multiply-adds in both, and neither takes a subnormal number for 0 that
+    /// the other keeps. Where a scene gives the numbers of its draws, no value moves that depends on a
+    /// subnormal one.
     StagesAgree,
     /// An interpolated number is within 2^-18 of the largest value at the corners of its triangle.
     /// No language guarantees this. Slivers thinner than a rasteriser's grid, or many times as long as

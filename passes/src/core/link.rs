@@ -310,10 +310,15 @@ impl Linker<'_> {
         }
         self.module_handles(&mut expression)?;
         let span = self.span(self.second.global_expressions.get_span(handle));
-        let mapped = self
-            .module
-            .global_expressions
-            .fetch_or_append(expression, span);
+        // `==` takes -0 for 0, and `1 / x` does not.
+        let is_same = |a: &Expression, b: &Expression| match (a, b) {
+            (Expression::Literal(a), Expression::Literal(b)) => {
+                format!("{a:?}") == format!("{b:?}")
+            }
+            _ => a == b,
+        };
+        let known = &mut self.module.global_expressions;
+        let mapped = known.fetch_if_or_append(expression, span, is_same);
         self.expressions.insert(handle, mapped);
         Ok(mapped)
     }

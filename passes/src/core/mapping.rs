@@ -53,6 +53,63 @@ impl FromStr for Mapping {
     }
 }
 
+/// A mapping, one side of which may be a product of matrices: `light.space=camera.proj*camera.view`.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Equation {
+    /// The part of the other program, or factors from left to right.
+    pub theirs: Vec<Path>,
+    /// The same of the program of reference.
+    pub ours: Vec<Path>,
+}
+
+impl Equation {
+    /// The mapping, if neither side is a product.
+    pub fn plain(&self) -> Option<Mapping> {
+        match (&self.theirs[..], &self.ours[..]) {
+            ([theirs], [ours]) => Some(Mapping {
+                theirs: theirs.clone(),
+                ours: ours.clone(),
+            }),
+            _ => None,
+        }
+    }
+}
+
+impl FromStr for Equation {
+    type Err = Malformed;
+
+    fn from_str(text: &str) -> Result<Self, Malformed> {
+        let malformed = |expected| Malformed {
+            text: text.to_owned(),
+            expected,
+        };
+        let sides = text.split_once('=');
+        let (theirs, ours) = sides.ok_or_else(|| {
+            malformed("THEIRS=OURS, `light.view_proj=camera.view_proj` say, or A*B for one of them")
+        })?;
+        let factors = |side: &str| side.split('*').map(Path::from_str).collect();
+        let (theirs, ours): (Result<Vec<_>, _>, Result<Vec<_>, _>) =
+            (factors(theirs), factors(ours));
+        let (theirs, ours) = (theirs?, ours?);
+        match theirs.len() > 1 && ours.len() > 1 {
+            true => Err(malformed(
+                "a product on one side, and one matrix on the other",
+            )),
+            false => Ok(Self { theirs, ours }),
+        }
+    }
+}
+
+impl fmt::Display for Equation {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let side = |paths: &[Path]| {
+            let paths: Vec<String> = paths.iter().map(Path::to_string).collect();
+            paths.join("*")
+        };
+        write!(f, "{}={}", side(&self.theirs), side(&self.ours))
+    }
+}
+
 impl FromStr for Path {
     type Err = Malformed;
 
@@ -296,5 +353,17 @@ mod tests {
         assert!("light.view".parse::<Mapping>().is_err());
         assert!("light..view=a".parse::<Mapping>().is_err());
         assert!("=a".parse::<Mapping>().is_err());
+    }
+
+    #[test]
+    fn one_side_of_an_equation_is_a_product() {
+        for text in ["light.space=proj*camera.view", "p*v*m=mvp", "a=b"] {
+            let equation: Equation = text.parse().unwrap();
+            assert_eq!(equation.to_string(), text);
+            assert_eq!(equation.plain().is_some(), text == "a=b");
+        }
+        for text in ["a*b=c*d", "a=b*", "*b=c", "a*b"] {
+            assert!(text.parse::<Equation>().is_err(), "{text}");
+        }
     }
 }

@@ -298,7 +298,14 @@ pub struct Facts {
     pub rasterizer: Option<Rasterizer>,
     /// Textures that no pass of the frame writes before the material is drawn; empty where that was not looked at.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub steady_textures: Vec<SteadyTexture>,
+    pub steady_textures: Vec<MaterialTexture>,
+    /// Textures with a texel that is infinite or NaN; empty where that was not looked at.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub infinite_textures: Vec<MaterialTexture>,
+    /// Materials with a draw whose viewport has another depth range than 0 to 1; empty where that was
+    /// not looked at.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub narrow_depths: Vec<String>,
     /// Branches with a way that no draw took; `None`: not looked at.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub undrawn: Option<Vec<Undrawn>>,
@@ -343,9 +350,9 @@ pub struct Undrawn {
     pub values: Vec<Assumed>,
 }
 
-/// A texture that has the same texels at the start of the frame and in every draw of a material.
+/// A texture of a material.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize, JsonSchema)]
-pub struct SteadyTexture {
+pub struct MaterialTexture {
     /// Name of the material.
     pub material: String,
     /// `@group`.
@@ -410,6 +417,46 @@ pub struct SourceRange {
     pub low: f32,
     /// The largest.
     pub high: f32,
+    /// The numbers of each component, or of all together where it is neither a number nor a vector;
+    /// empty where that was not looked at.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub components: Vec<Numbers>,
+}
+
+/// Numbers of one component over the draws and frames of a scene.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
+pub struct Numbers {
+    /// The least.
+    pub low: f32,
+    /// The largest.
+    pub high: f32,
+    /// The one next to 0 that is not 0, without its sign; 0: all are 0.
+    pub least: f32,
+}
+
+impl Numbers {
+    /// One number.
+    pub fn one(number: f32) -> Self {
+        Self {
+            low: number,
+            high: number,
+            least: number.abs(),
+        }
+    }
+
+    /// These and those.
+    #[must_use]
+    pub fn or(self, other: Self) -> Self {
+        let least = match (self.least, other.least) {
+            (0.0, least) | (least, 0.0) => least,
+            (a, b) => a.min(b),
+        };
+        Self {
+            low: self.low.min(other.low),
+            high: self.high.max(other.high),
+            least,
+        }
+    }
 }
 
 /// How well one value of a fragment stage is interpolated: the worst of the pictures that were

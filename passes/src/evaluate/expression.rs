@@ -5,7 +5,7 @@ use naga::{DerivativeAxis, DerivativeControl, Expression, GlobalVariable, Handle
 use super::machine::{Activation, Machine, part};
 use super::number::Number;
 use super::value::{self, Scalar, Value};
-use super::{Derivative, Lookup, Sampling, Stuck, flips, layout, math};
+use super::{Derivative, Lookup, Sampling, Stuck, flips, layout, math, undefined};
 
 impl<'a, F: Number> Machine<'a, F> {
     /// The value of an operand.
@@ -107,7 +107,7 @@ impl<'a, F: Number> Machine<'a, F> {
             | Expression::Binary { .. }
             | Expression::Relational { .. }
             | Expression::Math { .. }
-            | Expression::As { .. }) => self.operation(frame, operation)?,
+            | Expression::As { .. }) => self.operation(frame, (e, operation))?,
             Expression::Select {
                 condition,
                 accept,
@@ -150,7 +150,7 @@ impl<'a, F: Number> Machine<'a, F> {
     fn operation(
         &mut self,
         frame: &mut Activation<'a, F>,
-        operation: &Expression,
+        (e, operation): (Handle<Expression>, &Expression),
     ) -> Result<Value<F>, Stuck> {
         let operands = match *operation {
             Expression::Unary { expr, .. } | Expression::As { expr, .. } => {
@@ -175,6 +175,11 @@ impl<'a, F: Number> Machine<'a, F> {
         let operands = operands.collect::<Result<Vec<&Value<F>>, _>>()?;
         let value = math::operation(operation, &operands)?;
         self.flips += flips::of(operation, &operands, &value);
+        if self.undefined.is_none() {
+            let what = undefined::of(operation, &operands);
+            let span = frame.function.expressions.get_span(e);
+            self.undefined = what.map(|what| (what, span));
+        }
         Ok(value)
     }
 
@@ -416,11 +421,23 @@ impl<'a, F: Number> Machine<'a, F> {
     ) -> Result<Vec<F>, Stuck> {
         let mut numbers = Vec::new();
         for operand in operands {
-            let value = self.get(frame, *operand)?;
+            let mut value = self.get(frame, *operand)?.clone();
+            // GLSL has signed coordinates alone: beyond 2^31 they are the same bits, of no texel.
+            if is_unsigned(&value) {
+                value = math::cast(naga::ScalarKind::Sint, None, &value)?;
+            }
             let floats = math::cast(naga::ScalarKind::Float, Some(4), &value)?;
             numbers.extend(floats.floats()?);
         }
         Ok(numbers)
+    }
+}
+
+fn is_unsigned<F>(value: &Value<F>) -> bool {
+    match value {
+        Value::Scalar(Scalar::U32(_)) => true,
+        Value::Composite(parts) => parts.first().is_some_and(is_unsigned),
+        _ => false,
     }
 }
 

@@ -11,7 +11,7 @@ use naga::{
 use super::expression::kind;
 use super::number::Number;
 use super::value::{self, Scalar, Value};
-use super::{Environment, RunResult, Stuck, Traced, layout};
+use super::{Environment, RunResult, Stuck, Traced, Undefined, layout};
 
 /// Most scalars in private and local memory. Each takes many bytes, and is copied with its
 /// composite.
@@ -33,6 +33,7 @@ pub(super) struct Machine<'a, F: Number> {
     globals: Vec<Option<bool>>,
     discarded: bool,
     pub(super) flips: u64,
+    pub(super) undefined: Option<(Undefined, naga::Span)>,
     steps: u64,
     /// Scalars of the module's variables so far, and of the running functions' variables.
     of_globals: u32,
@@ -71,6 +72,7 @@ impl<'a, F: Number> Machine<'a, F> {
             globals: vec![None; globals],
             discarded: false,
             flips: 0,
+            undefined: None,
             steps: 0,
             of_globals: 0,
             of_locals: 0,
@@ -90,6 +92,7 @@ impl<'a, F: Number> Machine<'a, F> {
             result,
             discarded: self.discarded,
             flips: self.flips,
+            undefined: self.undefined,
             steps: self.steps,
         })
     }

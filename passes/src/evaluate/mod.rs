@@ -20,19 +20,21 @@ mod bits;
 pub mod bound;
 mod expression;
 mod flips;
-pub(crate) mod interval;
+pub mod interval;
 mod layout;
 mod machine;
-mod math;
+pub(crate) mod math;
 mod matrix;
 mod number;
 pub mod overrides;
 mod shadow;
+mod undefined;
 mod value;
 
 pub use layout::{RUNTIME_ELEMENTS, from_bytes, place, scalars};
 pub use number::Number;
 pub use shadow::{Shadowed, ulps};
+pub use undefined::Undefined;
 pub use value::{OverrideValue, Scalar, Value, constant, default_constant};
 
 use machine::Machine;
@@ -152,6 +154,8 @@ pub struct RunResult<F = f32> {
     pub flips: u64,
     /// Steps it took.
     pub steps: u64,
+    /// The first operation whose result GLSL leaves undefined, and its place.
+    pub undefined: Option<(Undefined, naga::Span)>,
 }
 
 /// Runs an entry point.

@@ -56,6 +56,17 @@ impl Counted {
         Some(counted)
     }
 
+    /// Its trip count if the bound is `known`.
+    pub fn turns_by(
+        module: &Module,
+        f: &FunctionGraph<'_>,
+        id: StmtId,
+        known: impl Fn(Handle<Expression>) -> Option<i64>,
+    ) -> Option<u32> {
+        let counted = Self::of_any_bound(module, f, id)?;
+        counted.until(known(counted.bound)?)
+    }
+
     /// The same whatever the bound is, without a trip count.
     fn of_any_bound(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<Self> {
         let Statement::Loop { body, .. } = f.statements.get(id).statement else {
@@ -158,6 +169,12 @@ impl Counted {
         };
         let in_range = move |value: &i64| range.contains(value);
         std::iter::successors(Some(self.start), move |v| next(v).filter(&in_range))
+    }
+
+    /// The smallest and the largest value of the counter during an iteration; `None`: there is none.
+    pub fn range(&self) -> Option<[i64; 2]> {
+        let values = || self.values().take(self.turns as usize);
+        Some([values().min()?, values().max()?])
     }
 
     /// Iterations until the counter, compared with `bound`, ends the loop.
@@ -280,7 +297,12 @@ fn counter_version(
     }
 }
 
-fn integer(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>) -> Option<i64> {
+/// A constant of 32 bits.
+pub(crate) fn integer(
+    module: &Module,
+    f: &FunctionGraph<'_>,
+    e: Handle<Expression>,
+) -> Option<i64> {
     let literal = |e: &Expression| match e {
         Expression::Literal(Literal::I32(v)) => Some(i64::from(*v)),
         Expression::Literal(Literal::U32(v)) => Some(i64::from(*v)),

@@ -132,21 +132,46 @@ impl<'p> Graph<'p> {
                 }
             }
             below.effects = effect::own(module, f);
-            for (at, callee) in f.calls() {
+            for (_, callee) in f.calls() {
                 let of: &Reach = &reach[callee.index()];
                 below.functions.extend(&of.functions);
                 below.effects.extend(&of.effects);
                 below.ends = below.ends.max(of.ends);
-                below.cost += of.cost * f.times[at.index()];
             }
-            below.cost += f.own_cost(module, |_| true, |_| true);
             reach.push(below);
         }
-        Self {
+        let mut graph = Self {
             program,
             functions,
             reach,
             rates: OnceLock::new(),
+        };
+        graph.count();
+        graph
+    }
+
+    /// The same where each statement runs so many times as often.
+    #[must_use]
+    pub fn weighed(mut self, weight: impl Fn(FunctionId, StmtId) -> f64) -> Self {
+        for f in &mut self.functions {
+            let id = f.id;
+            let all: Vec<StmtId> = f.statements.iter().map(|(at, _)| at).collect();
+            for at in all {
+                f.times[at.index()] *= weight(id, at);
+            }
+        }
+        self.count();
+        self
+    }
+
+    /// Finds the cost of each function.
+    fn count(&mut self) {
+        // Callees come before callers.
+        for i in 0..self.functions.len() {
+            let f = &self.functions[i];
+            let calls = f.calls();
+            let calls = calls.map(|(at, c)| self.reach[c.index()].cost * f.times[at.index()]);
+            self.reach[i].cost = calls.sum::<f64>() + f.own_cost(self.module(), |_| true, |_| true);
         }
     }
 

@@ -2,6 +2,7 @@
 
 pub(crate) mod after;
 pub(crate) mod ahead;
+pub mod bounded;
 pub mod color;
 pub mod copy;
 pub(crate) mod corner;

@@ -23,6 +23,13 @@ pub fn rewrite(function: &mut Function, f: &mut Rewrite<'_>) {
     });
 }
 
+/// Drops the returns without a value that end a block, which needs none.
+pub fn drop_last(body: &mut naga::Block) {
+    while matches!(body.last(), Some(Statement::Return { value: None })) {
+        body.cull(body.len() - 1..);
+    }
+}
+
 /// Whether nothing can follow a statement.
 fn ends(statement: &Statement) -> bool {
     match statement {

@@ -36,6 +36,7 @@ pub fn canonical(graph: &Graph<'_>, slice: &Slice) -> String {
             numbers: vec![None; f.function.expressions.len()],
             numbered: 0,
             locals: BTreeMap::new(),
+            block_ends: BTreeMap::new(),
             debug: String::new(),
             hash,
         };
@@ -59,12 +60,31 @@ struct Writer<'a, 'p> {
     numbers: Vec<Option<usize>>,
     numbered: usize,
     locals: BTreeMap<Handle<LocalVariable>, usize>,
+    /// Where the blocks of a statement end, by its number.
+    block_ends: BTreeMap<usize, Vec<usize>>,
     /// Reused buffer for debug text.
     debug: String,
     hash: Fnv,
 }
 
 impl Writer<'_, '_> {
+    /// The index of the parent's block that a statement is in: it may be in either arm of an `If`.
+    fn block_of(&mut self, parent: StmtId, id: StmtId) -> usize {
+        let statements = &self.f.statements;
+        let ends = self.block_ends.entry(parent.index()).or_insert_with(|| {
+            let mut at = parent.index() + 1;
+            let blocks = operands::blocks(statements.get(parent).statement);
+            let end = |block: &&naga::Block| {
+                for _ in block.iter() {
+                    at = statements.get(StmtId::from(at)).end.index();
+                }
+                at
+            };
+            blocks.iter().map(end).collect()
+        });
+        ends.partition_point(|end| *end <= id.index())
+    }
+
     fn statement(
         &mut self,
         id: StmtId,
@@ -82,18 +102,9 @@ impl Writer<'_, '_> {
             }
             return;
         }
-        let in_block = self.f.statements.get(id).parent.map(|p| {
-            // The index of the parent's block: a statement may be in either arm of an `If`.
-            let mut at = p.index() + 1;
-            operands::blocks(self.f.statements.get(p).statement)
-                .iter()
-                .position(|b| {
-                    for _ in b.iter() {
-                        at = self.f.statements.get(StmtId::from(at)).end.index();
-                    }
-                    id.index() < at
-                })
-        });
+        // Recipes pin hashes, so this is written as ever.
+        let parent = self.f.statements.get(id).parent;
+        let in_block = parent.map(|p| Some(self.block_of(p, id)));
         let operands = operands::of_statement(statement);
         for e in &operands {
             if kept(*e) {

@@ -192,7 +192,7 @@ impl Pass for EarlyDiscard {
         hurts: "where little is hidden (3-5% lost in the article's open views), and where the \
                 hardware's early test rejects anyway: a texture read and a vote for each fragment, \
                 for nothing",
-        reads_scene: false,
+        reads_scene: true,
     };
 
     const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
@@ -305,6 +305,14 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
             &crate::core::refusals::BUDGET,
             "the budget is the largest difference of a channel, which lies between 0 and 1",
             "give budget=0.02, say",
+        );
+    }
+    if is_clamped(&opaque) && facts.narrow_depths.contains(&plan.material) {
+        refuse(
+            &shared::DEPTH_RANGE,
+            "a draw sets a depth range other than 0 to 1, to which its depth is clamped, and the \
+             prologue clamps it to 0 to 1",
+            "take depth-prepass, where the hardware clamps",
         );
     }
     if !opaque.pass.primitive.topology.is_triangles() && params.quad == Quad::Vote {
@@ -504,10 +512,14 @@ fn depth_target(plan: &Plan, opaque: &Opaque) -> (DepthFormat, u32) {
     (format, scene.map_or(1, |a| a.samples))
 }
 
+/// Whether depths are clamped before they are stored.
+fn is_clamped(opaque: &Opaque) -> bool {
+    opaque.decides.depth || opaque.pass.primitive.unclipped_depth
+}
+
 /// The prologue for a plan and its parameters.
 fn prologue(plan: &Plan, opaque: &Opaque, params: &Params, binding: ResourceBinding) -> Prologue {
     let (format, samples) = depth_target(plan, opaque);
-    let is_clamped = opaque.decides.depth || opaque.pass.primitive.unclipped_depth;
     Prologue {
         texture: params.texture,
         samples,
@@ -515,7 +527,7 @@ fn prologue(plan: &Plan, opaque: &Opaque, params: &Params, binding: ResourceBind
         direction: opaque.direction,
         quad: params.quad,
         mode: params.mode,
-        range: match is_clamped {
+        range: match is_clamped(opaque) {
             true => DepthRange::Clamped,
             false => DepthRange::Clipped,
         },

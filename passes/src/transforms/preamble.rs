@@ -50,8 +50,8 @@ use crate::core::contract::{Assumption, Contract};
 use crate::core::geometry::Geometry;
 use crate::core::guard::Guard;
 use crate::core::pass::{
-    Change, Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
-    Source, SteadyTexture, Use,
+    Change, Example, Facts, Left, MaterialTexture, Outcome, Pass, PassInfo, Refusal, Refused, Site,
+    SiteCost, Source, Use,
 };
 use crate::core::plan::{
     BindingKind, BindingSource, BindingUse, ComputePass, DrawBuffer, Draws, GeometryPart, ORIGINAL,
@@ -247,7 +247,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             .cloned()
             .collect();
         let is_steady = |at: &ResourceBinding| {
-            let is_it = |s: &SteadyTexture| {
+            let is_it = |s: &MaterialTexture| {
                 s.material == plan.material && (s.group, s.binding) == (at.group, at.binding)
             };
             facts.steady_textures.iter().any(is_it)

@@ -23,7 +23,9 @@
 //! gradients first, at the author's place. Some adapters round the level of detail from gradients
 //! differently, so the contract is a budget even with `threshold=0`. Samples with an explicit level
 //! or gradients keep them. With `threshold=0` and no implicit sample, only products with 0 are
-//! skipped: the same sum for finite samples, up to a compiler's rounding ([`contraction`]).
+//! skipped: the same sum for finite samples, up to a compiler's rounding ([`contraction`]). A term
+//! stays if it may be infinite or NaN, or if something tells the sign of a zero that its sum has
+//! without it (`1 / x`, `atan2`): [`crate::analysis::zero`].
 //!
 //! Samples that decide a discard, depth or coverage are not skipped, nor samples in a function that
 //! the vertex stage also runs.
@@ -36,6 +38,7 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::contraction;
 use crate::analysis::refusals as shared;
 use crate::analysis::simplify::{self, FragmentStage, Simplified};
+use crate::analysis::zero::Seen;
 use crate::core::budget::{Budget, Metric};
 use crate::core::contract::{Assumption, Contract, Turned};
 use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use};
@@ -97,7 +100,7 @@ impl Pass for SkipTaps {
                mapping, layers of a terrain",
         hurts: "where weights are seldom small, or differ from pixel to pixel: lanes that sample \
                 wait for nobody, but those that do not wait for them",
-        reads_scene: false,
+        reads_scene: true,
     };
 
     const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
@@ -158,8 +161,8 @@ impl Pass for SkipTaps {
         },
     ];
 
-    fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
-        Ok(skipped(plan, params)?.outcome(plan, Self::INFO.name, params))
+    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+        Ok(skipped(plan, facts, params)?.outcome(plan, Self::INFO.name, params))
     }
 }
 
@@ -172,7 +175,7 @@ fn refuse(
 }
 
 /// A material's main pass with its samples behind branches.
-fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
+fn skipped(plan: &Plan, facts: &Facts, params: &Params) -> Result<Simplified, Refused> {
     let FragmentStage {
         pass,
         graph,
@@ -186,7 +189,13 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
     )?;
     let program = graph.program();
     let meant = simplify::meant(&graph, fragment, params.of.as_deref(), SkipTaps::INFO.name)?;
-    let Terms { terms, left } = find::terms(&graph, pass, fragment, &meant);
+    let mut found = find::terms(&graph, pass, fragment, &meant);
+    // A budget is measured, whatever the zeros do.
+    let seen = match params.budget.is_none() && params.threshold == 0.0 {
+        false => Seen::Nothing,
+        true => found.only_zeros(&graph, fragment, facts, &plan.material)?,
+    };
+    let Terms { terms, left } = found;
     if terms.is_empty() {
         let reason = match left.is_empty() {
             true => "the fragment stage has no sum of weighted texture samples",
@@ -228,7 +237,7 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
     let all = simplify::whole(&graph, fragment);
     Ok(Simplified {
         change: simplify::change(&graph, pass, &all, what, (terms[0].span, cost)),
-        contract: promised(params, pass, program, &after, given),
+        contract: promised(params, pass, [program, &after], seen, given),
         program: after,
         of: pass.program.clone(),
         left,
@@ -240,8 +249,8 @@ fn skipped(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
 fn promised(
     params: &Params,
     pass: &GpuPass,
-    before: &Program,
-    after: &Program,
+    [before, after]: [&Program; 2],
+    seen: Seen,
     mut given: Vec<Assumption>,
 ) -> Contract {
     if let Some(budget) = params.budget {
@@ -256,7 +265,10 @@ fn promised(
     given.extend([Assumption::SameContraction, Assumption::FiniteTaps]);
     given.sort();
     let exposed = contraction::exposed(before, after, pass, &BTreeSet::new());
-    match exposed.roundings {
+    // Formats of whole numbers have one zero.
+    let mut targets = pass.targets.iter().flatten();
+    let shows_sign = seen == Seen::SignOfZero && targets.any(|t| t.format.ends_with("float"));
+    match exposed.roundings.max(u32::from(shows_sign)) {
         0 => Contract::Exact { given },
         k => Contract::Rounding {
             k,

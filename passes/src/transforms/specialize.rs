@@ -38,6 +38,8 @@ use naga::{Binding, Expression, Handle, Interpolation, ShaderStage};
 use crate::analysis::contraction;
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::refusals as shared;
+use crate::analysis::values::Values;
+use crate::analysis::zero::{self, Zeros};
 use crate::core::contract::{Assumption, Contract, Surface, Turned};
 use crate::core::guard::Guard;
 use crate::core::pass::{
@@ -60,6 +62,7 @@ pub mod branches;
 mod control;
 pub mod decision;
 pub mod dispatch;
+mod drawn;
 pub mod effects;
 mod expressions;
 pub mod fold;
@@ -70,6 +73,7 @@ mod shrink;
 mod unroll;
 mod versions;
 
+pub use drawn::as_drawn;
 pub use params::{Fold, Params};
 
 use assume::Assumptions;
@@ -247,7 +251,7 @@ impl Specialized {
         let (pass, program) = examine(plan)?;
         let assumptions = assumptions(plan, program, facts, params)?;
         let graph = Graph::build(program);
-        let folded = folded(&graph, pass, &assumptions, params);
+        let folded = folded(&graph, pass, &assumptions, (facts, &plan.material), params);
         if folded.used.is_empty() {
             return Err(Box::new(refusal(
                 &refusals::NOTHING_KNOWN,
@@ -280,7 +284,11 @@ impl Specialized {
         let guard = assumptions.guard(&used);
         let shrunk =
             shrink::shrink(&program_folded, &pass.vertex, pass.fragment.as_deref()).map_err(bug)?;
-        let graphs = [program, &shrunk.program].map(Graph::build);
+        // Both are counted with the same facts.
+        let graphs = [
+            drawn::weighed(Graph::build(program), &folded.stages, &folded.records),
+            as_drawn(&shrunk.program, pass, &plan.material, facts),
+        ];
         let costs = |graph: &Graph<'_>| {
             let of = |stage, name: Option<&str>| {
                 name.and_then(|n| graph.program().entry_point(stage, n))
@@ -457,9 +465,35 @@ impl Folded {
     }
 }
 
-fn folded(graph: &Graph<'_>, pass: &GpuPass, assumptions: &Assumptions, params: &Params) -> Folded {
+/// Folds both stages of `pass`. `facts` say which numbers of the material are finite.
+fn folded(
+    graph: &Graph<'_>,
+    pass: &GpuPass,
+    assumptions: &Assumptions,
+    (facts, material): (&Facts, &str),
+    params: &Params,
+) -> Folded {
     let (program, module) = (graph.program(), graph.module());
-    let mut folder = Folder::new(graph, assumptions, params.fold, params.unroll);
+    let entries = [
+        (ShaderStage::Vertex, Some(pass.vertex.as_str())),
+        (ShaderStage::Fragment, pass.fragment.as_deref()),
+    ];
+    let entries = entries
+        .into_iter()
+        .filter(|_| params.fold == Fold::Rounding);
+    let entries = entries.filter_map(|(stage, name)| program.entry_point(stage, name?));
+    let values = entries.map(|(entry, _)| Values::new(graph, entry));
+    // In a stage that is too large, nobody knows what tells zeros apart.
+    let values: Option<Vec<Values<'_, '_>>> = values.map(Result::ok).collect();
+    let zeros = values.as_ref().map(|values| {
+        let zeros = values.iter().map(|v| Zeros::new(v, facts, material));
+        zeros.collect::<Vec<_>>()
+    });
+    let leaves = |function, e, dropped| {
+        let stages = zeros.as_ref();
+        stages.is_some_and(|stages| zero::left_out(stages, function, e, dropped).is_ok())
+    };
+    let mut folder = Folder::new(graph, assumptions, (params.fold, &leaves), params.unroll);
     let mut stages: Vec<(usize, &'static str, FoldedStage)> = Vec::new();
     let mut varyings = Vec::new();
     if let Some((vertex, point)) = program.entry_point(ShaderStage::Vertex, &pass.vertex) {

@@ -24,6 +24,7 @@ use naga::ShaderStage;
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::Opaque;
 use crate::analysis::refusals as shared;
+use crate::analysis::subnormal;
 use crate::core::budget::Budget;
 use crate::core::contract::{Assumption, Contract, Surface, Turned};
 use crate::core::pass::{
@@ -79,7 +80,7 @@ impl Pass for VisibilityBuffer {
         hurts: "where little is hidden or vertices are expensive: each shaded pixel fetches and \
                 runs three vertices; and where neighbouring pixels show far-apart instances, whose \
                 data no cache holds",
-        reads_scene: false,
+        reads_scene: true,
     };
 
     const REFUSALS: &'static [RefusalInfo] = refusals::REFUSALS;
@@ -171,7 +172,7 @@ impl Pass for VisibilityBuffer {
     fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let params = &params.resolved(facts)?;
         let plan = alone(plan);
-        let material = SplitMaterial::examine(&plan, params)?;
+        let material = SplitMaterial::examine(&plan, facts, params)?;
         let next = material.apply(&plan, params)?;
         Ok(Outcome {
             plan: next,
@@ -250,7 +251,7 @@ struct SplitMaterial<'a> {
 }
 
 impl<'a> SplitMaterial<'a> {
-    fn examine(plan: &'a Plan, params: &Params) -> Result<Self, Vec<Refusal>> {
+    fn examine(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Self, Vec<Refusal>> {
         let opaque = Opaque::examine(plan, VisibilityBuffer::INFO.name)?;
         let mut refusals = Vec::new();
         if !plan.compute.is_empty() {
@@ -281,7 +282,19 @@ impl<'a> SplitMaterial<'a> {
             return Err(refusals);
         }
         let colors = slice::backward(&opaque.graph, fragment, &colors);
-        refusals.extend(legal::fragment(&opaque, &colors));
+        // The resolve runs the vertex stage, and may be a compute stage.
+        let elsewhere: &[usize] = match params.form {
+            ShadingForm::Fragment => &[opaque.vertex],
+            ShadingForm::Compute | ShadingForm::Binned => &[opaque.vertex, fragment],
+        };
+        let name = VisibilityBuffer::INFO.name;
+        let checked = subnormal::check(name, plan, &opaque.graph, elsewhere, facts);
+        refusals.extend(checked.err().map(|refusal| *refusal));
+        let depths = match facts.narrow_depths.contains(&plan.material) {
+            true => legal::DepthRange::Narrow,
+            false => legal::DepthRange::Whole,
+        };
+        refusals.extend(legal::fragment(&opaque, &colors, depths));
         if !refusals.is_empty() {
             return Err(refusals);
         }

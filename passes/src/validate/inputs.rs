@@ -11,6 +11,7 @@ use super::levels::Levels;
 use super::numbers::Numbers;
 pub use super::random::Random;
 use super::stage::{POSITION, Slot, VaryingKind};
+use super::tape::{NO_STEP, Source};
 use super::world::{self, plus, times};
 use crate::core::guard::{Assumed, Guard, Place, ScalarType};
 use crate::core::reflect::Io;
@@ -123,7 +124,12 @@ pub struct Inputs {
     same: BTreeMap<u32, u32>,
     /// Numbers that inputs reach.
     numbers: Option<Arc<Numbers>>,
+    /// Single floats that have another value.
+    pins: Pins,
 }
+
+/// Single floats of inputs, and their values.
+pub(super) type Pins = Arc<BTreeMap<Source, f32>>;
 
 impl Inputs {
     /// The inputs of a seed for the variables of a module, within a guard.
@@ -196,6 +202,7 @@ impl Inputs {
             attributes: BTreeMap::new(),
             same: BTreeMap::new(),
             numbers: None,
+            pins: Pins::default(),
         };
         for assumed in guard.into_iter().flat_map(|g| &g.values) {
             this.assume(module, assumed);
@@ -258,6 +265,57 @@ impl Inputs {
     /// Gives a component of an attribute one value at every vertex.
     pub fn fix_attribute(&mut self, location: u32, component: u32, value: f32) {
         self.attributes.insert((location, component), value);
+    }
+
+    /// Gives single floats other values.
+    pub(super) fn pin(&mut self, pins: &Pins) {
+        let resources = Arc::make_mut(&mut self.resources);
+        for (source, number) in pins.iter() {
+            match source {
+                Source::Buffer(at, steps) => {
+                    let steps = steps.iter().take_while(|step| **step != NO_STEP);
+                    let part = steps.fold(resources.get_mut(at), |value, step| match value? {
+                        Value::Composite(parts) => parts.get_mut(*step as usize),
+                        _ => None,
+                    });
+                    if let Some(Value::Scalar(Scalar::F32(x))) = part {
+                        *x = *number;
+                    }
+                }
+                // These are asked for one by one.
+                Source::Texel(..) | Source::Attribute(..) | Source::Fragment(..) => {}
+            }
+        }
+        self.pins = Arc::clone(pins);
+    }
+
+    /// A value with the components that are pinned.
+    fn pinned(&self, value: &mut Value, source: &dyn Fn(u32) -> Source) {
+        if self.pins.is_empty() {
+            return;
+        }
+        let parts = match value {
+            Value::Composite(parts) => &mut parts[..],
+            one => std::slice::from_mut(one),
+        };
+        for (component, part) in (0..).zip(parts) {
+            if let (Some(number), Value::Scalar(Scalar::F32(x))) =
+                (self.pins.get(&source(component)), part)
+            {
+                *x = *number;
+            }
+        }
+    }
+
+    /// Where the numbers of an attribute come from.
+    pub(super) fn slot(&self, io: &Io) -> Option<Slot> {
+        Some(match Slot::of(io.binding.as_ref()?) {
+            Slot::Location(location, blend) => {
+                let other = self.same.get(&location);
+                Slot::Location(other.copied().unwrap_or(location), blend)
+            }
+            slot @ Slot::BuiltIn(_) => slot,
+        })
     }
 
     /// Gives the attributes of the first location of each pair the numbers of the second, and all
@@ -327,13 +385,7 @@ impl Inputs {
 
     /// An input of a vertex stage at a corner of the triangle.
     pub fn attribute(&self, module: &Module, io: &Io, corner: usize) -> Option<Value> {
-        let slot = match Slot::of(io.binding.as_ref()?) {
-            Slot::Location(location, blend) => {
-                let other = self.same.get(&location);
-                Slot::Location(other.copied().unwrap_or(location), blend)
-            }
-            slot => slot,
-        };
+        let slot = self.slot(io)?;
         let mut random = Random::new(self.seed, &format!("vertex {slot} {corner}"));
         match slot {
             Slot::BuiltIn(BuiltIn::VertexIndex) => {
@@ -371,12 +423,19 @@ impl Inputs {
                 }
             }
         }
+        self.pinned(&mut value, &|i| Source::Attribute(slot, corner, i));
         Some(value)
     }
 
     /// An input of a fragment stage that no vertex stage provides; or any, if all are to be random.
     pub fn fragment(&self, module: &Module, io: &Io) -> Option<Value> {
         let slot = Slot::of(io.binding.as_ref()?);
+        let mut value = self.of_fragment(module, io, slot)?;
+        self.pinned(&mut value, &|i| Source::Fragment(slot, i));
+        Some(value)
+    }
+
+    fn of_fragment(&self, module: &Module, io: &Io, slot: Slot) -> Option<Value> {
         let mut random = Random::new(self.seed, &format!("fragment {slot}"));
         if slot == POSITION {
             // Within the target and the depth planes.
@@ -462,10 +521,12 @@ impl Inputs {
         [channels.map(|c| c.0), channels.map(|c| c.1)]
     }
 
-    /// A texel channel that a guard fixes.
+    /// A texel channel that has one value everywhere.
     pub fn fixed_texel(&self, binding: Option<(u32, u32)>, channel: u32) -> Option<f32> {
         let (group, binding) = binding?;
-        self.texels.get(&(group, binding, channel)).copied()
+        let pinned = self.pins.get(&Source::Texel((group, binding), channel));
+        let fixed = pinned.or_else(|| self.texels.get(&(group, binding, channel)));
+        fixed.copied()
     }
 
     /// An attribute component that a guard fixes.

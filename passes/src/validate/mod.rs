@@ -51,6 +51,7 @@ mod random;
 mod resolve;
 mod split;
 pub mod stage;
+mod tape;
 pub mod term;
 mod trial;
 mod verdict;

@@ -39,6 +39,11 @@ impl Numbers {
         Self { floats, integers }
     }
 
+    /// The integers, in ascending order.
+    pub(super) fn integers(&self) -> &[u32] {
+        &self.integers
+    }
+
     /// Those from 0 to 1, and those halfway between two of them.
     pub(super) fn thresholds(&self) -> Vec<f32> {
         let is_in = |n: &&f32| (0.0..=1.0).contains(*n);

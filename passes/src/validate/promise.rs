@@ -463,14 +463,12 @@ impl<'a> Pair<'a> {
     /// too, so we run both in full.
     fn confirmed(&self, places: &[TestPoint], colors: Colors) -> Verdict {
         match self.tried(places, colors, self.effort.inputs.div_ceil(BESIDE)) {
-            found @ Verdict::Counterexample(_) => found,
             Verdict::Agreed { compared, .. } => Verdict::Proved {
                 by: Proof::Slices { inputs: compared },
             },
+            found @ Verdict::Counterexample(_) => found,
             // Terms may still terminate.
-            _ => self.by_terms(places, colors).unwrap_or(Verdict::Proved {
-                by: Proof::Slices { inputs: 0 },
-            }),
+            found => self.by_terms(places, colors).unwrap_or(found),
         }
     }
 

@@ -7,10 +7,10 @@ use naga::{Binding, BuiltIn, Interpolation, Module, Sampling, ShaderStage, TypeI
 
 use crate::core::program::Program;
 use crate::core::reflect::{self, Io};
-use crate::evaluate::{self, Environment, Number, RunResult, Scalar, Stuck, Value};
+use crate::evaluate::{self, Environment, Number, RunResult, Scalar, Stuck, Undefined, Value};
 
 /// The binding of an input or output. Invariance of a position is ignored.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Slot {
     /// `@builtin`.
     BuiltIn(BuiltIn),
@@ -71,6 +71,8 @@ pub struct Ran<F = f32> {
     pub flips: u64,
     /// As [`RunResult::steps`].
     pub steps: u64,
+    /// As [`RunResult::undefined`].
+    pub undefined: Option<(Undefined, naga::Span)>,
 }
 
 impl<'p> Stage<'p> {
@@ -152,6 +154,7 @@ impl<'p> Stage<'p> {
             stored: outcome.stored,
             flips: outcome.flips,
             steps: outcome.steps,
+            undefined: outcome.undefined,
         }
     }
 }

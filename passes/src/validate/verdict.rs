@@ -45,7 +45,7 @@ pub enum Proof {
     /// The deciding slices have the same canonical form ([`crate::slice`]).
     Slices {
         /// Inputs on which both were also run in full and agreed, because a fault of the slicer
-        /// could affect both slices. 0 if they can't be run.
+        /// could affect both slices. At least 1.
         inputs: u64,
     },
     /// Run on terms ([`super::term`]), both end in the same ones.
@@ -100,9 +100,6 @@ impl Verdict {
 impl fmt::Display for Verdict {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         match self {
-            Self::Proved {
-                by: Proof::Slices { inputs: 0 },
-            } => f.write_str("proved: the same slice, by the slicer's word alone"),
             Self::Proved {
                 by: Proof::Slices { inputs },
             } => write!(f, "proved: the same slice, and agreed on {inputs} inputs"),

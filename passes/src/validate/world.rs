@@ -9,6 +9,7 @@ use naga::{BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
 use super::drawn::Drawn;
 use super::inputs::{Inputs, Random};
 use super::stage::{At, POSITION, Ran, Slot, Stage, VaryingKind, interpolated};
+use super::tape::{NO_STEP, Source, Steps, Taped};
 use super::term::Symbolic;
 use crate::core::reflect::Io;
 use crate::evaluate::bound::{Interval, exactly};
@@ -79,6 +80,7 @@ impl<F: Number> World<'_, F> {
                 stored: BTreeMap::new(),
                 flips: 0,
                 steps: 0,
+                undefined: None,
             }),
             (TestPoint::Anywhere, Some(fragment)) => {
                 let own = |io: &Io| (self.fragment)(fragment.module(), io, 0);
@@ -251,6 +253,96 @@ pub(super) fn precise(inputs: &Inputs) -> World<'_, f64> {
             let parts = corners.iter().zip(inputs.weights(kind));
             parts.fold(0.0, |sum, (corner, weight)| {
                 sum + corner * f64::from(weight)
+            })
+        }),
+    }
+}
+
+/// The uniforms and buffers of a draw on a tape.
+pub(super) fn taped_buffers(inputs: &Inputs) -> BTreeMap<(u32, u32), Value<Taped>> {
+    let all = inputs.resources.iter();
+    all.map(|(at, value)| {
+        let mut steps = [NO_STEP; 8];
+        (*at, on_tape(value, (*at, &mut steps, 0)))
+    })
+    .collect()
+}
+
+/// A value of a buffer on a tape. What lies too deep is constant.
+fn on_tape(value: &Value, (at, steps, depth): ((u32, u32), &mut Steps, usize)) -> Value<Taped> {
+    match value {
+        Value::Scalar(Scalar::F32(x)) => {
+            Value::number(Taped::input(Source::Buffer(at, *steps), *x))
+        }
+        Value::Composite(parts) if depth < steps.len() => {
+            let parts = (0..).zip(parts).map(|(i, part)| {
+                steps[depth] = i;
+                on_tape(part, (at, steps, depth + 1))
+            });
+            let parts = parts.collect();
+            steps[depth] = NO_STEP;
+            Value::Composite(parts)
+        }
+        other => exactly(other),
+    }
+}
+
+/// A world of numbers on a tape ([`super::tape`]), with the buffers of [`taped_buffers`].
+pub(super) fn taped<'a>(
+    inputs: &'a Inputs,
+    resources: BTreeMap<(u32, u32), Value<Taped>>,
+) -> World<'a, Taped> {
+    // The components of an input.
+    let components = |value: Value, source: &dyn Fn(u32) -> Option<Source>| {
+        let one = |(i, part): (u32, Value)| match (part, source(i)) {
+            (Value::Scalar(Scalar::F32(x)), Some(source)) => Value::number(Taped::input(source, x)),
+            (part, _) => exactly(&part),
+        };
+        match value {
+            Value::Composite(parts) => Value::Composite((0..).zip(parts).map(one).collect()),
+            scalar => one((0, scalar)),
+        }
+    };
+    World {
+        resources: Arc::new(resources),
+        corner: inputs.corner(),
+        attribute: Box::new(move |module, io, corner| {
+            let slot = inputs.slot(io)?;
+            let is_fixed = |i| match slot {
+                Slot::Location(location, _) => inputs.fixed_attribute(location, i).is_some(),
+                Slot::BuiltIn(_) => false,
+            };
+            let source = |i| (!is_fixed(i)).then_some(Source::Attribute(slot, corner, i));
+            Some(components(inputs.attribute(module, io, corner)?, &source))
+        }),
+        fragment: Box::new(move |module, io, _| {
+            let slot = Slot::of(io.binding.as_ref()?);
+            let value = inputs.fragment(module, io)?;
+            Some(components(value, &|i| Some(Source::Fragment(slot, i))))
+        }),
+        texel: Box::new(|lookup| {
+            Taped::looked_up(lookup);
+            let values = |all: &[Taped]| all.iter().map(|x| x.value).collect::<Vec<_>>();
+            let (coordinates, footprint) = (values(lookup.coordinates), values(lookup.footprint));
+            let texel = inputs.texel(&Lookup {
+                binding: lookup.binding,
+                coordinates: &coordinates,
+                footprint: &footprint,
+                sampling: lookup.sampling,
+            });
+            let channels = (0..).zip(texel).map(|(channel, x)| match lookup.binding {
+                Some(at) => Taped::input(Source::Texel(at, channel), x),
+                None => Taped::of(x),
+            });
+            let mut all = [Taped::of(0.0); 4];
+            all.iter_mut().zip(channels).for_each(|(to, x)| *to = x);
+            all
+        }),
+        derivative: Box::new(|derivative| slope(inputs, derivative)),
+        inside: Box::new(|kind, corners: [Taped; 3]| {
+            let parts = corners.iter().zip(inputs.weights(kind));
+            parts.fold(Taped::of(0.0), |sum, (corner, weight)| {
+                plus(sum, times(*corner, weight))
             })
         }),
     }

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use preshade_passes::core::mapping::Mapping;
+use preshade_passes::core::mapping::Equation;
 use preshade_passes::naga::front::wgsl;
 use preshade_passes::plan::Plan;
 use preshade_passes::program::{Language, Program, SourceMap};
@@ -33,7 +33,7 @@ pub fn held(
     second: &str,
     maps: &[&str],
 ) -> Result<Agreement, Mismatch> {
-    let maps: Vec<Mapping> = maps.iter().map(|m| m.parse().unwrap()).collect();
+    let maps: Vec<Equation> = maps.iter().map(|m| m.parse().unwrap()).collect();
     let question = Question {
         maps: &maps,
         ..relation.into()

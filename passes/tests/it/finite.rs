@@ -141,6 +141,7 @@ fn the_ranges_of_a_scene_decide() {
         source: Source::Varying { location: 0 },
         low: -4.0,
         high: 40.0,
+        components: Vec::new(),
     }];
     assert!(stays(body, Vec::new()).is_some());
     assert_eq!(stays(body, ranges), None);

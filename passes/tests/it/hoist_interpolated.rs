@@ -447,6 +447,7 @@ fn range(source: Source, [low, high]: [f32; 2]) -> SourceRange {
         source,
         low,
         high,
+        components: Vec::new(),
     }
 }
 

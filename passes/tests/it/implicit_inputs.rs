@@ -101,7 +101,8 @@ fn a_slice_keeps_the_sample_rate_or_is_refused() {
         codes(prepass(&plan(&material(UV, arguments, body), change)))
     };
     assert_eq!(refused(&by_pixel, four_samples), ["sample-rate"]);
-    assert!(refused(&by_pixel, |_| {}).is_empty());
+    // Both rates shade one point, to which SwiftShader interpolates by two formulas.
+    assert_eq!(refused(&by_pixel, |_| {}), ["sample-rate"]);
     assert!(refused(&by_sample, four_samples).is_empty());
     assert!(refused(&by_draw, four_samples).is_empty());
     assert!(refused(colour, four_samples).is_empty());
@@ -226,7 +227,7 @@ fn a_specialised_stage_keeps_the_sample_rate() {
         codes(specialize.run(&plan(&source, change), &Facts::default(), &params))
     };
     assert_eq!(run(four_samples), ["sample-rate"]);
-    assert!(run(|_| {}).is_empty());
+    assert_eq!(run(|_| {}), ["sample-rate"]);
 }
 
 /// Code that joins a vertex stage may change how a driver compiles the position.

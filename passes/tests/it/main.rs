@@ -9,6 +9,8 @@ mod uniformity_cases;
 mod agree;
 mod agree_claims;
 mod agree_planted;
+mod agree_products;
+mod agree_ties;
 mod bound;
 mod budgets;
 mod contraction;

@@ -2,7 +2,9 @@
 
 use preshade_passes::contract::{Assumption, Contract};
 use preshade_passes::geometry::Geometry;
-use preshade_passes::pass::{Facts, Pass, Refused, Source, SourceRange, SteadyTexture};
+use preshade_passes::pass::{
+    Facts, Left, MaterialTexture, Numbers, Pass, Refused, Source, SourceRange,
+};
 use preshade_passes::plan::{BindingKind, BindingSource, GeometryPart, Plan};
 use preshade_passes::preamble::{Allow, Params, Preamble};
 use preshade_passes::state::MaterialState;
@@ -278,30 +280,151 @@ fn immediate_data_and_overrides_stay() {
     }
 }
 
-#[test]
-fn what_is_known_to_be_subnormal_stays() {
-    let plan = original("let gain = exp2(u.a * u.d.x); return vec4(v.uv * gain, gain, 1.0);");
-    let facts = |at: f32| Facts {
-        ranges: vec![SourceRange {
-            material: "test".to_owned(),
-            source: Source::Buffer {
-                group: 0,
-                binding: 0,
-                member: Some("a".to_owned()),
-            },
-            low: at,
-            high: at,
-        }],
-        ..Facts::default()
+/// Facts that say which numbers a member has, by component.
+fn numbers(member: &str, components: &[&[f32]]) -> SourceRange {
+    let one = |numbers: &&[f32]| {
+        numbers
+            .iter()
+            .copied()
+            .map(Numbers::one)
+            .reduce(Numbers::or)
     };
-    let least = Params {
+    let components: Vec<Numbers> = components.iter().filter_map(one).collect();
+    let all = components.iter().copied().reduce(Numbers::or).unwrap();
+    SourceRange {
+        material: "test".to_owned(),
+        source: Source::Buffer {
+            group: 0,
+            binding: 0,
+            member: Some(member.to_owned()),
+        },
+        low: all.low,
+        high: all.high,
+        components,
+    }
+}
+
+#[test]
+fn what_may_be_subnormal_stays() {
+    let rows: [(&str, [f32; 2], [f32; 4], bool); 22] = [
+        // The gain, the members `a` and `b`, the vector `d`, and whether it stays.
+        ("exp2(u.a * u.d.x)", [0.5, 1.0], [0.5, 1.0, 2.0, 3.0], false),
+        (
+            "exp2(u.a * u.d.x)",
+            [2e-39, 1.0],
+            [0.5, 1.0, 2.0, 3.0],
+            true,
+        ),
+        // A component beside others, read in three ways; and one that nobody reads.
+        (
+            "exp2(u.d.x * 1e38)",
+            [0.5, 1.0],
+            [1e-39, 5.0, 1.0, 2.0],
+            true,
+        ),
+        ("exp2(wise(u.d))", [0.5, 1.0], [1e-39, 5.0, 1.0, 2.0], true),
+        (
+            "exp2(u.d.zyx.z * 1e38)",
+            [0.5, 1.0],
+            [1e-39, 5.0, 1.0, 2.0],
+            true,
+        ),
+        (
+            "exp2(u.d.y * 0.3)",
+            [0.5, 1.0],
+            [1e-39, 5.0, 1.0, 2.0],
+            false,
+        ),
+        // Results and terms.
+        ("exp2(u.a * u.b)", [1e-20, 1e-19], [0.0; 4], true),
+        ("exp2(u.a * u.b)", [1e-30, 1e-30], [0.0; 4], false),
+        ("exp2(u.a - u.b)", [1.9e-38, 1.3e-38], [0.0; 4], true),
+        ("exp2(u.a - u.b)", [1.9e-3, 1.3e-3], [0.0; 4], false),
+        ("exp2(1.0 / u.a)", [3e38, 1.0], [0.0; 4], true),
+        ("sin(exp2(u.a))", [-140.0, 1.0], [0.0; 4], true),
+        ("sin(exp2(u.a))", [-100.0, 1.0], [0.0; 4], false),
+        ("sin(pow(u.a, 30.0))", [0.05, 1.0], [0.0; 4], true),
+        ("sin(pow(u.a, 30.0))", [0.5, 1.0], [0.0; 4], false),
+        (
+            "exp2(length(u.d.xyz))",
+            [0.5, 1.0],
+            [1e-22, 0.0, 0.0, 0.0],
+            true,
+        ),
+        (
+            "exp2(length(u.d.xyz))",
+            [0.5, 1.0],
+            [1e-22, 1.0, 0.0, 0.0],
+            false,
+        ),
+        (
+            "exp2(smoothstep(0.0, 2e-39, u.a))",
+            [1e-39, 1.0],
+            [0.0; 4],
+            true,
+        ),
+        ("exp2(turns(u.a))", [1e-10, 1.0], [0.0; 4], true),
+        ("exp2(turns(u.a))", [0.1, 1.0], [0.0; 4], false),
+        // Decisions.
+        (
+            "exp2(select(0.2, 1.5, u.a > 0.0) * 1.3)",
+            [1e-40, 1.0],
+            [0.0; 4],
+            true,
+        ),
+        (
+            "exp2(f32(u32(u.a * 1e30)) * 0.3)",
+            [1e-40, 1.0],
+            [0.0; 4],
+            true,
+        ),
+    ];
+    let params = Params {
         least: 1.0,
         ..EXACT
     };
-    assert!(Preamble::run(&plan, &facts(0.5), &least).is_ok());
-    let refused = Preamble::run(&plan, &facts(2e-39), &least).unwrap_err();
-    let left = refused.left.iter().find(|l| l.name == "gain").unwrap();
-    assert!(left.reason.contains("subnormal"), "{}", left.reason);
+    for (gain, [a, b], d, stays) in rows {
+        let text = format!(
+            "{HEAD}
+            fn wise(d: vec4<f32>) -> f32 {{ let e = d; return e.x * 1e38; }}
+            fn turns(a: f32) -> f32 {{
+                var x = 1.0;
+                for (var i = 0; i < 4; i++) {{ x *= a; }}
+                return x;
+            }}
+            @fragment fn fs(v: V) -> @location(0) vec4<f32> {{
+                let gain = {gain};
+                return vec4(v.uv * gain, gain, 1.0);
+            }}"
+        );
+        let facts = Facts {
+            ranges: vec![
+                numbers("a", &[&[a]]),
+                numbers("b", &[&[b]]),
+                numbers("d", &d.each_ref().map(std::slice::from_ref)),
+            ],
+            ..Facts::default()
+        };
+        let (plan, is_gain) = (planned(&text), |l: &Left| l.name == "gain");
+        let left = match Preamble::run(&plan, &facts, &params) {
+            Ok(done) => done.left.into_iter().find(is_gain),
+            Err(refused) => refused.left.into_iter().find(is_gain),
+        };
+        let why = left.map(|l| l.reason).unwrap_or_default();
+        assert_eq!(
+            why.contains("subnormal"),
+            stays,
+            "{gain} of {a}, {b}, {d:?}: {why}"
+        );
+    }
+    // One draw of several has such a number.
+    let plan = original("let gain = exp2(u.a * 1e38); return vec4(v.uv * gain, gain, 1.0);");
+    let facts = Facts {
+        ranges: vec![numbers("a", &[&[0.0, 1e-39, 1.0]])],
+        ..Facts::default()
+    };
+    let refused = Preamble::run(&plan, &facts, &params).unwrap_err();
+    assert!(refused.left.iter().any(|l| l.reason.contains("subnormal")));
 }
 
 #[test]
@@ -461,7 +584,7 @@ fn a_sample_of_a_texture_that_no_pass_writes_moves() {
         left.reason
     );
     let steady = |binding| Facts {
-        steady_textures: vec![SteadyTexture {
+        steady_textures: vec![MaterialTexture {
             material: "test".to_owned(),
             group: 0,
             binding,

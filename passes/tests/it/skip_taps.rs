@@ -8,7 +8,7 @@ use naga::ShaderStage;
 use preshade_passes::budget::{Budget, Metric};
 use preshade_passes::contract::Assumption;
 use preshade_passes::evaluate::{self, Environment, Scalar, Value};
-use preshade_passes::pass::{Facts, Pass};
+use preshade_passes::pass::{Facts, MaterialTexture, Pass};
 use preshade_passes::plan::Plan;
 use preshade_passes::skip_taps::{Params, SkipTaps};
 use preshade_passes::state::MaterialState;
@@ -148,6 +148,93 @@ fn a_threshold_of_nothing_leaves_the_sum() {
         );
         assert!(less.contract.budgets().is_empty(), "{:?}", less.contract);
     }
+}
+
+/// Who tells the sign of a sum of zeros, or has an infinite term: the statements after the sum `s`.
+#[test]
+fn a_zero_that_somebody_tells_stays() {
+    let rows = [
+        // What is made of the sum, and whether the terms stay.
+        ("return vec4(1.0 / s);", true),
+        ("return vec4(u.w.x / (s * 2.0));", true),
+        ("return vec4(atan2(s, -1.0));", true),
+        ("return vec4(inverseSqrt(s));", true),
+        ("return vec4(bitcast<u32>(s) >> 31u);", true),
+        (
+            "let p = pack2x16float(vec2(s)); return vec4(unpack4x8unorm(p));",
+            true,
+        ),
+        ("let q = min(floor(-s), 0.5); return vec4(1.0 / q);", true),
+        (
+            "var t = s; if u.w.w > 0.5 { t = t + t; } return vec4(1.0 / t);",
+            true,
+        ),
+        ("return vec4(1.0 / twice(s));", true),
+        ("return vec4(s);", false),
+        ("return vec4(select(0.1, 0.9, s > 0.0));", false),
+        ("return vec4(1.0 / (s + 0.25));", false),
+        ("return vec4(1.0 / (1.0 + s * s));", false),
+        ("return vec4(1.0 / abs(s));", false),
+        (
+            "return vec4(1.0 / exp2(s), length(vec2(s)), f32(i32(s)), 1.0);",
+            false,
+        ),
+    ];
+    for (body, stays) in rows {
+        let plan = original(&format!(
+            "fn twice(x: f32) -> f32 {{ return x * 2.0; }}
+            @fragment fn fs() -> @location(0) vec4<f32> {{
+                let s = u.w.x * (level(a, vec2(0.5)).x - 1.5) + u.w.y * level(b, vec2(0.5)).x;
+                {body}
+            }}"
+        ));
+        assert_eq!(skipped(&plan, &params(0.0, None)).is_err(), stays, "{body}");
+        // A budget is measured.
+        assert!(skipped(&plan, &params(0.0, Some(0.1))).is_ok(), "{body}");
+    }
+}
+
+#[test]
+fn a_term_that_may_be_infinite_stays() {
+    let rows = [
+        ("1.0 / level(a, vec2(0.5))", true),
+        ("log(level(a, vec2(0.5)))", true),
+        ("sqrt(level(a, vec2(0.5)) - 0.5)", true),
+        ("pow(level(a, vec2(0.5)), u.w)", true),
+        ("vec4(normalize(level(a, vec2(0.5)).xyz - 0.5), 1.0)", true),
+        ("sqrt(level(a, vec2(0.5)))", false),
+        ("level(a, vec2(0.5) / u.w.xy) * 2.0 - 1.0", false),
+        ("1.0 / (level(a, vec2(0.5)) + 0.5)", false),
+    ];
+    for (tap, stays) in rows {
+        let plan = original(&format!(
+            "@fragment fn fs() -> @location(0) vec4<f32> {{
+                return u.w.x * ({tap}) + vec4(0.25);
+            }}"
+        ));
+        assert_eq!(skipped(&plan, &params(0.0, None)).is_err(), stays, "{tap}");
+    }
+    // A texture that holds such a number.
+    let body = "return u.w.x * level(a, vec2(0.5)) + u.w.y * level(b, vec2(0.5));";
+    let plan = original(&format!(
+        "@fragment fn fs() -> @location(0) vec4<f32> {{ {body} }}"
+    ));
+    let facts = |binding: u32| Facts {
+        infinite_textures: vec![MaterialTexture {
+            material: plan.material.clone(),
+            group: 0,
+            binding,
+        }],
+        ..Facts::default()
+    };
+    let left = |binding: u32| {
+        let done = SkipTaps::run(&plan, &facts(binding), &params(0.0, None)).unwrap();
+        done.left
+            .iter()
+            .filter(|l| l.reason.contains("its texture holds"))
+            .count()
+    };
+    assert_eq!([1, 2, 9].map(left), [1, 1, 0]);
 }
 
 #[test]

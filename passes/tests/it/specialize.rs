@@ -2,7 +2,10 @@
 
 use preshade_passes::contract::{Contract, Surface};
 use preshade_passes::evaluate::Value;
-use preshade_passes::specialize::{Fold, Params};
+use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};
+use preshade_passes::pass::{Constant, Facts, Pass};
+use preshade_passes::plan::Plan;
+use preshade_passes::specialize::{Fold, Params, Specialize, as_drawn};
 
 use crate::common;
 use crate::common::specialized::{
@@ -179,6 +182,102 @@ fn a_weight_of_nothing_goes_where_floats_may_be_folded() {
         .map(|p| text(&p))
         .unwrap_err();
     assert!(refused.contains("nothing-known"), "{refused}");
+}
+
+#[test]
+fn a_zero_stays_in_a_sum_whose_sign_somebody_tells() {
+    let rows = [
+        ("return vec4(1.0 / (-max(i.x, 0.0) + u.b));", false),
+        ("return vec4(atan2(u.b - max(i.x, 0.0), -1.0));", true),
+        (
+            "return vec4(atan2(max(i.x, 0.0) * -2.0 - u.b, -1.0));",
+            false,
+        ),
+        ("return vec4(i.x + u.b);", true),
+        ("return vec4(1.0 / (i.x * i.x + 1.0 + u.b));", true),
+        ("return vec4(mix(0.3, 1.0 / i.x, u.b));", false),
+        ("return vec4(mix(0.3, i.x, u.b));", true),
+    ];
+    for (body, folds) in rows {
+        let text = format!(
+            "struct U {{ a: f32, b: f32 }}
+@group(0) @binding(0) var<uniform> u: U;
+struct V {{ @builtin(position) p: vec4<f32>, @location(0) i: vec2<f32> }}
+@vertex fn vs(@location(0) p: vec4<f32>) -> V {{ return V(p, p.xy); }}
+@fragment fn fs(v: V) -> @location(0) vec4<f32> {{ let i = v.i; {body} }}"
+        );
+        let params = Params {
+            fold: Fold::Rounding,
+            ..set("b=0")
+        };
+        let done = specialized(&original(&text), &params);
+        assert_eq!(done.is_ok(), folds, "{body}");
+    }
+}
+
+/// Original and variant are counted with what the draws are known to run.
+#[test]
+fn code_that_no_draw_runs_saves_nothing() {
+    let source = |mode: &str, steps: &str| {
+        original(&format!(
+            "struct U {{ mode: u32, steps: i32 }}
+@group(0) @binding(0) var<uniform> u: U;
+@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> {{ return p; }}
+@fragment fn fs(@builtin(position) p: vec4<f32>) -> @location(0) vec4<f32> {{
+    var x = p.x;
+    if {mode} == 1u {{ for (var i = 0; i < 30; i++) {{ x = sin(x) + cos(x); }} }}
+    for (var i = 0; i < {steps}; i++) {{ x = sqrt(x) * 0.5; }}
+    return vec4(x);
+}}"
+        ))
+    };
+    let plan = source("u.mode", "u.steps");
+    let constant = |offset: u32, ty: ScalarType, value: f64| Constant {
+        material: plan.material.clone(),
+        value: Assumed {
+            name: String::new(),
+            place: Place::Uniform {
+                group: 0,
+                binding: 0,
+                offset,
+            },
+            ty,
+            bounds: Bounds::one(value),
+        },
+    };
+    let facts = |mode: f64, steps: f64| Facts {
+        constants: vec![
+            constant(0, ScalarType::U32, mode),
+            constant(4, ScalarType::I32, steps),
+        ],
+        ..Facts::default()
+    };
+    let cost = |plan: &Plan, facts: &Facts| {
+        let pass = plan.main().unwrap();
+        let program = plan.program(pass).unwrap();
+        let (entry, _) = program
+            .entry_point(naga::ShaderStage::Fragment, "fs")
+            .unwrap();
+        as_drawn(program, pass, &plan.material, facts).entry_cost(entry)
+    };
+    for (mode, steps) in [(0.0, 50.0), (1.0, 50.0), (0.0, 3.0), (1.0, 100.0)] {
+        let facts = facts(mode, steps);
+        let done = Specialize::run(&plan, &facts, &Params::default()).unwrap();
+        let [drawn, left] = [&plan, &done.plan].map(|plan| cost(plan, &facts));
+        // The original reads uniforms and compares them, and that is all that it does more.
+        let said = format!("{mode}, {steps}: {drawn}, {left}");
+        assert!(left <= drawn && left >= 0.4 * drawn, "{said}");
+        let branch = 30.0 * mode;
+        assert!(
+            drawn > 5.0 * (steps + branch) && drawn < 13.0 * (steps + branch) + 10.0,
+            "{said}"
+        );
+        let saved = done.change.cost.slice;
+        assert!(
+            saved >= 0.0 && saved < 0.2 * drawn,
+            "{mode}, {steps}: {saved} of {drawn}"
+        );
+    }
 }
 
 #[test]

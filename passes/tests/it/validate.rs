@@ -751,3 +751,24 @@ fn long_buffers_have_fewer_inputs() {
         assert_eq!(inputs, expected, "{length} {buffers}");
     }
 }
+
+#[test]
+fn nothing_is_proved_that_no_input_and_no_term_reached() {
+    let source = include_str!("../../../fixtures/cases/newcomer/proved-by-word.wgsl");
+    let original = plan(source);
+    let variant = applied(&original, "depth-prepass", serde_json::json!({}));
+    let effort = Effort {
+        steps: 500,
+        ..EFFORT
+    };
+    let checks = validate(&original, &variant, &effort);
+    let of_colours = |c: &&Check| c.promise.contains("colours");
+    let colours: Vec<_> = checks.iter().filter(of_colours).collect();
+    assert!(!colours.is_empty(), "{checks:#?}");
+    for check in colours {
+        let Verdict::NotEvaluable { why } = &check.verdict else {
+            panic!("{check:#?}");
+        };
+        assert!(why.contains("no input came to an end"), "{why}");
+    }
+}

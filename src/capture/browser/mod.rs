@@ -9,7 +9,7 @@ mod unpack;
 use std::collections::BTreeSet;
 use std::io::{Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use base64::Engine as _;
 use base64::engine::general_purpose::STANDARD;
@@ -20,12 +20,13 @@ pub use site::Site;
 pub use unpack::{UnpackError, prepare, unpack};
 
 use super::codes;
+use super::folder::is_folder;
 use super::page::RECORDER;
 use crate::limits::Limits;
 use process::Browser;
 use protocol::Client;
 
-/// The page may load, and wait for its condition, so long.
+/// The page may load so long, and wait for its condition if the visit does not say how long.
 const LOADING: Duration = Duration::from_secs(120);
 /// The browser may be silent so long.
 const SILENT: Duration = Duration::from_secs(120);
@@ -45,7 +46,13 @@ pub struct Visit<'a> {
     pub frames: u32,
     /// Width and height of the window, in pixels.
     pub size: [u32; 2],
-    /// The page is ready when this expression is true.
+    /// Device pixels of a CSS pixel.
+    pub scale: f64,
+    /// Statements that run in the page once it is loaded.
+    pub before: Option<&'a str>,
+    /// Then an element of each of these CSS selectors is clicked on, once it is there.
+    pub clicks: &'a [String],
+    /// Then the page is ready when this expression is true.
     pub condition: Option<&'a str>,
     /// JavaScript that draws a frame of a page that draws on demand.
     pub draw: Option<&'a str>,
@@ -55,8 +62,8 @@ pub struct Visit<'a> {
     pub is_hardware: bool,
     /// More flags for the browser.
     pub flags: &'a [String],
-    /// The browser is given up after it was silent so long. A page that draws nothing is given up after this, or
-    /// after [`DRAWING`] without it.
+    /// A page that draws nothing is given up after so long, or after [`DRAWING`] without it. The conditions wait so long,
+    /// or 120 s without it. The browser is given up after it was silent so long, or 120 s if that is more.
     pub patience: Option<Duration>,
 }
 
@@ -102,11 +109,13 @@ pub enum BrowserError {
         /// Why.
         message: String,
     },
-    /// The condition never holds.
-    #[error("`{condition}` was not true within {} s{}", LOADING.as_secs(), said(.page))]
+    /// A condition never holds.
+    #[error("{condition} was waited for in vain for {} s{}", .time.as_secs(), said(.page))]
     Condition {
-        /// The expression.
+        /// What was waited for.
         condition: String,
+        /// How long.
+        time: Duration,
         /// Errors of the page.
         page: Vec<String>,
     },
@@ -173,14 +182,12 @@ impl Heard {
             }
             "Runtime.exceptionThrown" => {
                 let details = &parameters["exceptionDetails"];
-                let text = details["exception"]["description"]
-                    .as_str()
-                    .or(details["text"].as_str());
-                self.says(text);
+                self.says(&thrown(details));
             }
             "Runtime.consoleAPICalled" if parameters["type"] == "error" => {
-                let first = &parameters["args"][0];
-                self.says(first["value"].as_str().or(first["description"].as_str()));
+                let values = parameters["args"].as_array().into_iter().flatten();
+                let values: Vec<String> = values.map(shown).collect();
+                self.says(&values.join(" "));
             }
             "Page.loadEventFired" => self.is_loaded = true,
             "Runtime.executionContextCreated" => {
@@ -198,11 +205,18 @@ impl Heard {
         }
     }
 
-    fn says(&mut self, text: Option<&str>) {
-        let line = text.and_then(|text| text.lines().next());
-        if let Some(line) = line.filter(|_| self.errors.len() < TOLD) {
-            self.errors.push(line.chars().take(500).collect());
+    /// Keeps a message, once.
+    fn says(&mut self, text: &str) {
+        let text = told(text);
+        if !text.is_empty() && self.errors.len() < TOLD && !self.errors.contains(&text) {
+            self.errors.push(text);
         }
+    }
+
+    /// A failure, with what the page said.
+    fn page_error(&mut self, message: String) -> BrowserError {
+        let page = std::mem::take(&mut self.errors);
+        BrowserError::Page { message, page }
     }
 
     /// An empty chunk is the end.
@@ -226,13 +240,44 @@ impl Heard {
     }
 }
 
-/// Records a page into `folder`. If it fails after some frames, the folder holds them, and the error
-/// is returned.
+/// A value that the page threw or printed.
+fn shown(value: &Value) -> String {
+    match (&value["value"], value["description"].as_str()) {
+        (Value::String(text), _) => text.clone(),
+        (Value::Null, Some(description)) => description.to_owned(),
+        (other, description) => description.map_or_else(|| other.to_string(), str::to_owned),
+    }
+}
+
+/// What the page threw: an error's own text, or any other value with the browser's `Uncaught`.
+fn thrown(details: &Value) -> String {
+    let exception = &details["exception"];
+    let text = details["text"].as_str().unwrap_or_default();
+    match exception["subtype"] == "error" {
+        true => shown(exception),
+        false if exception.is_object() => format!("{text} {}", shown(exception)),
+        false => text.to_owned(),
+    }
+}
+
+/// A message without its stack: some lines, as a shader's log has, and not more than a screen holds.
+fn told(text: &str) -> String {
+    let lines = text
+        .lines()
+        .map(str::trim_end)
+        .filter(|line| !line.is_empty());
+    let lines = lines.take_while(|line| !line.trim_start().starts_with("at "));
+    let lines: Vec<&str> = lines.take(8).collect();
+    lines.join("\n    ").chars().take(1000).collect()
+}
+
+/// Records a page into `folder`, in place of an earlier capture. Returns the errors of the page. If it fails after some
+/// frames and the folder holds no earlier capture, it then holds these frames; the error is returned.
 ///
 /// # Errors
 /// [`BrowserError`].
-pub fn record(visit: &Visit, folder: &Path, limits: &Limits) -> Result<(), BrowserError> {
-    let browser = Browser::start(visit)?;
+pub fn record(visit: &Visit, folder: &Path, limits: &Limits) -> Result<Vec<String>, BrowserError> {
+    let mut browser = Browser::start(visit)?;
     let (port, path) = browser.address()?;
     let patience = visit.patience.unwrap_or(SILENT).max(SILENT);
     let mut client = Client::connect(port, &path, patience)?;
@@ -256,16 +301,21 @@ pub fn record(visit: &Visit, folder: &Path, limits: &Limits) -> Result<(), Brows
         .stream
         .seek(SeekFrom::Start(0))
         .map_err(UnpackError::Write)?;
+    if is_folder(folder)
+        && let Err(error) = recorded
+    {
+        return Err(error);
+    }
     let unpacked = unpack(&mut heard.stream, folder, limits);
     recorded?;
-    Ok(unpacked?)
+    unpacked?;
+    Ok(heard.errors)
 }
 
 fn drive(client: &mut Client, visit: &Visit, heard: &mut Heard) -> Result<(), BrowserError> {
     client.open_page()?;
     let [width, height] = visit.size;
-    let screen =
-        json!({ "width": width, "height": height, "deviceScaleFactor": 1, "mobile": false });
+    let screen = json!({ "width": width, "height": height, "deviceScaleFactor": visit.scale, "mobile": false });
     let set_up = [
         ("Page.enable", json!({})),
         ("Runtime.enable", json!({})),
@@ -280,8 +330,23 @@ fn drive(client: &mut Client, visit: &Visit, heard: &mut Heard) -> Result<(), Br
         client.call(method, parameters, &mut |m, p| heard.event(m, p))?;
     }
     load(client, visit, heard)?;
+    if let Some(statements) = visit.before {
+        let run = format!("(async () => {{ {statements}\n}})()");
+        evaluate(client, &run, None, heard)?
+            .map_err(|m| heard.page_error(format!("--before: {m}")))?;
+    }
+    let patience = visit.patience.unwrap_or(LOADING);
+    for selector in visit.clicks {
+        click(client, selector, patience, heard)?;
+    }
     if let Some(condition) = visit.condition {
-        wait_for(client, condition, heard)?;
+        wait_for(
+            client,
+            condition,
+            &format!("Boolean({condition})"),
+            patience,
+            heard,
+        )?;
     }
     client.listen(visit.after, &mut |m, p| {
         heard.event(m, p);
@@ -297,10 +362,15 @@ fn drive(client: &mut Client, visit: &Visit, heard: &mut Heard) -> Result<(), Br
     );
     let context = largest(client, heard)?;
     let result = evaluate(client, &start, context, heard)?;
-    if let Err(message) = result {
-        let page = std::mem::take(&mut heard.errors);
-        return Err(BrowserError::Page { message, page });
+    // A page that is lost has said nothing.
+    if let Ok(Ok(Value::Array(of_api))) =
+        evaluate(client, "preshadeCapture.errors()", context, heard)
+    {
+        for text in of_api {
+            heard.says(text.as_str().unwrap_or_default());
+        }
     }
+    result.map_err(|message| heard.page_error(message))?;
     if !heard.is_whole {
         client.listen(visit.patience.unwrap_or(SILENT), &mut |m, p| {
             heard.event(m, p);
@@ -333,27 +403,61 @@ fn load(client: &mut Client, visit: &Visit, heard: &mut Heard) -> Result<(), Bro
     }
 }
 
-fn wait_for(client: &mut Client, condition: &str, heard: &mut Heard) -> Result<(), BrowserError> {
-    let asked = format!("Boolean({condition})");
-    for _ in 0..LOADING.as_millis() / ASKING.as_millis() {
-        match evaluate(client, &asked, None, heard)? {
-            Ok(Value::Bool(true)) => return Ok(()),
-            Ok(_) => {}
-            Err(message) => {
-                let message = format!("`{condition}`: {message}");
-                let page = std::mem::take(&mut heard.errors);
-                return Err(BrowserError::Page { message, page });
-            }
+/// Asks until the expression is neither false nor nothing. `what` is how the user wrote it.
+fn wait_for(
+    client: &mut Client,
+    what: &str,
+    asked: &str,
+    patience: Duration,
+    heard: &mut Heard,
+) -> Result<Value, BrowserError> {
+    // A long one would hide the reason.
+    let what = match what.char_indices().nth(80) {
+        Some((end, _)) => format!("`{}..`", &what[..end]),
+        None => format!("`{what}`"),
+    };
+    let end = Instant::now() + patience;
+    loop {
+        match evaluate(client, asked, None, heard)? {
+            Ok(Value::Bool(false) | Value::Null) => {}
+            Ok(value) => return Ok(value),
+            Err(message) => return Err(heard.page_error(format!("{message}, in {what}"))),
+        }
+        if Instant::now() >= end {
+            return Err(BrowserError::Condition {
+                condition: what,
+                time: patience,
+                page: std::mem::take(&mut heard.errors),
+            });
         }
         client.listen(ASKING, &mut |m, p| {
             heard.event(m, p);
             false
         })?;
     }
-    Err(BrowserError::Condition {
-        condition: condition.to_owned(),
-        page: std::mem::take(&mut heard.errors),
-    })
+}
+
+/// Clicks on the middle of an element, as a user does: pages start sound and animations only then.
+fn click(
+    client: &mut Client,
+    selector: &str,
+    patience: Duration,
+    heard: &mut Heard,
+) -> Result<(), BrowserError> {
+    let asked = format!(
+        "(() => {{ const e = document.querySelector({}); e?.scrollIntoView({{ block: 'center' }});
+         const b = e?.getBoundingClientRect(); return b?.width && b.height ? [b.x + b.width / 2, b.y + b.height / 2] : null }})()",
+        Value::from(selector)
+    );
+    let at = wait_for(client, selector, &asked, patience, heard)?;
+    for kind in ["mouseMoved", "mousePressed", "mouseReleased"] {
+        let mouse =
+            json!({ "type": kind, "x": at[0], "y": at[1], "button": "left", "clickCount": 1 });
+        client.call("Input.dispatchMouseEvent", mouse, &mut |m, p| {
+            heard.event(m, p)
+        })?;
+    }
+    Ok(())
 }
 
 /// Pixels of the largest canvas of a document.
@@ -397,11 +501,6 @@ fn evaluate(
     let Some(details) = result.get("exceptionDetails") else {
         return Ok(Ok(result["result"]["value"].take()));
     };
-    let thrown = &details["exception"]["description"];
-    let text = thrown
-        .as_str()
-        .or(details["text"].as_str())
-        .unwrap_or_default();
-    let line = text.lines().next().unwrap_or_default();
-    Ok(Err(line.trim_start_matches("Error: ").to_owned()))
+    let text = told(&thrown(details));
+    Ok(Err(text.trim_start_matches("Error: ").to_owned()))
 }

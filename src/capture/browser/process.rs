@@ -1,6 +1,7 @@
 //! The browser's process: headless, with a profile of its own that is removed with it.
 
 use std::fs;
+use std::path::Path;
 use std::process::{Child, Command, Stdio};
 use std::thread::sleep;
 use std::time::{Duration, Instant};
@@ -45,11 +46,48 @@ const SOFTWARE: &[&str] = &[
     "--disable-vulkan-surface",
 ];
 
-/// A running browser. It ends when this is dropped.
+/// A running browser. It ends when this is dropped, and on Unix also when our program ends in any other way.
 pub struct Browser {
     child: Child,
+    guard: Option<Child>,
     profile: TempDir,
     program: std::path::PathBuf,
+}
+
+/// Waits until its input ends, which is when our program does. Then it ends the browser, whose processes are the group
+/// of its first argument, and removes the profile, its second.
+const GUARD: &str = r#"trap '' INT TERM HUP
+read -r _
+kill -9 "-$1"
+for try in 1 2 3 4 5 6 7 8 9 10; do rm -rf "$2" && break; sleep 0.1; done"#;
+
+/// Starts the guard.
+#[cfg(unix)]
+fn guard(browser: &Child, profile: &Path) -> std::io::Result<Option<Child>> {
+    let mut shell = Command::new("/bin/sh");
+    shell
+        .args(["-c", GUARD, "preshade"])
+        .arg(browser.id().to_string())
+        .arg(profile);
+    shell
+        .stdin(Stdio::piped())
+        .stdout(Stdio::null())
+        .stderr(Stdio::null());
+    apart(&mut shell);
+    shell.spawn().map(Some)
+}
+
+#[cfg(not(unix))]
+fn guard(_: &Child, _: &Path) -> std::io::Result<Option<Child>> {
+    Ok(None)
+}
+
+/// Gives a process a group of its own: Ctrl-C in the terminal does not reach it.
+fn apart(command: &mut Command) {
+    #[cfg(unix)]
+    std::os::unix::process::CommandExt::process_group(command, 0);
+    #[cfg(not(unix))]
+    let _ = command;
 }
 
 impl Browser {
@@ -78,16 +116,20 @@ impl Browser {
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(log);
+        apart(&mut command);
         let child = command.spawn().map_err(failed)?;
-        Ok(Self {
+        let mut made = Self {
             child,
+            guard: None,
             profile,
-            program,
-        })
+            program: program.clone(),
+        };
+        made.guard = guard(&made.child, made.profile.path()).map_err(failed)?;
+        Ok(made)
     }
 
     /// The port and the path where DevTools' protocol is spoken.
-    pub fn address(&self) -> Result<(u16, String), BrowserError> {
+    pub fn address(&mut self) -> Result<(u16, String), BrowserError> {
         let file = self.profile.path().join("DevToolsActivePort");
         let end = Instant::now() + STARTING;
         while Instant::now() < end {
@@ -98,21 +140,32 @@ impl Browser {
             {
                 return Ok((port, path.to_owned()));
             }
+            if let Ok(Some(status)) = self.child.try_wait() {
+                return Err(self.not_started(&format!("it ended at once ({status})")));
+            }
             sleep(ASKING);
         }
+        Err(self.not_started(&format!("it is silent for {} s", STARTING.as_secs())))
+    }
+
+    /// With the last line that it wrote.
+    fn not_started(&self, why: &str) -> BrowserError {
         let log = fs::read_to_string(self.profile.path().join("log")).unwrap_or_default();
-        Err(BrowserError::Start {
+        let last = log.lines().rfind(|line| !line.trim().is_empty());
+        BrowserError::Start {
             program: self.program.clone(),
-            message: log.lines().last().unwrap_or("it is silent").to_owned(),
-        })
+            message: last.map_or(why.to_owned(), |line| format!("{why}: {line}")),
+        }
     }
 }
 
 impl Drop for Browser {
     fn drop(&mut self) {
-        // It may have ended by itself.
+        // Each may have ended by itself.
         let _ = self.child.kill();
         let _ = self.child.wait();
+        // Its input ends with the wait.
+        let _ = self.guard.as_mut().map(Child::wait);
     }
 }
 

@@ -7,7 +7,8 @@ use std::path::Path;
 use tar::{Archive, EntryType};
 
 use crate::capture::codes;
-use crate::capture::folder::{self, FILE, PACKED};
+use crate::capture::folder::{FILE, PACKED};
+use crate::capture::writer::{DATA, Writer, digits, is_left_over};
 use crate::limits::{Exceeded, Limits};
 
 /// The stream or the folder is none.
@@ -41,62 +42,42 @@ impl UnpackError {
     }
 }
 
-const DATA: &str = "data";
-
-/// Makes an empty folder. One that holds an older capture is emptied, any other is refused.
+/// Checks that a folder may take a capture: it is new, empty, or holds an older one, and nothing else.
 ///
 /// # Errors
 /// [`UnpackError`].
 pub fn prepare(folder: &Path) -> Result<(), UnpackError> {
+    let is_ours = |name: &str| [FILE, PACKED, DATA].contains(&name) || is_left_over(name);
+    let is_datum = |name: &str| digits(name).is_some() || is_left_over(name);
+    holds_only(folder, &is_ours)?;
+    holds_only(&folder.join(DATA), &is_datum)
+}
+
+fn holds_only(folder: &Path, is_ours: &dyn Fn(&str) -> bool) -> Result<(), UnpackError> {
     let entries = match fs::read_dir(folder) {
         Ok(entries) => entries,
-        Err(e) if e.kind() == io::ErrorKind::NotFound => {
-            return fs::create_dir_all(folder).map_err(UnpackError::Write);
-        }
+        Err(e) if e.kind() == io::ErrorKind::NotFound => return Ok(()),
         Err(e) => return Err(UnpackError::Write(e)),
     };
-    let mut names = Vec::new();
     for entry in entries {
-        names.push(entry.map_err(UnpackError::Write)?.file_name());
-    }
-    if (names.iter()).any(|name| ![FILE, PACKED, DATA].iter().any(|own| name == own)) {
-        return Err(UnpackError::Occupied(folder.display().to_string()));
-    }
-    for file in [FILE, PACKED] {
-        if names.iter().any(|name| name == file) {
-            fs::remove_file(folder.join(file)).map_err(UnpackError::Write)?;
+        let name = entry.map_err(UnpackError::Write)?.file_name();
+        if !is_ours(&name.to_string_lossy()) {
+            return Err(UnpackError::Occupied(folder.display().to_string()));
         }
-    }
-    let data = folder.join(DATA);
-    if !data.is_dir() {
-        return Ok(());
-    }
-    for entry in fs::read_dir(&data).map_err(UnpackError::Write)? {
-        let entry = entry.map_err(UnpackError::Write)?;
-        if !is_data(&entry.file_name().to_string_lossy()) {
-            return Err(UnpackError::Occupied(data.display().to_string()));
-        }
-        fs::remove_file(entry.path()).map_err(UnpackError::Write)?;
     }
     Ok(())
 }
 
-/// Whether `name` is that of a data file: 32 hexadecimal digits.
-fn is_data(name: &str) -> bool {
-    let digits = name.strip_suffix(".bin").unwrap_or_default();
-    digits.len() == 32 && digits.bytes().all(|b| b.is_ascii_hexdigit())
-}
-
-/// Writes the files of a stream into a prepared folder. Where the stream is cut short, the last
-/// `frame.json` that is whole counts.
+/// Writes the files of a stream into a folder, in place of an earlier capture. Where the stream is cut short, the last
+/// `frame.json` that is whole counts. If there is none, the folder stays as it was.
 ///
 /// # Errors
 /// [`UnpackError`].
 pub fn unpack(stream: &mut dyn Read, folder: &Path, limits: &Limits) -> Result<(), UnpackError> {
-    fs::create_dir_all(folder.join(DATA)).map_err(UnpackError::Write)?;
+    let writer = Writer::new(folder, limits).map_err(UnpackError::Write)?;
     let mut archive = Archive::new(stream);
     let mut bytes = 0;
-    let mut has_file = false;
+    let mut file = None;
     for entry in archive.entries().map_err(UnpackError::Read)? {
         // The rest is cut off.
         let Ok(mut entry) = entry else { break };
@@ -106,8 +87,8 @@ pub fn unpack(stream: &mut dyn Read, folder: &Path, limits: &Limits) -> Result<(
         }
         let name = String::from_utf8_lossy(&entry.path_bytes()).into_owned();
         let is_file = name == FILE || name == PACKED;
-        let is_known = is_file || name.strip_prefix("data/").is_some_and(is_data);
-        if !is_known || entry.header().entry_type() != EntryType::Regular {
+        let datum = name.strip_prefix("data/").filter(|n| digits(n).is_some());
+        if !(is_file || datum.is_some()) || entry.header().entry_type() != EntryType::Regular {
             return Err(UnpackError::Name(name));
         }
         limits.check(
@@ -123,15 +104,18 @@ pub fn unpack(stream: &mut dyn Read, folder: &Path, limits: &Limits) -> Result<(
         if read as u64 != entry.size() {
             break;
         }
-        let written = match name == FILE {
-            true => folder::write(folder, &content),
-            false => fs::write(folder.join(&name), &content),
-        };
-        written.map_err(UnpackError::Write)?;
-        has_file |= is_file;
+        match datum {
+            Some(datum) => {
+                let written = writer.data(datum.to_owned(), content);
+                written.map_err(UnpackError::Write)?;
+            }
+            None => file = Some((name, content)),
+        }
     }
-    match has_file {
-        true => Ok(()),
-        false => Err(UnpackError::Empty),
-    }
+    let written = match file {
+        Some((name, content)) if name == PACKED => writer.finish_as(PACKED, content),
+        Some((_, content)) => writer.finish(content),
+        None => return Err(UnpackError::Empty),
+    };
+    written.map_err(UnpackError::Write)
 }

@@ -5,7 +5,7 @@ if (!globalThis.preshadeCapture) {
     installWebgpu();
     installWebgl();
     Object.defineProperty(globalThis, 'preshadeCapture', {
-        value: { start: startCapture },
+        value: { start: startCapture, errors: () => [...pageErrors] },
     });
     const { after, frames } = document.currentScript?.dataset ?? {};
     if (after !== undefined) {

@@ -18,6 +18,7 @@ Object.assign(GlTaking.prototype, {
         const state = this.state();
         if (state.discards) return;
         if (state.cull === GL.FRONT_AND_BACK && call.mode >= 4) return;
+        if (state.clip?.upperLeft) this.note('clipControlEXT', 'the recorder does not follow UPPER_LEFT_EXT');
         if (state.sampleCoverage) this.note('SAMPLE_COVERAGE', 'WebGPU has no such state');
         const info = programInfo(this, program);
         const attributes = this.vertexInput(info);

@@ -67,7 +67,7 @@ class GlTaking {
 
     state() {
         if (this.stateDirty) {
-            this.fixed = fixedState(this.own, this.two);
+            this.fixed = fixedState(this.own, this.two, this.gl[CLIP_CONTROL]);
             this.stateDirty = false;
         }
         return this.fixed;
@@ -394,6 +394,8 @@ const webglRecorder = {
 
     begin(folder, { gl }) {
         drawnContexts.clear();
+        const { getError } = (gl[OWN] ??= ownMethods(gl));
+        hearContext(gl, getError);
         taking = new GlTaking(gl, folder);
         this.gl = gl;
     },

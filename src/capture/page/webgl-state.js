@@ -65,7 +65,7 @@ const INDEX_FORMATS = {
 };
 
 /** The state that a pipeline and a pass take: asked again after it changed. */
-function fixedState(o, two) {
+function fixedState(o, two, clipControl) {
     const get = (name) => o.getParameter(GL[name]);
     const on = (name) => o.isEnabled(GL[name]);
     const state = {
@@ -80,6 +80,7 @@ function fixedState(o, two) {
         alphaToCoverage: on('SAMPLE_ALPHA_TO_COVERAGE'),
         sampleCoverage: on('SAMPLE_COVERAGE'),
         stencilMask: get('STENCIL_WRITEMASK') & 0xff,
+        clip: clipControl && clipOf(o),
         discards: two && on('RASTERIZER_DISCARD'),
     };
     if (state.depthTest) state.depthFunc = compareOf(get('DEPTH_FUNC'));
@@ -88,6 +89,11 @@ function fixedState(o, two) {
     if (on('STENCIL_TEST')) Object.assign(state, stencilState(get));
     if (on('POLYGON_OFFSET_FILL')) state.bias = [get('POLYGON_OFFSET_UNITS'), get('POLYGON_OFFSET_FACTOR')];
     return state;
+}
+
+/** What `EXT_clip_control` says of clip space. */
+function clipOf(o) {
+    return { zeroToOne: o.getParameter(0x935d) === 0x935f, upperLeft: o.getParameter(0x935c) === 0x8ca2 };
 }
 
 function blendState(get) {
@@ -132,6 +138,7 @@ function pipelineState(state, target, mode, indexFormat) {
         return made;
     });
     const parts = { primitive, targets };
+    if (state.clip?.zeroToOne) parts.clipSpace = 'zero-to-one';
     if (target.depth) parts.depthStencil = depthState(state, target.depth.format);
     if (target.samples > 1) {
         parts.multisample = {

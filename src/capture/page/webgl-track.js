@@ -9,6 +9,8 @@ const drawnContexts = new Set();
 const INFO = Symbol('preshade info');
 /** On a context: methods of extensions that the page called, and that the recorder does not follow. */
 const UNFOLLOWED = Symbol('preshade unfollowed');
+/** On a context: whether the page asked for `EXT_clip_control`. */
+const CLIP_CONTROL = Symbol('preshade clip control');
 /** Methods of extensions that change nothing that a frame shows, or whose objects the recorder asks the context for. */
 const HARMLESS = /Query|VertexArray|[lL]oseContext|restoreContext|getTranslatedShaderSource|getSupportedProfiles|^is/;
 const originals = new Map();
@@ -378,6 +380,14 @@ function trackExtensions() {
                 if (taking !== null && taking.gl === gl) taking.pointerSet('vertexAttribDivisor', arguments);
             };
         }
+        const { clipControlEXT } = extension;
+        if (clipControlEXT) {
+            gl[CLIP_CONTROL] = true;
+            extension.clipControlEXT = function () {
+                clipControlEXT.apply(extension, arguments);
+                if (taking !== null && taking.gl === gl) taking.stateDirty = true;
+            };
+        }
         const { drawBuffersWEBGL } = extension;
         if (drawBuffersWEBGL) {
             extension.drawBuffersWEBGL = function () {
@@ -394,6 +404,7 @@ const FOLLOWED = new Set([
     'drawElementsInstancedANGLE',
     'vertexAttribDivisorANGLE',
     'drawBuffersWEBGL',
+    'clipControlEXT',
     'multiDrawArraysWEBGL',
     'multiDrawElementsWEBGL',
     'multiDrawArraysInstancedWEBGL',
@@ -444,6 +455,7 @@ function installWebgl() {
         originals.set(type.prototype, methods);
     }
     installFormats();
+    giveErrors(glTypes);
     wrap(
         globalThis.OffscreenCanvas,
         'transferToImageBitmap',

@@ -463,6 +463,7 @@ function installWebgpu() {
     if (!globalThis.GPUDevice || !navigator.gpu) return false;
     gpuTypes = GPU_TYPES();
     keepMethods();
+    hearDevices();
     wrapDevice();
     wrapResources();
     wrapMapping();

@@ -1,5 +1,6 @@
 //! Clears that do not fill the target: WebGL's scissor and masks hold for them.
 
+use preshade_passes::checks::Checks;
 use wgpu::util::DeviceExt as _;
 
 use super::Replay;
@@ -53,10 +54,13 @@ impl Replay<'_> {
         let bytes: Vec<u8> = fill.iter().flat_map(|n| n.to_le_bytes()).collect();
         let made = self.gpu.checked("a clear", || {
             let device = &self.gpu.device;
-            let module = self.gpu.shader(wgpu::ShaderModuleDescriptor {
-                label: Some("clear"),
-                source: wgpu::ShaderSource::Wgsl(include_str!("clear.wgsl").into()),
-            });
+            let module = self.gpu.shader(
+                Checks::default(),
+                wgpu::ShaderModuleDescriptor {
+                    label: Some("clear"),
+                    source: wgpu::ShaderSource::Wgsl(include_str!("clear.wgsl").into()),
+                },
+            );
             let pipeline = device.create_render_pipeline(&wgpu::RenderPipelineDescriptor {
                 label: Some("clear"),
                 layout: None,

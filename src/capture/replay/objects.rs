@@ -1,5 +1,6 @@
 //! wgpu's objects of a capture, made when they are first needed.
 
+use preshade_passes::checks::Checks;
 use std::collections::BTreeMap;
 
 use wgpu::util::DeviceExt as _;
@@ -212,10 +213,14 @@ impl Replay<'_> {
             }
         };
         let made = self.gpu.checked(&label, || {
-            self.gpu.shader(wgpu::ShaderModuleDescriptor {
-                label: Some(&label),
-                source,
-            })
+            // A page's shader was drawn with all of WGSL's checks.
+            self.gpu.shader(
+                Checks::ALL,
+                wgpu::ShaderModuleDescriptor {
+                    label: Some(&label),
+                    source,
+                },
+            )
         })?;
         self.objects.modules.insert(index, made.clone());
         Ok(made)

@@ -2,6 +2,7 @@
 //! that the first row of every texture is the bottom one, as in WebGL. Then no copy, no upload and no
 //! texture coordinate needs a change.
 
+use preshade_passes::checks::Checks;
 use std::collections::{BTreeMap, BTreeSet};
 
 use preshade_passes::plan::{BindingKind, BindingUse};
@@ -120,10 +121,13 @@ impl Replay<'_> {
         let made = made.and_then(|material| {
             let module = material.program.module().clone();
             let module = self.gpu.checked(&name, || {
-                self.gpu.shader(wgpu::ShaderModuleDescriptor {
-                    label: Some(&name),
-                    source: wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(module)),
-                })
+                self.gpu.shader(
+                    Checks::ALL,
+                    wgpu::ShaderModuleDescriptor {
+                        label: Some(&name),
+                        source: wgpu::ShaderSource::Naga(std::borrow::Cow::Owned(module)),
+                    },
+                )
             });
             let plan = material.plan();
             let bindings = plan.main().map(|p| p.bindings.clone()).unwrap_or_default();

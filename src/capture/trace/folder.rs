@@ -1,7 +1,6 @@
 //! Writes a frame folder: what its frames refer to, and no more.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::fs;
 use std::path::Path;
 
 use serde_json::Value;
@@ -12,7 +11,7 @@ use crate::capture::file::{
     CaptureFile, CapturedFrame, Command, ComputeCommand, DataName, DrawCommand, GroupLayout,
     LayoutChoice, RenderPassDescriptor, Resource, Unknown,
 };
-use crate::capture::folder;
+use crate::capture::writer;
 use crate::limits::Limits;
 
 /// A list of the file.
@@ -239,11 +238,10 @@ pub(super) fn write(
     out: &Path,
     limits: &Limits,
 ) -> Result<(), TraceError> {
-    let data = out.join("data");
-    fs::create_dir_all(&data).map_err(TraceError::Write)?;
+    let folder = writer::Writer::new(out, limits).map_err(TraceError::Write)?;
     let mut writer = Writer {
         store,
-        data: &data,
+        folder: &folder,
         limits,
         written: BTreeSet::new(),
         known: BTreeMap::new(),
@@ -266,12 +264,13 @@ pub(super) fn write(
     }
     let mut json = serde_json::to_value(file).map_err(|e| TraceError::Broken(e.to_string()))?;
     without_nulls(&mut json);
-    folder::write(out, json.to_string().as_bytes()).map_err(TraceError::Write)
+    let written = folder.finish(json.to_string().into_bytes());
+    written.map_err(TraceError::Write)
 }
 
 struct Writer<'w> {
     store: &'w Store,
-    data: &'w Path,
+    folder: &'w writer::Writer,
     limits: &'w Limits,
     written: BTreeSet<DataName>,
     known: BTreeMap<DataName, DataName>,
@@ -292,7 +291,8 @@ impl Writer<'_> {
             self.bytes += bytes.len() as u64;
             self.limits
                 .check("scene-bytes", self.bytes, "the bytes of the capture")?;
-            fs::write(self.data.join(hash.file()), &bytes).map_err(TraceError::Write)?;
+            let written = self.folder.data(hash.file(), bytes.to_vec());
+            written.map_err(TraceError::Write)?;
         }
         self.known
             .insert(std::mem::replace(name, hash.clone()), hash);

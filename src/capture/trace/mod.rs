@@ -25,7 +25,7 @@ mod version;
 use std::collections::BTreeMap;
 use std::fs::File;
 use std::io::{self, BufReader};
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 pub use version::Version;
@@ -54,6 +54,14 @@ pub enum TraceError {
     /// It cannot be opened or read.
     #[error("cannot read `{TRACE}`: {0}")]
     Io(io::Error),
+    /// It cannot be opened.
+    #[error("cannot read `{}`: {error}", file.display())]
+    Open {
+        /// The file.
+        file: PathBuf,
+        /// Why.
+        error: io::Error,
+    },
     /// It is something else.
     #[error("no trace of wgpu: {0}; {REMEDY}")]
     NoTrace(&'static str),
@@ -154,7 +162,7 @@ pub struct Found {
     pub is_cut: bool,
 }
 
-/// Writes frames of a trace to a folder that [`super::browser::prepare`] made.
+/// Writes frames of a trace to a folder that [`super::browser::prepare`] takes, in place of an earlier capture.
 ///
 /// # Errors
 /// [`TraceError`].
@@ -165,11 +173,12 @@ pub fn convert(
     limits: &Limits,
 ) -> Result<Found, TraceError> {
     let path = trace.join(TRACE);
-    let about = std::fs::metadata(&path).map_err(TraceError::Io)?;
+    let opened = std::fs::metadata(&path).and_then(|about| Ok((about, File::open(&path)?)));
+    let (about, opened) = opened.map_err(|error| TraceError::Open { file: path, error })?;
     if !about.is_file() {
         return Err(TraceError::NoTrace("`trace.ron` is no file"));
     }
-    let input = BufReader::new(File::open(path).map_err(TraceError::Io)?);
+    let input = BufReader::new(opened);
     let mut elements = Elements::new(input, limits);
     let nothing = TraceError::NoTrace("it is empty, or was cut off in its first action");
     let init = elements.next()?.ok_or(nothing)?;

@@ -442,6 +442,7 @@ impl Recorder {
                 },
                 fragment: fragment.transpose()?,
                 primitive: objects::primitive(&of.primitive)?,
+                clip_space: None,
                 depth_stencil: of.depth_stencil.as_ref().map(objects::depth_stencil),
                 multisample: objects::multisample(&of.multisample),
             })

@@ -183,6 +183,18 @@ impl Taken {
     }
 }
 
+/// Whether a type is `part`, or has it in it.
+fn holds(module: &Module, ty: Handle<Type>, part: Handle<Type>) -> bool {
+    ty == part
+        || match &module.types[ty].inner {
+            TypeInner::Array { base, .. } | TypeInner::BindingArray { base, .. } => {
+                holds(module, *base, part)
+            }
+            TypeInner::Struct { members, .. } => members.iter().any(|m| holds(module, m.ty, part)),
+            _ => false,
+        }
+}
+
 #[derive(Clone, Copy)]
 enum Scope {
     All,
@@ -569,6 +581,14 @@ impl Authored {
             .values()
             .copied()
             .collect();
+        let structs: HashSet<String> = module
+            .types
+            .iter()
+            .filter(|(_, ty)| matches!(ty.inner, TypeInner::Struct { .. }))
+            .filter_map(|(_, ty)| ty.name.as_deref().map(identifier))
+            .collect();
+        let globals = module.global_variables.iter();
+        let globals: Vec<Handle<Type>> = globals.map(|(_, g)| g.ty).collect();
         let mut own_marks = HashMap::new();
         let handles: Vec<Handle<Type>> = module.types.iter().map(|(h, _)| h).collect();
         for handle in handles {
@@ -580,10 +600,14 @@ impl Authored {
                 continue;
             }
             let mut own = HashSet::new();
+            // A host knows the members of a global variable's struct by their names.
+            let is_hosts = globals.iter().any(|ty| holds(module, *ty, handle));
             for (i, member) in members.iter_mut().enumerate() {
                 let mark = marks.of_member(handle, i);
                 let author = identifier(member.name.as_deref().unwrap_or("member"));
-                let mut name = match reserved_words::is_keyword(&author) {
+                // Not every compiler takes a member that is named like a struct.
+                let is_a_struct = structs.contains(&author) && !is_hosts;
+                let mut name = match is_a_struct || reserved_words::is_keyword(&author) {
                     true => format!("own_{author}"),
                     false => author,
                 };

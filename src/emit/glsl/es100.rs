@@ -101,6 +101,8 @@ struct Es100 {
     integers: HashSet<String>,
     /// The same for `bool`.
     booleans: HashSet<String>,
+    /// Global constants that are numbers.
+    constants: HashMap<String, loop_bounds::Number>,
     /// Lengths of arrays.
     arrays: HashMap<String, i32>,
     /// Structs that contain arrays.
@@ -129,6 +131,7 @@ impl Default for Es100 {
             samplers: HashMap::new(),
             integers: HashSet::new(),
             booleans: HashSet::new(),
+            constants: HashMap::new(),
             arrays: HashMap::new(),
             holds_arrays: HashSet::new(),
             functions: HashMap::new(),
@@ -223,6 +226,13 @@ impl Es100 {
             self.structure(of)?;
         }
         let head: &mut ast::SingleDeclarationData = &mut list.head;
+        if types::is_constant(&head.ty)
+            && let Some(initial) = &head.initializer
+            && let ast::InitializerData::Simple(value) = &**initial
+            && let Some(number) = loop_bounds::Number::of(value)
+        {
+            self.constants.insert(name.clone(), number);
+        }
         types::qualify(&mut head.ty, self.stage, &name)?;
         self.declare(&mut head.ty, &name, head.array_specifier.as_ref())?;
         if let Some(initial) = &mut head.initializer {

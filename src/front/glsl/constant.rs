@@ -43,6 +43,11 @@ impl Constants {
         }
     }
 
+    /// The value of a constant, if it is final and known.
+    pub(super) fn value(&self, name: &str) -> Option<ConstantValue> {
+        self.known.get(name).cloned()
+    }
+
     /// Whether it is a constant whose value is final.
     pub(super) fn is_known(&self, name: &str) -> bool {
         self.known.contains_key(name)
@@ -61,6 +66,8 @@ pub(super) enum ConstantValue {
 }
 
 use ConstantValue::{Bool, Float, Int, Uint, Vector};
+
+mod built_in;
 
 /// The key for an array's length. No name has brackets, so it is unique.
 fn length_of(name: &str) -> String {
@@ -180,6 +187,23 @@ pub(super) fn integers(value: ConstantValue) -> Option<Vec<i32>> {
     parts.into_iter().map(int).collect()
 }
 
+/// Whether all its floats are finite.
+pub(super) fn is_finite(value: &ConstantValue) -> bool {
+    match value {
+        Float(x) => x.is_finite(),
+        Vector(parts) => parts.iter().all(is_finite),
+        Int(_) | Uint(_) | Bool(_) => true,
+    }
+}
+
+/// The component of a vector.
+pub(super) fn indexed(of: ConstantValue, index: &ConstantValue) -> Option<ConstantValue> {
+    match of {
+        Vector(parts) => parts.get(usize::try_from(integer(index)?).ok()?).cloned(),
+        _ => None,
+    }
+}
+
 fn value(expr: &Expr, named: &dyn Fn(&str) -> Option<ConstantValue>) -> Option<ConstantValue> {
     let of = |e: &Expr| value(e, named);
     match &expr.content {
@@ -191,13 +215,7 @@ fn value(expr: &Expr, named: &dyn Fn(&str) -> Option<ConstantValue>) -> Option<C
         ExprData::Unary(op, a) => unary(&op.content, of(a)?),
         ExprData::Binary(op, a, b) => binary(&op.content, of(a)?, of(b)?),
         ExprData::Dot(of_what, parts) => swizzled(of(of_what)?, parts.as_str()),
-        ExprData::Bracket(of_what, index) => match of(of_what)? {
-            Vector(parts) => {
-                let at = usize::try_from(integer(&of(index)?)?).ok()?;
-                parts.get(at).cloned()
-            }
-            _ => None,
-        },
+        ExprData::Bracket(of_what, index) => indexed(of(of_what)?, &of(index)?),
         ExprData::Ternary(c, a, b) => match of(c)? {
             Bool(true) => of(a),
             Bool(false) => of(b),
@@ -226,7 +244,7 @@ fn value(expr: &Expr, named: &dyn Fn(&str) -> Option<ConstantValue>) -> Option<C
     }
 }
 
-fn unary(op: &UnaryOpData, a: ConstantValue) -> Option<ConstantValue> {
+pub(super) fn unary(op: &UnaryOpData, a: ConstantValue) -> Option<ConstantValue> {
     Some(match (op, a) {
         (_, Vector(parts)) => {
             let parts: Option<_> = parts.into_iter().map(|p| unary(op, p)).collect();
@@ -244,7 +262,7 @@ fn unary(op: &UnaryOpData, a: ConstantValue) -> Option<ConstantValue> {
 }
 
 /// `v.x`, `v.rg`.
-fn swizzled(of: ConstantValue, names: &str) -> Option<ConstantValue> {
+pub(super) fn swizzled(of: ConstantValue, names: &str) -> Option<ConstantValue> {
     let Vector(parts) = of else { return None };
     let part = |name: char| {
         let sets = ["xyzw", "rgba", "stpq"];
@@ -278,7 +296,7 @@ fn alike(a: ConstantValue, b: ConstantValue) -> Option<(ConstantValue, ConstantV
     }
 }
 
-fn binary(op: &B, a: ConstantValue, b: ConstantValue) -> Option<ConstantValue> {
+pub(super) fn binary(op: &B, a: ConstantValue, b: ConstantValue) -> Option<ConstantValue> {
     // Per component; comparing vectors gives one bool.
     let compares = matches!(op, B::Equal | B::NonEqual | B::Lt | B::Gt | B::Lte | B::Gte);
     let all = |pairs: Vec<(ConstantValue, ConstantValue)>| {
@@ -363,7 +381,8 @@ fn compared<T: PartialOrd>(op: &B, a: &T, b: &T) -> Option<ConstantValue> {
     }))
 }
 
-fn call(name: &str, values: &[ConstantValue]) -> Option<ConstantValue> {
+/// The value of a constructor or of a built-in function. Undefined values are NaN.
+pub(super) fn call(name: &str, values: &[ConstantValue]) -> Option<ConstantValue> {
     let vector = [
         ("bvec", "bool"),
         ("ivec", "int"),
@@ -376,7 +395,7 @@ fn call(name: &str, values: &[ConstantValue]) -> Option<ConstantValue> {
         return constructed(n, of, values);
     }
     Some(match (name, values) {
-        (_, [Vector(_), ..] | [_, Vector(_), ..]) => return None,
+        ("int" | "uint" | "float" | "bool", [Vector(_)]) => return None,
         ("int", [v]) => Int(match *v {
             Int(n) => n,
             Uint(n) => n as i32,
@@ -405,22 +424,7 @@ fn call(name: &str, values: &[ConstantValue]) -> Option<ConstantValue> {
             Bool(b) => b,
             Vector(_) => return None,
         }),
-        ("floor", [Float(x)]) => Float(x.floor()),
-        ("ceil", [Float(x)]) => Float(x.ceil()),
-        ("abs", [Float(x)]) => Float(x.abs()),
-        ("abs", [Int(n)]) => Int(n.wrapping_abs()),
-        ("min" | "max", [a, b]) => {
-            let (a, b) = alike(a.clone(), b.clone())?;
-            let less = match scalars(&B::Lt, b.clone(), a.clone())? {
-                Bool(less) => less,
-                _ => return None,
-            };
-            match less == (name == "min") {
-                true => b,
-                false => a,
-            }
-        }
-        _ => return None,
+        _ => return built_in::call(name, values),
     })
 }
 

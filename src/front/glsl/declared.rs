@@ -8,7 +8,7 @@ use preshade_passes::declared::{
 };
 
 use super::interface::{BindingSlot, Interface, index};
-use super::stage::{DIVIDED_BY_ZERO, FRAG_COORD_Y, GlslStage, PRECISE, Variable};
+use super::stage::{FRAG_COORD_Y, GlslStage, PRECISE, Variable};
 use super::ty::{Structs, Ty};
 use crate::front::ClipSpace;
 use crate::front::PRECISE_NOTE;
@@ -154,19 +154,6 @@ fn notes(stages: &[GlslStage<'_>], clip: ClipSpace) -> Vec<String> {
                 .to_owned(),
         ),
         ClipSpace::AsWritten => {}
-    }
-    out
-}
-
-/// Notes on what only lowering finds.
-pub(super) fn lowered(stages: &[GlslStage<'_>]) -> Vec<String> {
-    let mut out = Vec::new();
-    if stages.iter().any(|s| s.used.contains(DIVIDED_BY_ZERO)) {
-        out.push(
-            "a number divided by a literal 0.0 is the largest float, or 0: GLSL leaves it open, and \
-             WGSL has no constant infinity"
-                .to_owned(),
-        );
     }
     out
 }

@@ -301,13 +301,7 @@ impl Interface {
             });
             let by_name = || vertex.outputs.iter().find(|o| o.key() == input.key());
             let Some(output) = by_location.or_else(by_name) else {
-                let used = fragment.used.contains(&input.name)
-                    || input
-                        .block
-                        .as_ref()
-                        .and_then(|b| b.1.as_ref())
-                        .is_some_and(|i| fragment.used.contains(i));
-                if used {
+                if fragment.used.contains(input.used_as()) {
                     let error = Error::new(
                         Code::Interface,
                         format!(

@@ -4,7 +4,7 @@
 //! texts to naga unchanged if it reads them correctly. All other texts are parsed here and printed
 //! in that dialect, in the order of these modules:
 //!
-//! `preprocess` runs directives and macros; `syntax` parses; `shadow_samplers` types Vulkan's samplers;
+//! `preprocess` runs directives and macros; `syntax` parses, with `type_names`; `shadow_samplers` types Vulkan's samplers;
 //! `stage` collects a stage's declarations; `interface` assigns bindings and locations to both stages; `declared` records the
 //! author's own; `lower` prints; `source_marks` maps the printed text to the source, and
 //! `map_spans` applies that map to the module. `member_loads` narrows what naga loads.
@@ -28,6 +28,7 @@ mod source_marks;
 mod stage;
 mod syntax;
 mod ty;
+mod type_names;
 mod version;
 
 use std::path::Path;
@@ -306,7 +307,6 @@ fn lower(
         .collect();
     let lowered = lowered?;
     declared::layouts(&stages, &interface, &mut declared);
-    declared.notes.extend(declared::lowered(&stages));
     declared.demotes = stages.iter().any(|s| s.demotes.get());
     let mut lengths: Vec<lengths::Candidate> = Vec::new();
     for length in stages.iter().flat_map(|s| s.lengths.take()) {

@@ -20,6 +20,7 @@ use super::absent::{self, Absent, Word};
 use super::include::Files;
 use super::preprocess::{Preprocessed, Task, preprocess};
 use super::ty::Ty;
+use super::type_names::TypeNames;
 use super::version::Dialect;
 use crate::front::error::{Code, Error};
 use crate::front::{ClipSpace, Language, Options, nesting};
@@ -136,6 +137,7 @@ pub(super) fn parse(input: &StageText<'_>, map: &mut SourceMap) -> Result<Unit, 
         raw: Vec::new(),
         names: HashSet::new(),
         types: HashSet::new(),
+        type_names: TypeNames::new(text),
         in_layout: false,
         stopped: None,
         too_many: false,
@@ -245,6 +247,7 @@ struct Numbered<'a> {
     names: HashSet<String>,
     /// Those of them that are types of extensions.
     types: HashSet<String>,
+    type_names: TypeNames<'a>,
     /// Between `layout` and its closing bracket.
     in_layout: bool,
     /// A name that the grammar lacks.
@@ -256,14 +259,17 @@ impl HasLexerError for Numbered<'_> {
     type Error = LexicalError;
 }
 
-impl Numbered<'_> {
+impl<'a> Numbered<'a> {
+    /// The text of a token.
+    fn word(&self, start: LexerPosition, end: LexerPosition) -> &'a str {
+        let at = |p: LexerPosition| u32::from(p.offset) as usize;
+        self.text.get(at(start)..at(end)).unwrap_or_default()
+    }
+
     /// An integer that uses all 32 bits without a `u`: the negative number with the same bits.
     fn large_integer(&self, error: &LexicalError) -> Option<(LexerPosition, Token, LexerPosition)> {
         let LexicalError::Token { pos, .. } = error;
-        let range = pos.range();
-        let text = self
-            .text
-            .get(u32::from(range.start()) as usize..u32::from(range.end()) as usize)?;
+        let text = self.word(pos.start(), pos.end());
         let value = match text.strip_prefix("0x").or(text.strip_prefix("0X")) {
             Some(digits) => u32::from_str_radix(digits, 16).ok()?,
             None => text.parse().ok()?,
@@ -332,6 +338,8 @@ impl Iterator for Numbered<'_> {
         let number = self.raw.len() as u32;
         self.raw.push((start, end));
         self.settle_name(&mut token);
+        let word = self.word(start, end);
+        self.type_names.settle(&mut token, word);
         if matches!(token, Token::Subroutine) {
             self.stopped = absent::absent("subroutine").map(|a| (a, "subroutine".to_owned()));
         }

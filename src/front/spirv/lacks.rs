@@ -7,7 +7,7 @@ use rspirv::dr::{Instruction, Module, Operand};
 use rspirv::spirv::{BuiltIn, Decoration, Dim, GlslStd450Op, Op, StorageClass, Word};
 
 use crate::front::error::{Code, Error};
-use crate::words::{globals, ids, literal, storage_class};
+use crate::words::{globals, ids, is_access, literal, storage_class};
 
 /// Something that is not read.
 pub(super) struct Lack {
@@ -71,12 +71,15 @@ pub(super) fn find(module: &Module) -> Option<Lack> {
         .all_inst_iter()
         .filter_map(|i| Some((i.result_id?, i.result_type?)))
         .collect();
+    let made = module.functions.iter().flat_map(|f| f.all_inst_iter());
+    let made: HashMap<Word, &Instruction> = made.filter_map(|i| Some((i.result_id?, i))).collect();
     let mut line = None;
     for i in module.functions.iter().flat_map(|f| f.all_inst_iter()) {
         if i.class.opcode == Op::Line {
             line = i.operands.get(1).and_then(literal);
         }
         let read = of_instruction(i).or_else(|| of_integers(i, &values, &all));
+        let read = read.or_else(|| of_samplers(i, &made));
         if let Some((name, glsl)) = read {
             return Some(Lack {
                 name,
@@ -114,6 +117,8 @@ fn uses(
 }
 
 fn of_type(i: &Instruction) -> Option<(String, &'static str)> {
+    let is = |n: usize| i.operands.get(n).and_then(literal) == Some(1);
+    let [is_depth, is_arrayed, is_multisampled] = [2, 3, 4].map(is);
     let glsl = match i.class.opcode {
         Op::TypeAccelerationStructureKHR => "accelerationStructureEXT",
         Op::TypeRayQueryKHR => "rayQueryEXT",
@@ -124,6 +129,9 @@ fn of_type(i: &Instruction) -> Option<(String, &'static str)> {
         Op::TypeImage => match i.operands.get(1) {
             Some(Operand::Dim(Dim::DimSubpassData)) => "subpassInput",
             Some(Operand::Dim(Dim::DimBuffer)) => "textureBuffer",
+            Some(Operand::Dim(Dim::DimRect)) => RECTANGLE,
+            Some(Operand::Dim(Dim::Dim1D)) if is_depth || is_arrayed => LINES,
+            _ if is_arrayed && is_multisampled => SAMPLES,
             _ => return None,
         },
         Op::TypeFloat if i.operands.first().and_then(literal) == Some(8) => "floate5m2_t",
@@ -216,10 +224,29 @@ fn of_integers(
     is_of_ints.then(|| (format!("Op{name}"), INTEGERS))
 }
 
+/// A comparison by an element of an array of samplers.
+fn of_samplers(
+    i: &Instruction,
+    made: &HashMap<Word, &Instruction>,
+) -> Option<(String, &'static str)> {
+    let name = i.class.opname;
+    if !name.contains("Dref") {
+        return None;
+    }
+    let sampled = made.get(&ids(i).next()?)?;
+    let sampler = made.get(&ids(sampled).nth(1)?)?;
+    let pointer = made.get(&ids(sampler).next()?)?;
+    is_access(pointer).then(|| (format!("Op{name}"), SAMPLERS))
+}
+
 const INTEGERS: &str = "a texture of integers";
+const LINES: &str = "a texture of one dimension with layers or depths";
+const RECTANGLE: &str = "a texture with coordinates in texels";
+const SAMPLERS: &str = "a comparison by an element of an array of samplers";
+const SAMPLES: &str = "a texture with layers and samples";
 
 /// Why the text's table of absent names has no entry, and what to do instead.
-const OWN: [(&str, &str, &str); 2] = [
+const OWN: [(&str, &str, &str); 6] = [
     (
         "frexp",
         "naga has no such function",
@@ -229,6 +256,26 @@ const OWN: [(&str, &str, &str); 2] = [
         INTEGERS,
         "WebGPU samples no textures of integers",
         "read the texel by `texelFetch`",
+    ),
+    (
+        LINES,
+        "WebGPU has no textures of one dimension with layers or depths",
+        "use one of two dimensions that is one texel high",
+    ),
+    (
+        RECTANGLE,
+        "WebGPU has no textures whose coordinates are texels",
+        "use a `sampler2D`, and divide the coordinates by `textureSize`",
+    ),
+    (
+        SAMPLERS,
+        "naga reads no arrays of samplers that compare",
+        "give each sampler a binding of its own",
+    ),
+    (
+        SAMPLES,
+        "WebGPU has no textures with layers and several samples",
+        "give each layer a binding of its own",
     ),
 ];
 

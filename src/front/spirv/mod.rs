@@ -1,19 +1,23 @@
 //! Reads SPIR-V modules by naga's reader, in the order of these modules: `listing` reads the words
-//! and lists them as a text, `order` checks them, `prune` takes the stages, `lacks` names what is not read, `combined`,
-//! `constants`, `instructions`, `interface`, `layout` and `switches` replace what naga's reader lacks
-//! or misreads, `names` makes identifiers, and `loops` and `parameters` settle the IR.
+//! and lists them as a text, `order` checks them, `prune` takes the stages, `lacks` names what is not read, `blocks`,
+//! `combined`, `constants`, `exits`, `instructions`, `interface`, `layout`, `members`, `pointers` and `switches` replace
+//! what naga's reader lacks or misreads, `names` makes identifiers, and `loops` and `parameters` settle the IR.
 
+mod blocks;
 mod combined;
 mod constants;
+mod exits;
 pub(crate) mod instructions;
 mod interface;
 mod lacks;
 mod layout;
 mod listing;
 mod loops;
+mod members;
 mod names;
 mod order;
 mod parameters;
+mod pointers;
 mod precise;
 mod prune;
 mod switches;
@@ -110,6 +114,14 @@ pub(super) fn parse(
     for (source, module, _) in &mut stages {
         let stage = source.stage.and_then(model);
         prune::prune(module, prune::Chosen { stage, names });
+    }
+    let mut modules: Vec<_> = stages
+        .iter_mut()
+        .map(|(_, m, _)| std::mem::take(m))
+        .collect();
+    members::complete(&mut modules);
+    for ((_, module, _), complete) in stages.iter_mut().zip(modules) {
+        *module = complete;
         places.take(module);
     }
     let lengths = constants::Lengths::of(stages.iter().map(|(_, module, _)| module));
@@ -239,7 +251,11 @@ fn one(
         let error = lacks::refuse(&lack);
         return Err(text.at(error, at));
     }
+    blocks::drop_unreachable(&mut builder);
+    exits::gather(&mut builder);
+    blocks::drop_unreachable(&mut builder);
     switches::order(&mut builder);
+    pointers::renew(&mut builder);
     declared.copies.extend(names::give(&mut builder));
     if text.listing.prints {
         let note = "`debugPrintf` is dropped: WebGPU prints nothing";
@@ -304,6 +320,12 @@ fn one(
         if is_only && entry.name == "main" {
             entry.name = format!("{}_main", super::declaration::stage_name(entry.stage));
             declared.mains.push(entry.stage);
+        }
+        let name = names::identifier(&entry.name);
+        if name != entry.name {
+            let note = format!("the entry point {:?} is called `{name}`", entry.name);
+            declared.notes.push(note);
+            entry.name = name;
         }
     }
     Ok(module)
@@ -410,7 +432,10 @@ fn message(error: &spv::Error) -> String {
     use spv::Error as E;
     let what = match error {
         E::UnsupportedInstruction(_, op) => format!("`Op{op:?}`"),
-        E::UnsupportedExtInst(n) => format!("the extended instruction {n}"),
+        E::UnsupportedExtInst(n) => match rspirv::spirv::GlslStd450Op::from_u32(*n) {
+            Some(function) => format!("the function {function:?} of GLSL.std.450"),
+            None => format!("the extended instruction {n}"),
+        },
         E::UnsupportedBuiltIn(n) => match rspirv::spirv::BuiltIn::from_u32(*n) {
             Some(built_in) => format!("the built-in {built_in:?}"),
             None => format!("the built-in {n}"),

@@ -1,5 +1,6 @@
-//! Gives a `default` that falls through, or that a case falls into, a place among the cases: naga's
-//! reader puts `default` last.
+//! Orders the cases of switches: naga's reader takes a case to fall into the next one of its list,
+//! and puts `default` last. A `default` that falls through gets a literal, and so a place among the
+//! cases; literals that have the default's label are dropped.
 //!
 //! ```text
 //! OpSwitch %x %default 1 %one 2 %two      %known = %x == 1 || %x == 2
@@ -12,9 +13,10 @@ use std::collections::{HashMap, HashSet};
 use rspirv::dr::{Block, Builder, Function, Instruction, Operand};
 use rspirv::spirv::{Op, Word};
 
+use super::blocks;
 use crate::words::{ids, literal, push};
 
-/// Changes all such switches.
+/// Changes all switches that need it.
 pub(super) fn order(module: &mut Builder) {
     let values: HashMap<Word, Word> = module
         .module_ref()
@@ -30,93 +32,105 @@ pub(super) fn order(module: &mut Builder) {
     module.module_mut().functions = functions;
 }
 
-/// A `default` that needs a place.
+/// A switch whose cases get another order.
 struct Found {
     /// Index of the block of the switch.
     block: usize,
     merge: Word,
-    /// The literals of the other cases and their targets, with the default among them.
+    /// The literals of the cases and their targets, each before the one that it falls into. The
+    /// default is among them if it needs a place.
     cases: Vec<(Option<u32>, Word)>,
+    needs_place: bool,
 }
 
 fn find(function: &Function) -> Vec<Found> {
     let blocks = function.blocks.iter();
-    let blocks: HashMap<Word, &Block> = blocks.filter_map(|b| Some((b.label_id()?, b))).collect();
-    let mut before: HashMap<Word, Vec<Word>> = HashMap::new();
-    for label in blocks.keys() {
-        for target in next(&blocks, *label) {
-            before.entry(target).or_default().push(*label);
-        }
-    }
+    let labels: HashMap<Word, &Block> = blocks.filter_map(|b| Some((b.label_id()?, b))).collect();
     let mut found = Vec::new();
     for (index, block) in function.blocks.iter().enumerate() {
-        let (Some(switch), Some(own)) = (block.instructions.last(), block.label_id()) else {
-            continue;
-        };
-        if switch.class.opcode != Op::Switch {
-            continue;
+        let switch = blocks::find(block, Op::Switch);
+        let merge = blocks::find(block, Op::SelectionMerge).and_then(|i| ids(i).next());
+        if let (Some(switch), Some(merge), Some(own)) = (switch, merge, block.label_id()) {
+            found.extend(Found::of(index, switch, &labels, [own, merge]));
         }
-        let mut merges = block.instructions.iter();
-        let merge = merges.find(|i| i.class.opcode == Op::SelectionMerge);
-        let Some(merge) = merge.and_then(|i| ids(i).next()) else {
-            continue;
-        };
-        let Some(default) = ids(switch).nth(1).filter(|d| *d != merge) else {
-            continue;
-        };
+    }
+    found
+}
+
+impl Found {
+    fn of(
+        block: usize,
+        switch: &Instruction,
+        labels: &HashMap<Word, &Block>,
+        [own, merge]: [Word; 2],
+    ) -> Option<Self> {
+        let default = ids(switch).nth(1)?;
+        let given = switch.operands.iter().filter_map(literal);
+        let given: Vec<(u32, Word)> = given.zip(ids(switch).skip(2)).collect();
         // The default takes all literals that have its label.
-        let literals = switch.operands.iter().filter_map(literal);
-        let cases = literals.zip(ids(switch).skip(2));
-        let mut cases: Vec<(Option<u32>, Word)> = cases
-            .filter(|(_, label)| *label != default)
-            .map(|(n, label)| (Some(n), label))
+        let others = given.iter().filter(|(_, label)| *label != default);
+        let mut cases: Vec<Word> = others.map(|(_, label)| *label).collect();
+        let mut seen = HashSet::new();
+        cases.retain(|label| seen.insert(*label));
+        let entered: Vec<Word> = cases.iter().copied().chain([default]).collect();
+        let falls = |from: Word| -> Option<Word> {
+            let mut seen = HashSet::from([own, merge]);
+            let mut open = vec![from];
+            while let Some(label) = open.pop() {
+                if label != from && entered.contains(&label) && label != merge {
+                    return Some(label);
+                }
+                if seen.insert(label) {
+                    open.extend(
+                        labels
+                            .get(&label)
+                            .into_iter()
+                            .flat_map(|b| blocks::targets(b)),
+                    );
+                }
+            }
+            None
+        };
+        let next: HashMap<Word, Word> = entered
+            .iter()
+            .filter_map(|l| Some((*l, falls(*l)?)))
             .collect();
-        let stop = [own, merge];
-        let leads = closure(default, &stop, |label| {
-            before.get(&label).cloned().unwrap_or_default()
-        });
-        let from = cases.iter().rposition(|(_, label)| leads.contains(label));
-        let reached = closure(default, &stop, |label| next(&blocks, label).collect());
-        let to = cases.iter().position(|(_, label)| reached.contains(label));
-        // If only the last case falls into it, it stays last.
-        let is_last = from.is_none_or(|from| {
-            let (_, label) = cases[from];
-            cases[from..].iter().all(|(_, of)| *of == label)
-        });
-        if to.is_none() && is_last {
-            continue;
+        let is_first = |label: &&Word| !next.values().any(|to| to == *label);
+        let mut order = Vec::new();
+        let mut last = Vec::new();
+        for first in entered.iter().filter(is_first) {
+            // Each label has one other at most that it falls into.
+            let steps = std::iter::successors(Some(*first), |label| next.get(label).copied());
+            let chain: Vec<Word> = steps.take(entered.len()).collect();
+            match chain.last() == Some(&default) {
+                true => last = chain,
+                false => order.extend(chain),
+            }
         }
-        let at = to.or(from.map(|from| from + 1)).unwrap_or(cases.len());
-        cases.insert(at, (None, default));
-        found.push(Found {
-            block: index,
+        order.extend(last);
+        let needs_place = next.contains_key(&default);
+        if !needs_place {
+            order.retain(|label| *label != default);
+        }
+        let literals = |label: Word| -> Vec<(Option<u32>, Word)> {
+            let own = given.iter().filter(|(_, of)| *of == label);
+            match label == default {
+                true => vec![(None, label)],
+                false => own.map(|(n, _)| (Some(*n), label)).collect(),
+            }
+        };
+        let cases: Vec<_> = order.into_iter().flat_map(literals).collect();
+        let is_same = given
+            .iter()
+            .map(|(n, label)| (Some(*n), *label))
+            .eq(cases.iter().copied());
+        (!is_same).then_some(Self {
+            block,
             merge,
             cases,
-        });
+            needs_place,
+        })
     }
-    found
-}
-
-/// The labels that a block leads to.
-fn next<'a>(
-    blocks: &'a HashMap<Word, &Block>,
-    label: Word,
-) -> impl Iterator<Item = Word> + use<'a> {
-    let last = blocks.get(&label).and_then(|b| b.instructions.last());
-    let targets = last.into_iter().flat_map(ids);
-    targets.filter(|id| blocks.contains_key(id))
-}
-
-/// A block and all that come next, but none behind `stop`.
-fn closure(from: Word, stop: &[Word], next: impl Fn(Word) -> Vec<Word>) -> HashSet<Word> {
-    let mut found = HashSet::new();
-    let mut open = vec![from];
-    while let Some(label) = open.pop() {
-        if !stop.contains(&label) && found.insert(label) {
-            open.extend(next(label));
-        }
-    }
-    found
 }
 
 fn change(
@@ -129,6 +143,15 @@ fn change(
     let (Some(own), Some(mut switch)) = (block.label_id(), block.instructions.pop()) else {
         return;
     };
+    if !found.needs_place {
+        switch.operands.truncate(2);
+        for (n, label) in &found.cases {
+            let n = Operand::LiteralBit32(n.unwrap_or_default());
+            switch.operands.extend([n, Operand::IdRef(*label)]);
+        }
+        block.instructions.push(switch);
+        return;
+    }
     let selector = ids(&switch).next().unwrap_or_default();
     let Some(ty) = values.get(&selector).copied() else {
         block.instructions.push(switch);

@@ -76,6 +76,7 @@ fn nothing() -> Ran {
         stored: BTreeMap::new(),
         flips: 0,
         steps: 0,
+        undefined: None,
     }
 }
 

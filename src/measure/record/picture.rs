@@ -36,6 +36,8 @@ pub struct Pictures {
     pub worst: Option<Worst>,
     /// Of each other camera the view with the largest error, in the scene's order.
     pub elsewhere: Vec<Elsewhere>,
+    /// Its auxiliary pictures in the first camera, by name.
+    pub outputs: Vec<(String, Picture)>,
     /// Fragments of the original, if they were counted.
     pub overdraw_before: Option<Shading>,
     /// Fragments of the variant.
@@ -99,6 +101,7 @@ impl Pictures {
             difference: picture(difference),
             worst: None,
             elsewhere: Vec::new(),
+            outputs: Vec::new(),
             overdraw_before: None,
             overdraw_after: None,
         })

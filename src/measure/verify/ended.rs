@@ -57,7 +57,7 @@ impl Measurement<'_> {
         match (&self.subject.verdict, lost) {
             // An assumption of the contract does not hold, so it is neither kept nor broken.
             (Verdict::Broken { r#where }, _)
-                if needs_invariant_original(&self.subject.contract) =>
+                if needs_invariant_original(&self.subject.judged.contract) =>
             {
                 Verdict::NotMeasured {
                     why: format!(

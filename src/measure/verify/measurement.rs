@@ -13,7 +13,7 @@ use crate::measure::record::{
 };
 use crate::measure::statistics::invocations;
 use crate::measure::variant::EVERY_REFUSES;
-use crate::measure::verdict::{breaks, nothing_drawn};
+use crate::measure::verdict::nothing_drawn;
 use crate::measure::{
     Counter, Error, ErrorLadder, Session, Shading, Timing, View, counting, junctions, outputs,
     shadow, slivers, subject::Subject,
@@ -99,9 +99,7 @@ pub(super) fn compare_view(
         let Some(again) = original.subject.draw(frame, view.order)? else {
             break;
         };
-        let error = original
-            .subject
-            .compare(&reference, &again, &view.described())?;
+        let error = original.subject.judge((view, frame), &reference, &again)?;
         if !error.is_exact() {
             break;
         }
@@ -165,7 +163,7 @@ impl<'a> Measurement<'a> {
                 ..VariantReport::new(
                     &variant.name,
                     &variant.recipe,
-                    subject.contract.clone(),
+                    subject.promise.contract.clone(),
                     subject.verdict.clone(),
                 )
             },
@@ -222,12 +220,11 @@ impl<'a> Measurement<'a> {
     ) -> Result<(), Error> {
         let (reference, picture) = (seen.reference, seen.picture);
         let stood = !self.is_broken();
-        let error = self
-            .subject
-            .compare(reference, picture, &view.described())?;
-        if breaks(&self.subject.contract, &error).is_some() && (stood || self.unmet.is_some()) {
-            let (session, contract) = (self.subject.session(), &self.subject.contract);
-            self.unmet = slivers::explain(session, contract, frame, [reference, picture]);
+        let (error, broke) = self.subject.compare((view, frame), reference, picture)?;
+        if let Some(broke) = broke.filter(|_| stood || self.unmet.is_some()) {
+            let picture = broke.picture.as_ref().unwrap_or(picture);
+            let session = self.subject.session();
+            self.unmet = slivers::explain(session, &broke.promise, frame, [reference, picture]);
         }
         let is_headline = view == headline;
         if is_headline {
@@ -358,6 +355,10 @@ impl<'a> Measurement<'a> {
         };
         let earlier = outputs::earlier(scene, &allows);
         let measured = outputs::measure(session, &earlier, variant, settings);
+        let drawn = Error::unless_lost(outputs::pictures(session, &earlier, variant))?;
+        if let Some(pictures) = &mut self.pictures {
+            pictures.outputs = drawn.unwrap_or_default();
+        }
         let verdict = match measured {
             Ok(report) => self.report.outputs.insert(report).verdict(invariant),
             Err(error) if error.is_lost() => return Err(error),

@@ -32,6 +32,8 @@ pub(in crate::scene) struct Asset {
     /// Name, as the scene gives it.
     pub file: String,
     pub document: gltf::Document,
+    /// Whether it has animations. The document has none: nothing reads them.
+    is_animated: bool,
     pub buffers: Vec<Vec<u8>>,
 }
 
@@ -62,6 +64,39 @@ impl<'g> Nodes<'g> {
         all.filter_map(|(node, is_below)| is_below.then_some(node))
             .collect()
     }
+}
+
+/// The JSON of a text or binary file, whether it has animations, and the binary chunk.
+///
+/// The crate asks for members that glTF 2.0 leaves optional: a scene's nodes (section 5.26), which
+/// Blender omits from an empty scene, and the node of an animation's target (section 5.4.2), which
+/// KHR_animation_pointer omits.
+///
+/// # Errors
+/// The cause.
+fn parse(bytes: &[u8]) -> Result<(gltf::json::Root, bool, Option<Vec<u8>>), String> {
+    let (text, blob) = match bytes.starts_with(b"glTF") {
+        true => {
+            let parts = gltf::binary::Glb::from_slice(bytes).map_err(|e| e.to_string())?;
+            (parts.json, parts.bin.map(Cow::into_owned))
+        }
+        false => (Cow::Borrowed(bytes), None),
+    };
+    // RFC 8259 lets a parser ignore a byte order mark.
+    let text = text.strip_prefix(b"\xEF\xBB\xBF").unwrap_or(&text);
+    let mut json: serde_json::Value = serde_json::from_slice(text).map_err(|e| e.to_string())?;
+    let scenes = json.get_mut("scenes").and_then(|s| s.as_array_mut());
+    for scene in scenes.into_iter().flatten() {
+        if let Some(scene) = scene.as_object_mut() {
+            scene
+                .entry("nodes")
+                .or_insert_with(|| Vec::<u32>::new().into());
+        }
+    }
+    let animations = json.as_object_mut().and_then(|j| j.remove("animations"));
+    let is_animated = animations.is_some_and(|a| a.as_array().is_some_and(|a| !a.is_empty()));
+    let root = serde_json::from_value(json).map_err(|e| e.to_string())?;
+    Ok((root, is_animated, blob))
 }
 
 const DRACO: &str = "KHR_draco_mesh_compression";
@@ -112,10 +147,8 @@ impl Asset {
     pub fn open(file: &str, read: Read<'_>, take: Take<'_>) -> Result<Self, SceneError> {
         let wrong = |what: String| SceneError::new(format!("`{file}`: {what}"));
         let bytes = read(file)?;
-        let gltf = gltf::Gltf::from_slice_without_validation(&bytes)
-            .map_err(|e| wrong(format!("no glTF 2.0: {e}")))?;
-        let mut blob = gltf.blob;
-        let mut root = gltf.document.into_json();
+        let (mut root, is_animated, mut blob) =
+            parse(&bytes).map_err(|e| wrong(format!("no glTF 2.0: {e}")))?;
         // The crate knows fewer extensions than are read here.
         for name in std::mem::take(&mut root.extensions_required) {
             if !READ.contains(&name.as_str()) {
@@ -134,6 +167,7 @@ impl Asset {
         let mut this = Self {
             file: file.to_owned(),
             document,
+            is_animated,
             buffers: Vec::new(),
         };
         let mut held = 0;
@@ -256,7 +290,7 @@ impl Asset {
         let mut lines: Vec<String> = ignored
             .map(|name| format!("the extension `{name}` is not read, and what it adds is missing"))
             .collect();
-        if self.document.animations().next().is_some() {
+        if self.is_animated {
             lines.push("animations are not played: the nodes' own pose is drawn".to_owned());
         }
         if self.document.scenes().len() > 1 {

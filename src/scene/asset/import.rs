@@ -304,9 +304,8 @@ impl Loader<'_> {
         let index = match whole.meshes.get(&key) {
             Some(known) => *known,
             None => {
-                let missing = || whole.asset.wrong("a primitive without positions");
-                let mut built =
-                    primitive::read(whole.asset, primitive, Missing::Flat).ok_or_else(missing)?;
+                let mut built = primitive::read(whole.asset, primitive, Missing::Flat)
+                    .map_err(|e| whole.asset.wrong(e))?;
                 posed(&mut built, reads, &weights, &joints);
                 built.name = match mesh.primitives().len() {
                     1 => mesh.name().unwrap_or("mesh").to_owned(),
@@ -334,21 +333,15 @@ impl Loader<'_> {
             None => None,
         };
         let streams = &parts.meshes[index].mesh.streams;
-        let material = self.material_of(
-            whole,
-            &look,
-            template,
-            Drawn {
-                has_second: streams.contains_key("uv1"),
-                mode: primitive.mode(),
-                has_color: primitive.get(&gltf::Semantic::Colors(0)).is_some(),
-                has_normal: primitive.get(&gltf::Semantic::Normals).is_some(),
-                is_skinned: skin.is_some() && streams.contains_key("joints"),
-                is_instanced: instances.is_some(),
-                is_mirrored: placed.determinant() < 0.0,
-            },
-            parts,
-        )?;
+        let mut drawn = Drawn {
+            has_second: streams.contains_key("uv1"),
+            mode: primitive.mode(),
+            has_color: primitive.get(&gltf::Semantic::Colors(0)).is_some(),
+            has_normal: primitive.get(&gltf::Semantic::Normals).is_some(),
+            is_skinned: skin.is_some() && streams.contains_key("joints"),
+            is_instanced: instances.is_some(),
+            is_mirrored: placed.determinant() < 0.0,
+        };
         let name = node.as_ref().and_then(gltf::Node::name);
         let name = match (&whole.entry.name, name) {
             (Some(given), Some(own)) => format!("{given}/{own}"),
@@ -361,7 +354,8 @@ impl Loader<'_> {
                 _ => format!("{name}.{}", primitive.index()),
             },
             mesh: index,
-            material,
+            // Each group of instances has its own.
+            material: 0,
             transform: placed,
             range: DrawRange::default(),
             instances: 1,
@@ -374,21 +368,41 @@ impl Loader<'_> {
             values: values(&whole.entry.values),
             captured: None,
         };
-        value_path::check(&parts.materials[material], &draw.values).map_err(|e| {
-            let raw = e.subject().and_then(|key| whole.entry.values.get(key));
-            match raw.map(toml::Spanned::span) {
-                Some(span) => self.source.at(e, span),
-                None => e,
+        // A mirrored instance turns its triangles around, and one pipeline has one front face.
+        let groups = match instances {
+            None => vec![None],
+            Some(all) => {
+                let is_mirrored = |i: &(usize, Mat4)| (placed * i.1).determinant() < 0.0;
+                let (mirrored, plain): (Vec<_>, Vec<_>) =
+                    all.into_iter().enumerate().partition(is_mirrored);
+                let groups = [plain, mirrored].into_iter().filter(|g| !g.is_empty());
+                groups.map(Some).collect()
             }
-        })?;
-        self.push(draw, instances, reads.instances, parts)
+        };
+        for instances in groups {
+            let mut draw = draw.clone();
+            if let Some((_, first)) = instances.as_ref().and_then(|i| i.first()) {
+                drawn.is_mirrored = (placed * *first).determinant() < 0.0;
+            }
+            draw.material = self.material_of(whole, &look, template, drawn, parts)?;
+            value_path::check(&parts.materials[draw.material], &draw.values).map_err(|e| {
+                let raw = e.subject().and_then(|key| whole.entry.values.get(key));
+                match raw.map(toml::Spanned::span) {
+                    Some(span) => self.source.at(e, span),
+                    None => e,
+                }
+            })?;
+            self.push(draw, instances, reads.instances, parts)?;
+        }
+        Ok(())
     }
 
-    /// Adds a draw: once with instances, or once for each where the shader takes none.
+    /// Adds a draw: once with instances, or once for each where the shader takes none. An instance
+    /// has its number in the file.
     fn push(
         &self,
         mut draw: Draw,
-        instances: Option<Vec<Mat4>>,
+        instances: Option<Vec<(usize, Mat4)>>,
         takes_them: bool,
         parts: &mut Parts,
     ) -> Result<(), SceneError> {
@@ -406,7 +420,10 @@ impl Loader<'_> {
             draw.instances = instances.len() as u32;
             let stream = Stream::Float {
                 components: 16,
-                data: instances.iter().flat_map(Mat4::to_cols_array).collect(),
+                data: instances
+                    .iter()
+                    .flat_map(|(_, i)| i.to_cols_array())
+                    .collect(),
             };
             draw.instance_streams
                 .insert("instance_transform".to_owned(), stream);
@@ -414,7 +431,7 @@ impl Loader<'_> {
             return Ok(());
         }
         self.hold_draws(&parts.draws, copies, &draw)?;
-        for (i, instance) in instances.iter().enumerate() {
+        for (i, instance) in &instances {
             parts.draws.push(Draw {
                 name: format!("{}[{i}]", draw.name),
                 transform: draw.transform * *instance,
@@ -518,6 +535,7 @@ impl Loader<'_> {
                     textures: BTreeMap::new(),
                     samplers: BTreeMap::new(),
                     attributes: BTreeMap::new(),
+                    attribute_roles: BTreeMap::new(),
                     part_of: None,
                 }
             }

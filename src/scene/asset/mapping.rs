@@ -79,6 +79,32 @@ fn use_of(name: &str) -> Option<Use> {
     })
 }
 
+/// Words in the names of variables, members and their types whose colours and strengths are not a
+/// material's.
+const NOT_MATERIAL: [&str; 14] = [
+    "light",
+    "lamp",
+    "sun",
+    "sky",
+    "fog",
+    "ambient",
+    "env",
+    "camera",
+    "shadow",
+    "scene",
+    "frame",
+    "probe",
+    "atmosphere",
+    "post",
+];
+
+/// Whether a name is of something other than a material: `pointLights`, `SkyParams`.
+fn is_of_scene(name: &str) -> bool {
+    let name = normalise(name);
+    let is_material = ["material", "surface"].iter().any(|w| name.contains(w));
+    !is_material && NOT_MATERIAL.iter().any(|word| name.contains(word))
+}
+
 /// The factor that a variable or member is, by its name.
 fn factor_of(path: &str) -> Option<Factor> {
     let last = path.rsplit('.').next().unwrap_or(path);
@@ -283,25 +309,32 @@ fn samplers(
     }
 }
 
-/// How many numbers the scalar, vector or matrix at a path has.
+/// How many numbers the scalar, vector or matrix at a path of a material has. `None`: there is none,
+/// or the path leads through something else, such as a light.
 fn numbers_of(program: &preshade_passes::program::Program, path: &str) -> Option<usize> {
     let module = program.module();
-    let mut names = path.split('.');
-    let first = names.next()?;
-    let own = material::globals(program).find(|g| g.is_buffer && g.name == first);
-    let (mut ty, rest): (_, Vec<&str>) = match own {
-        Some(global) => (global.ty, names.collect()),
+    let mut names: Vec<&str> = path.split('.').collect();
+    let buffer = |name: &str| material::globals(program).find(|g| g.is_buffer && g.name == name);
+    let mut ty = match buffer(names[0]) {
+        Some(global) => global.ty,
         // A member of a block without a name.
         None => {
-            let global = material::globals(program).find(|g| g.is_buffer && g.name.is_empty())?;
-            (global.ty, path.split('.').collect())
+            names.insert(0, "");
+            buffer("")?.ty
         }
     };
-    for name in rest {
+    for pair in names.windows(2) {
+        let type_name = module.types[ty].name.as_deref().unwrap_or("");
+        if is_of_scene(pair[0]) || is_of_scene(type_name) {
+            return None;
+        }
         let TypeInner::Struct { members, .. } = &module.types[ty].inner else {
             return None;
         };
-        ty = members.iter().find(|m| m.name.as_deref() == Some(name))?.ty;
+        ty = members
+            .iter()
+            .find(|m| m.name.as_deref() == Some(pair[1]))?
+            .ty;
     }
     let (columns, rows, _) = layout::leaf_shape(&module.types[ty].inner)?;
     Some((columns * rows) as usize)

@@ -58,14 +58,16 @@ pub(super) fn floats(asset: &Asset, accessor: &Accessor<'_>) -> Option<Vec<f32>>
 }
 
 /// The mesh of a primitive whose accessors were checked: a list of points, lines or triangles.
-/// `None`: it has no positions, or an index beyond them.
+///
+/// # Errors
+/// It has no positions, an index beyond them, or fewer of another attribute.
 pub(in crate::scene) fn read(
     asset: &Asset,
     primitive: &gltf::Primitive<'_>,
     missing: Missing,
-) -> Option<Mesh> {
+) -> Result<Mesh, String> {
     let of = |semantic| floats(asset, &primitive.get(&semantic)?);
-    let data = of(gltf::Semantic::Positions)?;
+    let data = of(gltf::Semantic::Positions).ok_or("a primitive without positions")?;
     let places: Vec<Vec3> = data
         .as_chunks::<3>()
         .0
@@ -78,8 +80,10 @@ pub(in crate::scene) fn read(
         Some(indices) => indices.into_u32().collect(),
         None => (0..count as u32).collect(),
     };
-    if indices.iter().any(|i| *i as usize >= count) {
-        return None;
+    if let Some(index) = indices.iter().find(|i| **i as usize >= count) {
+        return Err(format!(
+            "a primitive has index {index}, and {count} vertices"
+        ));
     }
     let indices = listed(primitive.mode(), &indices);
     let is_triangles = is_triangles(primitive.mode());
@@ -107,7 +111,14 @@ pub(in crate::scene) fn read(
     // The builder generates tangents; the file's own replace them below.
     let mut b = MeshBuilder::default();
     for (i, place) in places.iter().enumerate() {
-        b.vertex(*place, *normals.get(i)?, *uvs.get(i)?);
+        let (Some(normal), Some(uv)) = (normals.get(i), uvs.get(i)) else {
+            return Err(format!(
+                "a primitive has {count} positions, {} normals and {} texture coordinates",
+                normals.len(),
+                uvs.len()
+            ));
+        };
+        b.vertex(*place, *normal, *uv);
     }
     if is_triangles {
         for t in indices.as_chunks::<3>().0 {
@@ -154,7 +165,7 @@ pub(in crate::scene) fn read(
         mesh = flat(mesh);
     }
     mesh.bounds = bounds(positions(&mesh));
-    Some(mesh)
+    Ok(mesh)
 }
 
 pub(super) fn is_triangles(mode: Mode) -> bool {

@@ -58,6 +58,11 @@ pub enum Guess {
     TextureGenerated,
     /// A depth texture, cleared to 1.
     TextureCleared,
+    /// A vertex attribute whose name says nothing, with a stream of the mesh.
+    AttributeByUse {
+        /// The stream.
+        stream: String,
+    },
     /// A vertex attribute that the mesh does not have.
     AttributeSynthesised,
 }
@@ -72,6 +77,7 @@ impl std::fmt::Display for Guess {
             Self::BufferFromMesh => f.write_str("the mesh's data"),
             Self::TextureGenerated => f.write_str("a generated texture"),
             Self::TextureCleared => f.write_str("a depth texture, cleared to 1"),
+            Self::AttributeByUse { stream } => write!(f, "the mesh's {stream}, by its use"),
             Self::AttributeSynthesised => f.write_str("made up: no mesh has it"),
         }
     }
@@ -185,6 +191,10 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
         }
         for (name, guess) in textures {
             push(name, guess);
+        }
+        for (name, stream) in streams.by_role() {
+            let stream = stream.to_owned();
+            push(name.to_owned(), Guess::AttributeByUse { stream });
         }
         for name in streams.synthesised() {
             push(name.to_owned(), Guess::AttributeSynthesised);

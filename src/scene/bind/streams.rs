@@ -86,10 +86,19 @@ const INSTANCE_BUFFERS: &[&str] = &[
 #[derive(Clone, Debug, PartialEq)]
 enum AttributeSource {
     Vertex(String),
+    /// A stream of the mesh, by what the shader does with the attribute.
+    Role(String),
     Instance(String),
     InstanceColumn(usize),
     InstanceOffset,
     Synthesised,
+}
+
+impl AttributeSource {
+    /// Whether the scene does not say where the values come from.
+    fn is_guessed(&self) -> bool {
+        matches!(self, Self::Role(_) | Self::Synthesised)
+    }
 }
 
 /// A [`AttributeSource`] resolved to its data.
@@ -217,7 +226,7 @@ impl<'a> Streams<'a> {
                         location: a.location,
                         format: format(a)?,
                         offset,
-                        is_invented: self.is_made_up || a.source == AttributeSource::Synthesised,
+                        is_invented: self.is_made_up || a.source.is_guessed(),
                     });
                 }
                 offset += u64::from(a.components) * 4;
@@ -256,7 +265,9 @@ impl<'a> Streams<'a> {
     /// Resolves the source of an attribute.
     fn found(&self, a: &Attribute) -> Found<'_> {
         match &a.source {
-            AttributeSource::Vertex(name) => Found::Stream(self.mesh.streams.get(name)),
+            AttributeSource::Vertex(name) | AttributeSource::Role(name) => {
+                Found::Stream(self.mesh.streams.get(name))
+            }
             AttributeSource::Instance(name) => Found::Stream(self.draw.instance_streams.get(name)),
             AttributeSource::InstanceColumn(column) => Found::Column(*column),
             AttributeSource::InstanceOffset => Found::Column(3),
@@ -273,6 +284,14 @@ impl<'a> Streams<'a> {
             Found::Column(column) => f64::from(self.instance(i).col(*column)[c.min(3)]),
             Found::Same(value) => value[c.min(3)],
         }
+    }
+
+    /// Attributes that get a stream of the mesh by their use, with that stream.
+    pub(super) fn by_role(&self) -> impl Iterator<Item = (&str, &str)> {
+        self.attributes.iter().filter_map(|a| match &a.source {
+            AttributeSource::Role(stream) => Some((a.name.as_str(), stream.as_str())),
+            _ => None,
+        })
     }
 
     /// Attributes that neither the mesh nor the draw provides.
@@ -561,9 +580,12 @@ fn source(material: &Material, mesh: &Mesh, draw: &Draw, name: &str) -> Attribut
     if let Some(own) = mesh.streams.keys().find(|n| normalise(n) == normal) {
         return AttributeSource::Vertex(own.clone());
     }
-    match alias(&normal).filter(|s| mesh.streams.contains_key(*s)) {
-        Some(stream) => AttributeSource::Vertex(stream.to_owned()),
-        None => AttributeSource::Synthesised,
+    let is_there = |stream: &&str| mesh.streams.contains_key(*stream);
+    let by_use = material.attribute_roles.get(name).map(String::as_str);
+    match (by_use.filter(is_there), alias(&normal).filter(is_there)) {
+        (Some(stream), named) if named != Some(stream) => AttributeSource::Role(stream.to_owned()),
+        (_, Some(stream)) => AttributeSource::Vertex(stream.to_owned()),
+        (_, None) => AttributeSource::Synthesised,
     }
 }
 

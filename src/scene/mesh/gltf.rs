@@ -232,7 +232,7 @@ impl Gltf {
                     )));
                 }
                 let part = primitive::read(&asset, &primitive, Missing::Smooth)
-                    .ok_or_else(|| self.wrong("a primitive without positions"))?;
+                    .map_err(|e| self.wrong(e))?;
                 // The node of a skinned mesh has no effect on its place (glTF 2.0, section
                 // 3.7.3.3).
                 parts.push(match node {

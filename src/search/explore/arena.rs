@@ -11,7 +11,7 @@ use super::race::{FIRST_RUNG, MOST_CROSSED, SUBMISSION, Search};
 use super::space::{self, Candidate};
 use super::{Fate, Point};
 use crate::measure::record::ORIGINAL;
-use crate::measure::{Error, FEWEST_SAMPLES, Variant, estimate};
+use crate::measure::{Error, FEWEST_SAMPLES, Variant, check_seen, estimate};
 use crate::render::{Prepared, Rendered};
 
 /// Least number of candidates to draw and time, whatever time is left.
@@ -48,6 +48,9 @@ pub(super) struct Arena<'a> {
 
 impl<'a> Arena<'a> {
     pub(super) fn new(search: &Search<'a>) -> Result<Self, Error> {
+        let frames = search.frames.iter();
+        let views: Vec<_> = frames.map(|frame| (*frame, search.order())).collect();
+        check_seen(search.session, &views)?;
         let mut original = search.session.prepare(search.session.originals())?;
         let references = search.pictures(search.session.originals())?;
         let first_sight = search

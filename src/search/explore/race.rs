@@ -243,7 +243,7 @@ impl<'a> Search<'a> {
             arena.drawn += 1;
             let drawn = self.draw_one(arena, i, journal);
             // A drawing that lost the device did not complete.
-            if !matches!(&drawn, Err(Error::Render(crate::render::Error::Lost(_)))) {
+            if !matches!(&drawn, Err(Error::Render(error)) if error.is_lost()) {
                 journal.end(&key);
             }
             if let Err(error) = drawn {
@@ -285,13 +285,7 @@ impl<'a> Search<'a> {
             }
         };
         contender.point.error = Some(error.clone());
-        let contract = contender
-            .variant
-            .plans
-            .iter()
-            .map(|p| p.contract.clone())
-            .reduce(preshade_passes::contract::Contract::and);
-        let broken = contract.and_then(|c| verdict::breaks(&c, &error));
+        let broken = verdict::Promise::of(&contender.variant.plans).broken(&error);
         let broken = broken.or_else(|| {
             (error.nan_pixels > 0)
                 .then(|| format!("NaN or infinite: {}", counted(error.nan_pixels, "pixel")))

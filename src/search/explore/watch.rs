@@ -5,7 +5,6 @@ use std::time::{Duration, Instant};
 
 use super::{Ended, ExploreProgress, SearchStage};
 use crate::measure::Error;
-use crate::render;
 
 /// The clock, and whoever watches it.
 pub(super) struct Watch<'p> {
@@ -83,7 +82,7 @@ impl Watch<'_> {
     }
 
     pub(super) fn lost(&mut self, error: &Error) -> bool {
-        let is_lost = matches!(error, Error::Render(render::Error::Lost(_)));
+        let is_lost = matches!(error, Error::Render(error) if error.is_lost());
         if is_lost {
             self.ended = Ended::Lost {
                 why: error.to_string(),

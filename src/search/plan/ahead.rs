@@ -7,6 +7,7 @@
 
 use std::collections::BTreeMap;
 
+use preshade_passes::pass::Facts;
 use preshade_passes::plan::Plan;
 use serde::Serialize;
 
@@ -64,10 +65,14 @@ pub fn measured(
     session: &Session<'_>,
     frame: &Frame,
     (layers, plans): (&Layers, &[Plan]),
+    facts: &Facts,
     timing: &TimingSettings,
 ) -> Result<Option<Ahead>, PlanError> {
     let scene = session.scene();
-    let costs: Vec<Option<[f64; 2]>> = plans.iter().map(|p| Counting::of(p).ahead_ops()).collect();
+    let costs: Vec<Option<[f64; 2]>> = plans
+        .iter()
+        .map(|p| Counting::of(p, facts).ahead_ops())
+        .collect();
     let price = |draw: usize, samples: usize| {
         let [vertex, fragment] = costs[scene.draws[draw].material]?;
         let vertices = of_draw(scene, draw)?.vertices;

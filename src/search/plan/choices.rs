@@ -62,7 +62,7 @@ pub fn choices(originals: &[Plan], recipes: &[Recipe], facts: &Facts) -> Vec<Cho
                 material: original.material.clone(),
                 candidates: vec![Candidate {
                     recipe: Recipe::default(),
-                    counting: Counting::of(original),
+                    counting: Counting::of(original, facts),
                     plan: original.clone(),
                 }],
                 refused: Vec::new(),
@@ -101,7 +101,7 @@ pub fn choices(originals: &[Plan], recipes: &[Recipe], facts: &Facts) -> Vec<Cho
                 choices.candidates.push(Candidate {
                     // A choice made by measurement is kept as the values it selected.
                     recipe: measure::written_out(recipe, facts).unwrap_or_else(|| recipe.clone()),
-                    counting: Counting::of(&plan),
+                    counting: Counting::of(&plan, facts),
                     plan,
                 });
             }

@@ -20,6 +20,13 @@ pub struct Table {
     /// The plans whose contract assumes that no depths tie, which a tie breaks that no view showed, and those that
     /// change the picture within a budget.
     pub weaker: BTreeSet<usize>,
+    /// The views that are drawn front to back, as a good engine draws. If a plan is for one of them, it
+    /// has to gain in one of them.
+    pub in_front: BTreeSet<usize>,
+    /// How many recipes each plan has; empty: they do not count.
+    pub forms: Vec<usize>,
+    /// The factor by which the original differs from itself, at least 1.
+    pub apart: f64,
 }
 
 impl Table {
@@ -27,7 +34,7 @@ impl Table {
     pub fn new(rows: Vec<Vec<Option<Speedup>>>) -> Self {
         Self {
             rows,
-            weaker: BTreeSet::new(),
+            ..Self::default()
         }
     }
 
@@ -43,10 +50,12 @@ impl Table {
     /// worthwhile), and slower in none beyond noise. The original is.
     pub(super) fn is_sound(&self, plan: usize, views: &[usize]) -> bool {
         let speedups: Option<Vec<Speedup>> = views.iter().map(|v| self.at(plan, *v)).collect();
+        let has_front = views.iter().any(|v| self.in_front.contains(v));
+        let counts = |view: &usize| !has_front || self.in_front.contains(view);
         speedups.is_some_and(|speedups| {
+            let gains = |(view, s): (&usize, &Speedup)| counts(view) && s.low > WORTHWHILE;
             plan == 0
-                || speedups.iter().any(|s| s.low > WORTHWHILE)
-                    && speedups.iter().all(|s| s.high >= 1.0)
+                || views.iter().zip(&speedups).any(gains) && speedups.iter().all(|s| s.high >= 1.0)
         })
     }
 
@@ -80,11 +89,31 @@ impl Table {
         let least = |a: &usize, b: &usize| time(*a).total_cmp(&time(*b));
         let best = all().min_by(least).unwrap_or(0);
         let robust = all().filter(|plan| !self.weaker.contains(plan));
-        match robust.min_by(least) {
+        let best = match robust.min_by(least) {
             Some(robust) if robust != 0 && !views.iter().any(|v| self.wins(best, robust, *v)) => {
                 robust
             }
             _ => best,
+        };
+        // Fewer recipes are one form for more materials: more have to be worth their shaders.
+        let forms = |plan: usize| self.forms.get(plan).copied().unwrap_or(0);
+        let is_simpler = |plan: &usize| {
+            *plan != 0
+                && forms(*plan) < forms(best)
+                && (self.weaker.contains(&best) || !self.weaker.contains(plan))
+        };
+        match all().filter(is_simpler).min_by(least) {
+            Some(simpler) if !views.iter().any(|v| self.is_apart(best, simpler, *v)) => simpler,
+            _ => best,
+        }
+    }
+
+    /// Whether `plan` is faster than `other` in that view by more than the original differs from
+    /// itself.
+    fn is_apart(&self, plan: usize, other: usize, view: usize) -> bool {
+        match (self.at(plan, view), self.at(other, view)) {
+            (Some(a), Some(b)) => a.low > b.high && a.median > self.apart * b.median,
+            _ => false,
         }
     }
 
@@ -153,6 +182,22 @@ mod tests {
         };
         assert_eq!((best(1.52), best(1.60)), (2, 1));
         assert_eq!(Table::new(rows(1.52)).best(), 1);
+    }
+
+    #[test]
+    fn one_form_for_all_unless_two_are_apart() {
+        let best = |mixed: f64, apart: f64| {
+            let table = Table {
+                forms: vec![0, 1, 2],
+                apart,
+                ..Table::new(vec![vec![one()], vec![about(1.5)], vec![about(mixed)]])
+            };
+            table.best()
+        };
+        assert_eq!(
+            [best(1.52, 1.0), best(1.7, 1.0), best(1.7, 1.18)],
+            [1, 2, 1]
+        );
     }
 
     #[test]

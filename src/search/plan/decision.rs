@@ -25,6 +25,9 @@ pub struct Decision {
     pub schema: String,
     /// Scene's name.
     pub scene: String,
+    /// Of a captured frame, the part of it that `scene` is, in words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub part: Option<String>,
     /// Width and height, in pixels.
     pub resolution: [u32; 2],
     /// The command that made it.
@@ -118,7 +121,8 @@ pub struct PlanView {
     pub predicted_ms: f64,
     /// Milliseconds a frame, measured; `None`: not measured.
     pub time_ms: Option<Estimate>,
-    /// The original's time over this one's, of samples taken side by side.
+    /// The original's time over this one's, of samples taken side by side. Of a chosen plan, of
+    /// samples taken after the choice.
     pub speedup: Option<Estimate>,
 }
 
@@ -138,6 +142,10 @@ pub struct ViewReport {
     pub plan: usize,
     /// The plan it would be drawn with if there were no other view.
     pub alone: usize,
+    /// The original's time over its own, of another pair of samples taken beside the chosen plans':
+    /// how far the machine can be trusted. `None`: nothing was chosen.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub again: Option<Estimate>,
     /// Another order of the draws, if the scene has one of its own and another one hides more.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub sorted: Option<Sorting>,

@@ -1,5 +1,6 @@
 //! Each opaque draw of a view, drawn alone: its depths say which fragments of which other draws it hides.
 
+use preshade_passes::pass::Facts;
 use preshade_passes::plan::{Phase, Plan};
 use preshade_passes::state::{ColorTarget, CompareFunction, DepthDirection};
 
@@ -30,14 +31,14 @@ impl Layers {
     ///
     /// # Errors
     /// The original cannot be drawn, or the adapter is lost.
-    pub fn draw(session: &Session<'_>, frame: &Frame) -> Result<Self, PlanError> {
+    pub fn draw(session: &Session<'_>, frame: &Frame, facts: &Facts) -> Result<Self, PlanError> {
         let (scene, originals) = (session.scene(), session.originals());
         let runs = runs(session, frame)?;
         let mut prepared = session.prepare(originals)?;
         let drawn = runs.iter().map(|run| layers(&mut prepared, frame, run));
         let ops: Vec<f64> = originals
             .iter()
-            .map(|plan| Counting::of(plan).fragment_ops().max(1.0))
+            .map(|plan| Counting::of(plan, facts).fragment_ops().max(1.0))
             .collect();
         Ok(Self {
             drawn: drawn.collect::<Result<_, _>>()?,

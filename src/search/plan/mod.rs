@@ -16,6 +16,7 @@ pub mod ahead;
 pub mod assign;
 pub mod choices;
 pub mod choose;
+mod confirm;
 pub mod count;
 pub mod decision;
 pub mod exhaust;

@@ -76,17 +76,18 @@ pub fn ratio(e: &Estimate) -> String {
 
 fn gain(decision: &Decision, plan: usize, recipe: &str, views: &dyn Fn(&usize) -> bool) -> String {
     let all = speedups(decision, &decision.plans[plan], views);
+    let whole = decision.part.as_deref().unwrap_or("the frame");
     let is = match decision.clock {
-        Some(_) => "is",
-        None => "is predicted to be",
+        Some(_) => format!("{whole} is"),
+        None => format!("{whole} is predicted to be"),
     };
     match (all.first(), all.last()) {
         (Some((best, at)), Some((worst, least))) if all.len() > 1 => format!(
-            "`{recipe}`: the frame {is} {} at {at}, and at the least {} at {least}",
+            "`{recipe}`: {is} {} at {at}, and at the least {} at {least}",
             ratio(best),
             ratio(worst)
         ),
-        (Some((best, at)), _) => format!("`{recipe}`: the frame {is} {} at {at}", ratio(best)),
+        (Some((best, at)), _) => format!("`{recipe}`: {is} {} at {at}", ratio(best)),
         _ => format!("`{recipe}`: in no view that was looked at"),
     }
 }
@@ -117,8 +118,10 @@ fn left(
         return least.map_or("nothing else was measured".to_owned(), |p| {
             format!(
                 "as written: nothing of it was among the runners-up; the best predicted, `{}`, \
-                 takes {:.3} of the frame's time",
-                p.recipe, p.relative_time
+                 takes {:.3} of the time of {}",
+                p.recipe,
+                p.relative_time,
+                decision.part.as_deref().unwrap_or("the frame")
             )
         });
     };
@@ -242,6 +245,7 @@ mod tests {
         Decision {
             schema: SCHEMA.to_owned(),
             scene: String::new(),
+            part: None,
             resolution: [1, 1],
             command: String::new(),
             adapter: AdapterReport {
@@ -262,6 +266,7 @@ mod tests {
             materials: Vec::new(),
             plans: plans.iter().map(plan).collect(),
             views: vec![ViewReport {
+                again: None,
                 view: View {
                     camera: "wall".to_owned(),
                     frame: 0,

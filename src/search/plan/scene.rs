@@ -6,7 +6,6 @@ use preshade_passes::contract::{Assumption, Contract, Verdict};
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::Plan;
 
-use super::ahead;
 use super::assign::{Assignment, Considered, FramePredictor, Taken, finalists};
 use super::choices::{Choices, choices};
 use super::choose::Table;
@@ -17,13 +16,14 @@ use super::decision::{
 };
 use super::layers::Layers;
 use super::model::Model;
-use super::policy::{Hold, Measure, Rule, policy};
+use super::policy::{Hold, Measure, Policy, Rule, policy};
 use super::so_far::{PlanProgress, SceneSoFar};
 use super::stage::{self, Runner};
 use super::work::{Counted, DrawCounts, drawn};
 use super::{PlanError, reasons, sorting};
+use super::{ahead, confirm};
 use crate::measure::telling::{self, Colours};
-use crate::measure::{Clock, Estimate, Session, TimingSettings, View};
+use crate::measure::{self, Clock, Estimate, Session, TimingSettings, View};
 use crate::recipe::Recipe;
 use crate::scene::{DrawOrder, Frame, Scene, bind};
 
@@ -88,6 +88,8 @@ pub fn scout(
     if views.is_empty() {
         return Err(PlanError::NoView(scene.name.clone()));
     }
+    let frames: Vec<_> = views.iter().map(|(v, frame)| (frame, v.order)).collect();
+    measure::check_seen(session, &frames)?;
     let mut counter = FragmentCounter::new(inputs, originals)?;
     let mut counted = Vec::new();
     for (view, frame) in &views {
@@ -124,10 +126,10 @@ impl Scouted {
 
 /// The measurements, by frame and view.
 #[derive(Default)]
-struct Measured {
+pub(super) struct Measured {
     clock: Option<Clock>,
-    times: Vec<Vec<Option<Estimate>>>,
-    table: Table,
+    pub(super) times: Vec<Vec<Option<Estimate>>>,
+    pub(super) table: Table,
     colours: Colours,
     so_far: SceneSoFar,
 }
@@ -204,7 +206,28 @@ pub fn decide(
             }
         }
     }
-    let mut decision = report(session, &scouted, settings, &frames, &subjects, measured);
+    let measures: Vec<Measure> = measures(&scouted);
+    let mut policy = policy(&measured.table, &measures, settings.hold);
+    let (mut warnings, mut again) = (Vec::new(), Vec::new());
+    if settings.timed == Timed::Yes {
+        progress(PlanProgress::at(0.9, "measuring the choice again"));
+        again = confirm::confirm(session, &scouted, settings, &frames, &policy, &mut measured)?;
+        let of = (&scouted, &frames[..]);
+        policy = confirm::held(policy, of, (&measured, &again), &mut warnings);
+    }
+    let chosen = Chosen {
+        policy,
+        again,
+        warnings,
+    };
+    let mut decision = report(
+        session,
+        &scouted,
+        settings,
+        (&frames, &subjects),
+        measured,
+        chosen,
+    );
     if settings.timed == Timed::Yes {
         for (of, (view, frame)) in decision.views.iter_mut().zip(&scouted.views) {
             if view.order == DrawOrder::AsGiven {
@@ -213,10 +236,11 @@ pub fn decide(
                     format!("sorting the draws of {view}"),
                 ));
                 session.inputs().set_frame(frame)?;
-                let layers = Layers::draw(session, frame)?;
+                let layers = Layers::draw(session, frame, facts)?;
                 of.sorted = sorting::measured(session, frame, &layers, &settings.timing)?;
                 let plans = scouted.prepasses();
-                of.ahead = ahead::measured(session, frame, (&layers, &plans), &settings.timing)?;
+                of.ahead =
+                    ahead::measured(session, frame, (&layers, &plans), facts, &settings.timing)?;
             }
         }
     }
@@ -235,6 +259,15 @@ fn weaker(frames: &[Considered], choices: &[Choices]) -> BTreeSet<usize> {
     frames
         .filter(|(_, f)| f.assignment.plans(choices).iter().any(needs))
         .map(|(i, _)| i)
+        .collect()
+}
+
+const MADE_UP: &str = "the scene is made up: give yours before you decide";
+
+/// How many recipes each frame has.
+fn forms(frames: &[Considered], choices: &[Choices]) -> Vec<usize> {
+    let each = frames.iter().map(|f| f.assignment.recipes(choices));
+    each.map(|recipes| recipes.values().collect::<BTreeSet<_>>().len())
         .collect()
 }
 
@@ -407,12 +440,27 @@ fn measure_more<'a>(
         progress(PlanProgress::at(0.0, format!("compiling {name}")));
         lot.push(Runner::new(session, &scouted.choices, frame)?);
     }
+    // Once beside itself: what gains less than they differ gains nothing.
+    if again == 0 {
+        lot.extend(
+            new.first()
+                .map(|original| Runner::new(session, &scouted.choices, original))
+                .transpose()?,
+        );
+    }
     let mut more = Measured {
         so_far: std::mem::take(&mut measured.so_far),
         colours: std::mem::take(&mut measured.colours),
         ..Measured::default()
     };
     measure_all(session, &mut lot, scouted, settings, &mut more, progress)?;
+    if again == 0 {
+        let itself = more.table.rows.pop().unwrap_or_default();
+        let each = itself.iter().flatten().map(confirm::apart);
+        measured.table.apart = each.fold(1.0, f64::max);
+        lot.pop();
+        more.times.pop();
+    }
     measured.so_far = more.so_far;
     measured.colours = more.colours;
     measured.clock = measured.clock.or(more.clock);
@@ -422,7 +470,30 @@ fn measure_more<'a>(
     let rows = more.table.rows.into_iter().skip(again);
     measured.table.rows.extend(rows);
     measured.table.weaker = weaker(frames, &scouted.choices);
+    measured.table.forms = forms(frames, &scouted.choices);
+    let views = scouted.views.iter().enumerate();
+    let in_front = views.filter(|(_, (view, _))| view.order == DrawOrder::FrontToBack);
+    measured.table.in_front = in_front.map(|(i, _)| i).collect();
     Ok(())
+}
+
+/// The rule to draw by, and what the measurement of it says.
+struct Chosen {
+    policy: Policy,
+    /// The original against itself, by view.
+    again: Vec<Option<Estimate>>,
+    warnings: Vec<String>,
+}
+
+/// What a switch depends on, by view.
+fn measures(scouted: &Scouted) -> Vec<Measure> {
+    let counted = scouted.views.iter().zip(&scouted.counted);
+    counted
+        .map(|((view, _), counted)| Measure {
+            order: view.order,
+            shaded: counted.shaded_per_pixel(),
+        })
+        .collect()
 }
 
 /// Frames measured at a time while refining.
@@ -432,19 +503,17 @@ fn report(
     session: &Session<'_>,
     scouted: &Scouted,
     settings: &Settings<'_>,
-    frames: &[Considered],
-    subjects: &[Runner<'_>],
+    (frames, subjects): (&[Considered], &[Runner<'_>]),
     measured: Measured,
+    chosen: Chosen,
 ) -> Decision {
     let (gpu, scene) = (session.gpu(), session.scene());
-    let counted = scouted.views.iter().zip(&scouted.counted);
-    let measures: Vec<Measure> = counted
-        .map(|((view, _), counted)| Measure {
-            order: view.order,
-            shaded: counted.shaded_per_pixel(),
-        })
-        .collect();
-    let policy = policy(&measured.table, &measures, settings.hold);
+    let measures = measures(scouted);
+    let Chosen {
+        policy,
+        again,
+        warnings,
+    } = chosen;
     let plans: Vec<PlanReport> = frames
         .iter()
         .enumerate()
@@ -462,6 +531,7 @@ fn report(
             materials: counted.materials.clone(),
             plan: policy.plan(measures[i].order, measures[i].shaded),
             alone: measured.table.best_in(i),
+            again: again.get(i).copied().flatten(),
             sorted: None,
             ahead: None,
         })
@@ -469,6 +539,7 @@ fn report(
     let mut decision = Decision {
         schema: SCHEMA.to_owned(),
         scene: scene.name.clone(),
+        part: scene.part.clone(),
         resolution: scene.size,
         command: settings.command.clone(),
         adapter: gpu.adapter().clone(),
@@ -480,6 +551,8 @@ fn report(
         warnings: telling::missing_attributes(&bind::guessed(scene))
             .into_iter()
             .chain(measured.colours.warning())
+            .chain(warnings)
+            .chain(scene.is_made_up.then(|| MADE_UP.to_owned()))
             .collect(),
         switch_cost: Vec::new(),
         model: settings.model.clone(),

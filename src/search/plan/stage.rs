@@ -84,7 +84,7 @@ pub fn compare(
         match runner.subject.draw(frame, view.order) {
             Ok(Some(picture)) => {
                 let subject = &mut runner.subject;
-                subject.compare(&reference, &picture, &view.to_string())?;
+                subject.judge((view, frame), &reference, &picture)?;
             }
             Ok(None) => {}
             Err(error) => runner.give_up(error)?,

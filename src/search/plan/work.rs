@@ -12,12 +12,13 @@ use naga::{Expression, ShaderStage};
 use preshade_passes::frame::{ColorAttachments, FrameError, FrameOps, FramePlan};
 use preshade_passes::geometry::Geometry;
 use preshade_passes::graph::{FunctionId, Graph};
+use preshade_passes::pass::Facts;
 use preshade_passes::plan::{
     Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ComputePass, Draws,
     FrameWords, GpuPass, Phase, Plan, Role, SCENE_DEPTH, When,
 };
-use preshade_passes::program::Program;
 use preshade_passes::reflect;
+use preshade_passes::specialize::as_drawn;
 use preshade_passes::state::{ColorTarget, CompareFunction, DepthFormat, StoreOp, Topology};
 
 use super::terms::{Term, Work};
@@ -142,8 +143,7 @@ struct Cost {
 
 impl Cost {
     /// Of every entry point of a program, by name.
-    fn of(program: &Program) -> BTreeMap<String, Self> {
-        let graph = Graph::build(program);
+    fn of(graph: &Graph<'_>) -> BTreeMap<String, Self> {
         let module = graph.module();
         let mut ops: BTreeMap<FunctionId, f64> = BTreeMap::new();
         for f in graph.functions() {
@@ -256,12 +256,19 @@ impl Counting {
         (!early.is_empty()).then_some([vertex, fragment])
     }
 
-    /// Reads the passes of a plan.
-    pub fn of(plan: &Plan) -> Self {
+    /// Reads the passes of a plan. Each program is counted as the draws in `facts` run it.
+    pub fn of(plan: &Plan, facts: &Facts) -> Self {
+        let graph = |key: &str, program| {
+            let mut passes = plan.passes.iter();
+            match passes.find(|p| p.program == key) {
+                Some(pass) => as_drawn(program, pass, &plan.material, facts),
+                None => Graph::build(program),
+            }
+        };
         let costs: BTreeMap<&str, BTreeMap<String, Cost>> = plan
             .programs
             .iter()
-            .map(|(key, program)| (key.as_str(), Cost::of(program)))
+            .map(|(key, program)| (key.as_str(), Cost::of(&graph(key, program))))
             .collect();
         let cost = |program: &str, entry: &str| {
             let found = costs.get(program).and_then(|c| c.get(entry));
@@ -269,7 +276,8 @@ impl Counting {
         };
         let authored = plan.original.as_deref().and_then(|original| {
             let main = original.main()?;
-            let costs = Cost::of(original.program(main)?);
+            let program = original.program(main)?;
+            let costs = Cost::of(&as_drawn(program, main, &plan.material, facts));
             costs.get(main.fragment.as_deref()?).copied()
         });
         let stage = |p: &GpuPass| p.fragment.as_deref().map(|f| cost(&p.program, f));

@@ -4,9 +4,11 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, Module, ResourceBinding, ShaderStage, TypeInner};
+use preshade::unstable::emit::{PassFiles, StageFile, Target};
 use preshade::unstable::front::{self, Source};
 use preshade::unstable::measure;
 use preshade::unstable::passes::declared::{Declared, Type as Declares};
+use preshade::unstable::passes::plan::BindingKind;
 use preshade::unstable::passes::reflect;
 use preshade::unstable::passes::state::{CullMode, MaterialState};
 use preshade::unstable::render::{Rendered, ShaderForm};
@@ -88,6 +90,24 @@ pub fn native_draw<'a>(scene: &'a Scene, bound: &'a DrawBindings) -> Draw<'a> {
         .iter()
         .map(|(_, g)| g)
         .find(|g| g.binding.is_some() && g.binding == declared.loose);
+    let name = |location: u32| Some(attribute(&material.program, &material.vertex, location));
+    Draw {
+        uniform: Box::new(move |path| {
+            let g = loose?;
+            part(module, g.ty, &buffer(g.binding?)?.data.bytes, path)
+        }),
+        blocks: blocks.collect(),
+        textures: textures(declared, bound),
+        vertices: vertices(bound, &name),
+        indices: indices(bound),
+        first: bound.call.first as i32,
+        count: bound.call.count as i32,
+        instances: bound.instances as i32,
+    }
+}
+
+/// The vertex buffers, with the name and the column that `name` gives of each location.
+fn vertices(bound: &DrawBindings, name: &dyn Fn(u32) -> Option<(String, u32)>) -> Vec<Vertices> {
     let vertices = bound.vertex_buffers.iter().map(|v| Vertices {
         bytes: v.data.bytes.to_vec(),
         stride: v.stride as i32,
@@ -95,9 +115,9 @@ pub fn native_draw<'a>(scene: &'a Scene, bound: &'a DrawBindings) -> Draw<'a> {
         attributes: v
             .attributes
             .iter()
-            .map(|a| {
-                let (name, column) = attribute(&material.program, &material.vertex, a.location);
-                Attribute {
+            .filter_map(|a| {
+                let (name, column) = name(a.location)?;
+                Some(Attribute {
                     name,
                     column,
                     components: a.format.size() as i32 / 4,
@@ -106,67 +126,122 @@ pub fn native_draw<'a>(scene: &'a Scene, bound: &'a DrawBindings) -> Draw<'a> {
                         a.format,
                         wgpu::VertexFormat::Uint32 | wgpu::VertexFormat::Uint32x4
                     ),
-                }
+                })
             })
             .collect(),
     });
-    let indices = bound.indices.as_ref().map(|i| match i.format {
-        wgpu::IndexFormat::Uint16 => i
-            .data
-            .bytes
-            .chunks_exact(2)
-            .map(|b| u16::from_le_bytes(b.try_into().unwrap()).into())
-            .collect(),
-        wgpu::IndexFormat::Uint32 => i
-            .data
-            .bytes
-            .chunks_exact(4)
-            .map(|b| u32::from_le_bytes(b.try_into().unwrap()))
-            .collect(),
-    });
-    Draw {
-        uniform: Box::new(move |path| {
-            let g = loose?;
-            part(module, g.ty, &buffer(g.binding?)?.data.bytes, path)
-        }),
-        blocks: blocks.collect(),
-        textures: textures(declared, bound),
-        vertices: vertices.collect(),
-        indices,
-        first: bound.call.first as i32,
-        count: bound.call.count as i32,
-        instances: bound.instances as i32,
-    }
+    vertices.collect()
+}
+
+fn indices(bound: &DrawBindings) -> Option<Vec<u32>> {
+    let indices = bound.indices.as_ref()?;
+    let bytes = &indices.data.bytes;
+    Some(match indices.format {
+        wgpu::IndexFormat::Uint16 => {
+            let words = bytes.chunks_exact(2);
+            words
+                .map(|b| u16::from_le_bytes(b.try_into().unwrap()).into())
+                .collect()
+        }
+        wgpu::IndexFormat::Uint32 => {
+            let words = bytes.chunks_exact(4);
+            words
+                .map(|b| u32::from_le_bytes(b.try_into().unwrap()))
+                .collect()
+        }
+    })
 }
 
 /// The textures by the author's paths: `maps[1]`, `material.diffuse`.
 fn textures(declared: &Declared, bound: &DrawBindings) -> BTreeMap<String, Texture> {
-    let mut out = BTreeMap::new();
-    for combined in &declared.samplers {
-        let at = |b: ResourceBinding| (b.group, b.binding);
-        let mut textures = bound.textures.iter();
-        let texture = textures.find(|t| (t.group, t.binding) == at(combined.texture));
-        let mut samplers = bound.samplers.iter();
-        let sampler = samplers.find(|s| (s.group, s.binding) == at(combined.sampler));
-        let Some(texture) = texture else {
-            continue;
-        };
-        // One that is only fetched from has no sampler in the plan, and any will do.
-        let sampler = sampler.map(|s| s.sampler).unwrap_or_default();
-        let TextureContent::Image(image) = &texture.content else {
-            panic!("{} is no image", combined.path);
-        };
-        let made = Texture {
-            size: image.size.map(|n| n as i32),
-            levels: image.levels.clone(),
-            layers: image.layers as usize,
-            srgb: image.format.is_srgb(),
-            linear: sampler.filter == Filter::Linear,
-            clamp: sampler.address == Address::ClampToEdge,
-        };
-        out.insert(combined.path.clone(), made);
+    let at = |b: ResourceBinding| [b.group, b.binding];
+    let combined = declared.samplers.iter().filter_map(|combined| {
+        let made = texture(bound, at(combined.texture), Some(at(combined.sampler)));
+        let made = made.unwrap_or_else(|e| panic!("{}: {e}", combined.path));
+        Some((combined.path.clone(), made?))
+    });
+    combined.collect()
+}
+
+/// The texture that a draw binds at a group and binding, read through the sampler there. `None`: it
+/// binds none. An error is what OpenGL is not given here.
+fn texture(
+    bound: &DrawBindings,
+    at: [u32; 2],
+    sampler: Option<[u32; 2]>,
+) -> Result<Option<Texture>, String> {
+    let mut textures = bound.textures.iter();
+    let Some(texture) = textures.find(|t| [t.group, t.binding] == at) else {
+        return Ok(None);
+    };
+    let mut samplers = bound.samplers.iter();
+    let sampler = samplers.find(|s| Some([s.group, s.binding]) == sampler);
+    // One that is only fetched from has no sampler in the plan, and any will do.
+    let sampler = sampler.map(|s| s.sampler).unwrap_or_default();
+    let TextureContent::Image(image) = &texture.content else {
+        return Err("a texture that is no image".to_owned());
+    };
+    if image.format.block_copy_size(None) != Some(4) || sampler.compare.is_some() {
+        return Err("a texture of other texels, or one that is compared".to_owned());
     }
-    out
+    Ok(Some(Texture {
+        size: image.size.map(|n| n as i32),
+        levels: image.levels.clone(),
+        layers: image.layers as usize,
+        srgb: image.format.is_srgb(),
+        linear: sampler.filter == Filter::Linear,
+        clamp: sampler.address == Address::ClampToEdge,
+    }))
+}
+
+/// A draw of the GLSL that `files` names, by the names there. An error is what OpenGL is not given
+/// here.
+pub fn written_draw<'a>(bound: &'a DrawBindings, files: &PassFiles) -> Result<Draw<'a>, String> {
+    let stages = [&files.vertex, &files.fragment];
+    let stages: Vec<&StageFile> = stages
+        .iter()
+        .filter_map(|s| s.get(&Target::Glsl450))
+        .collect();
+    let mut blocks = BTreeMap::new();
+    let mut textures = BTreeMap::new();
+    for stage in &stages {
+        if !stage.uniforms.is_empty() {
+            return Err("uniforms outside of blocks".to_owned());
+        }
+        for block in &stage.blocks {
+            let buffer = bound.buffers.iter();
+            let mut buffer = buffer.filter(|b| [b.group, b.binding] == block.binding);
+            let Some(buffer) = buffer.next() else {
+                continue;
+            };
+            if buffer.kind != BindingKind::Uniform {
+                return Err("a storage buffer".to_owned());
+            }
+            blocks.insert(block.block.clone(), buffer.data.bytes.to_vec());
+        }
+        for named in &stage.textures {
+            if let Some(texture) = texture(bound, named.texture, named.sampler)? {
+                textures.insert(named.name.clone(), texture);
+            }
+        }
+    }
+    let name = |location: u32| {
+        let attributes = stages.iter().flat_map(|s| &s.attributes);
+        let mut named = attributes.filter(|a| a.location <= location);
+        let named = named.by_ref().max_by_key(|a| a.location);
+        named.map(|a| (a.name.clone(), location - a.location))
+    };
+    Ok(Draw {
+        // WebGPU's instances are counted from the draw's first, which is 0 here.
+        uniform: Box::new(|path| (path == "naga_vs_first_instance").then(|| vec![0; 16])),
+        blocks,
+        textures,
+        vertices: vertices(bound, &name),
+        indices: indices(bound),
+        first: bound.call.first as i32,
+        count: bound.call.count as i32,
+        instances: bound.instances as i32,
+    })
 }
 
 /// The author's attribute at a location, and which of its columns that is.

@@ -46,6 +46,8 @@ pub enum FirstRow {
     /// WebGPU's, by `glClipControl`: quads begin at the same pixel, and so give the same
     /// derivatives.
     Highest,
+    /// As [`FirstRow::Highest`], and depths are WebGPU's, 0 to 1.
+    WebGpu,
 }
 
 /// What a uniform holds, by its name.
@@ -72,6 +74,8 @@ const LOWER_LEFT: u32 = 0x8CA1;
 const UPPER_LEFT: u32 = 0x8CA2;
 /// `GL_NEGATIVE_ONE_TO_ONE`.
 const NEGATIVE_ONE_TO_ONE: u32 = 0x935E;
+/// `GL_ZERO_TO_ONE`.
+const ZERO_TO_ONE: u32 = 0x935F;
 
 impl Native {
     /// `glProvokingVertex`, which glow does not list: the first one, as in WebGPU.
@@ -84,14 +88,14 @@ impl Native {
         call(0x8E4D);
     }
 
-    /// `glClipControl`, which glow does not list, with OpenGL's depth.
-    unsafe fn clip_control(&self, origin: u32) {
+    /// `glClipControl`, which glow does not list.
+    unsafe fn clip_control(&self, origin: u32, depth: u32) {
         let found = self.egl.get_proc_address("glClipControl");
         let found = found.expect("OpenGL 4.5, or ARB_clip_control");
         // SAFETY: that is the function's type by the specification (OpenGL 4.5, section 13.5), and
         // the context is current.
         let call: extern "system" fn(u32, u32) = unsafe { std::mem::transmute(found) };
-        call(origin, NEGATIVE_ONE_TO_ONE);
+        call(origin, depth);
     }
 
     /// Draws, nearest first by depth, without culling, on a clear of `clear`. Rows come from the
@@ -145,8 +149,10 @@ impl Native {
             gl.viewport(0, 0, width, height);
             gl.clear_color(clear[0], clear[1], clear[2], clear[3]);
             gl.clear_depth(1.0);
-            if first == FirstRow::Highest {
-                self.clip_control(UPPER_LEFT);
+            match first {
+                FirstRow::Lowest => {}
+                FirstRow::Highest => self.clip_control(UPPER_LEFT, NEGATIVE_ONE_TO_ONE),
+                FirstRow::WebGpu => self.clip_control(UPPER_LEFT, ZERO_TO_ONE),
             }
             gl.enable(glow::TEXTURE_CUBE_MAP_SEAMLESS);
             self.first_vertex_provokes();
@@ -177,7 +183,7 @@ impl Native {
             assert_eq!(gl.get_error(), glow::NO_ERROR);
             gl.delete_program(program);
             gl.delete_framebuffer(framebuffer);
-            self.clip_control(LOWER_LEFT);
+            self.clip_control(LOWER_LEFT, NEGATIVE_ONE_TO_ONE);
             if first == FirstRow::Lowest {
                 let width = width as usize;
                 color = color

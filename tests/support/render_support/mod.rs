@@ -62,6 +62,7 @@ pub fn material(name: &str, source: &str) -> Material {
         textures: BTreeMap::new(),
         samplers: BTreeMap::new(),
         attributes: BTreeMap::new(),
+        attribute_roles: BTreeMap::new(),
         part_of: None,
     }
 }
@@ -128,6 +129,7 @@ pub fn scene(size: [u32; 2], materials: Vec<Material>, draws: Vec<Draw>) -> Scen
         files: Vec::new(),
         is_made_up: false,
         own_size: None,
+        part: None,
         initial: Default::default(),
         rows: Default::default(),
         notes: Vec::new(),

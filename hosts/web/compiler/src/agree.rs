@@ -8,7 +8,7 @@ use preshade::unstable::command::agree::{
 use preshade::unstable::command::agreed::{Pair, Report};
 use preshade::unstable::front::ClipSpace;
 use preshade::unstable::nearest::unknown;
-use preshade::unstable::passes::core::mapping::Mapping;
+use preshade::unstable::passes::core::mapping::Equation;
 use preshade::unstable::passes::validate::Effort;
 use preshade::unstable::passes::validate::agree::{Mismatch, Question, Relation};
 
@@ -32,8 +32,8 @@ pub fn answer(asked: &Agree) -> Result<Answer<Report>, Failure> {
     if asked.normal.is_some() && relation != Relation::Normal {
         return Err(Failure::usage("--normal is for `--as normal`"));
     }
-    let maps = asked.map.iter().map(|text| text.parse::<Mapping>());
-    let maps: Result<Vec<Mapping>, _> = maps.collect();
+    let maps = asked.map.iter().map(|text| text.parse::<Equation>());
+    let maps: Result<Vec<Equation>, _> = maps.collect();
     let maps = maps.map_err(|e| Failure::usage(format!("map: {e}")))?;
     let classes = asked.fail_on.as_ref().map(|classes| {
         let classes = classes.iter().map(|class| parse_class(class));

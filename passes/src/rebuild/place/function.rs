@@ -11,6 +11,7 @@ use super::interface::{self, Narrowed, Placement, Returned};
 use super::members::MemberCopy;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, operands};
 use crate::rebuild::copy::{CopyFunction, Copying};
+use crate::rebuild::returns;
 use crate::rebuild::writer::FunctionWriter;
 use crate::slice::{Coverage, Part, Slice, components};
 
@@ -228,10 +229,7 @@ impl<'a, 'p> SliceCopier<'a, 'p> {
         self.block(&f.body);
         let mut function = self.copying.finish();
         let Some(result) = &function.result else {
-            let body = &mut function.body;
-            while matches!(body.last(), Some(Statement::Return { value: None })) {
-                body.cull(body.len() - 1..);
-            }
+            returns::drop_last(&mut function.body);
             return function;
         };
         // Code behind a loop that only returns never runs, so the slice drops it. But the text does

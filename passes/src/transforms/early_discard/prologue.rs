@@ -1,8 +1,8 @@
 //! The prologue's text, and its insertion at the start of a fragment entry point.
 
 use naga::{
-    Binding, BuiltIn, Expression, Handle, MathFunction, Module, ResourceBinding, Scalar, Statement,
-    TypeInner, VectorSize,
+    Binding, BuiltIn, Expression, Handle, Module, ResourceBinding, Scalar, Statement, TypeInner,
+    VectorSize,
 };
 
 use super::{DepthTexture, Mode, Quad, packed};
@@ -80,10 +80,23 @@ impl Prologue {
             Mode::Cull => hidden.to_owned(),
             Mode::Invert => format!("!({hidden})"),
         };
+        // A written or unclipped depth is clamped before it is stored. No language says what becomes
+        // of NaN there, so a fragment whose depth is NaN is never behind. A compiler may take
+        // `own != own` for false, but not a comparison of bits.
+        let (parameter, clamped, behind) = match self.range {
+            DepthRange::Clipped => ("depth", "", behind.to_owned()),
+            DepthRange::Clamped => (
+                "own",
+                "let depth = saturate(own);\n    ",
+                format!(
+                    "select(false, {behind}, (bitcast<u32>(own) & 0x7fffffffu) <= 0x7f800000u)"
+                ),
+            ),
+        };
         format!(
             "@group({group}) @binding({binding}) var {TEXTURE}: {ty};
-fn {HIDDEN}(position: vec4<f32>, depth: f32) -> bool {{
-    let pixel = vec2<i32>(position.xy);
+fn {HIDDEN}(position: vec4<f32>, {parameter}: f32) -> bool {{
+    {clamped}let pixel = vec2<i32>(position.xy);
     let nearest = {nearest};
     {tolerance}
     let behind = {behind};
@@ -172,17 +185,6 @@ impl Prologue {
                     index: 2,
                 })
             });
-            // A written or unclipped depth is clamped before it is stored.
-            let depth = match self.range {
-                DepthRange::Clipped => depth,
-                DepthRange::Clamped => build.expression(Expression::Math {
-                    fun: MathFunction::Saturate,
-                    arg: depth,
-                    arg1: None,
-                    arg2: None,
-                    arg3: None,
-                }),
-            };
             if let Some(is_hidden) = build.call(hidden, vec![position, depth]) {
                 build.name(is_hidden, "hidden");
                 build.if_then(is_hidden, |build| build.statement(Statement::Kill));
@@ -237,6 +239,13 @@ mod tests {
                 "packed",
                 Prologue {
                     texture: DepthTexture::Packed,
+                    ..PLAIN
+                },
+            ),
+            (
+                "clamped",
+                Prologue {
+                    range: DepthRange::Clamped,
                     ..PLAIN
                 },
             ),

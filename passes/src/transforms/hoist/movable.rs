@@ -18,6 +18,7 @@ use crate::analysis::operations;
 use crate::analysis::range::AllRanges;
 use crate::analysis::reach::with_operands;
 use crate::analysis::rounding::Roundings;
+use crate::analysis::subnormal;
 use crate::analysis::values::{Node, ValueId, Values};
 use crate::core::pass::SourceRange;
 use crate::graph::effect;
@@ -103,6 +104,8 @@ pub enum Missed {
         /// The operation.
         operation: String,
     },
+    /// It depends on a number that may be subnormal in the scene. Some stages of a driver take it for 0.
+    Subnormal,
     /// It may overflow `f32` at a vertex.
     MayOverflow {
         /// The operation.
@@ -159,6 +162,9 @@ impl std::fmt::Display for Missed {
                 f,
                 "`{operation}` may be NaN or infinite at a vertex, which would spoil the whole \
                  triangle"
+            ),
+            Self::Subnormal => f.write_str(
+                "it depends on a subnormal number, which some stages of a driver take for 0",
             ),
             Self::MayOverflow { operation } => write!(
                 f,
@@ -296,6 +302,7 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     let may = |id: ValueId| is_rounded(id) && values.values[id].fact.stages.vertex;
     let roundings = Roundings::new(values, &precision.ranges, &unsteady, may);
     let coverage = with_operands(values, values.coverage.clone());
+    let subnormal = subnormal::changed(values, &precision.ranges);
     let verdicts = (0..values.values.len())
         .map(|id| {
             let scalar = carried_scalar(values, id)?;
@@ -304,6 +311,9 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
             if !fact.stages.vertex {
                 let because = what_pins(values, pins[id]);
                 return Err(Missed::Fragment { because });
+            }
+            if subnormal[id] {
+                return Err(Missed::Subnormal);
             }
             if !ends.may_end(id) {
                 return Err(Missed::MayNotEnd);

@@ -7,8 +7,12 @@ use naga::{
     ScalarKind, Span, Statement, TypeInner,
 };
 
+use super::refuse;
 use crate::analysis::coverage::Decides;
-use crate::core::pass::Left;
+use crate::analysis::refusals as shared;
+use crate::analysis::values::Values;
+use crate::analysis::zero::{Seen, Zeros};
+use crate::core::pass::{Facts, Left, Refused};
 use crate::core::plan::GpuPass;
 use crate::graph::cells::Root;
 use crate::graph::counted::Ends;
@@ -57,6 +61,42 @@ pub struct Terms {
     pub terms: Vec<Term>,
     /// Rejected candidates, most expensive first.
     pub left: Vec<Left>,
+}
+
+impl Terms {
+    /// Keeps the terms that may be left out where their weight is 0, and moves the others to `left`.
+    /// Returns what leaving them out may change.
+    ///
+    /// # Errors
+    /// The stage is too large.
+    pub fn only_zeros(
+        &mut self,
+        graph: &Graph<'_>,
+        fragment: usize,
+        facts: &Facts,
+        material: &str,
+    ) -> Result<Seen, Refused> {
+        let values = Values::new(graph, fragment)
+            .map_err(|e| refuse(&shared::TOO_LARGE, e.to_string(), "set a budget"))?;
+        let zeros = Zeros::new(&values, facts, material);
+        let mut seen = Seen::Nothing;
+        for term in std::mem::take(&mut self.terms) {
+            match zeros.left_out(term.function, term.product, Some(term.tap)) {
+                Ok(more) => {
+                    seen = seen.max(more);
+                    self.terms.push(term);
+                }
+                Err(kept) => self.left.push(Left {
+                    name: format!("tap of {}", graph.name(term.function)),
+                    reason: format!("{kept}: set a budget"),
+                    cost: term.cost,
+                    location: graph.program().sources().locate(term.span),
+                }),
+            }
+        }
+        self.left.sort_by(|a, b| b.cost.total_cmp(&a.cost));
+        Ok(seen)
+    }
 }
 
 /// The terms of these functions.

@@ -55,7 +55,9 @@ pub fn branches(plan: &Plan, facts: &Facts) -> Result<BTreeMap<BranchId, Branch>
     let assumptions = assumptions(plan, program, facts, &params)?;
     let graph = Graph::build(program);
     let mut found: BTreeMap<BranchId, Branch> = BTreeMap::new();
-    for placed in folded(&graph, pass, &assumptions, &params).decisions(&graph) {
+    for placed in
+        folded(&graph, pass, &assumptions, (facts, &plan.material), &params).decisions(&graph)
+    {
         let decision = &placed.decision;
         let values = decision.sources.iter();
         let values = values.filter_map(|i| assumptions.values.get(*i).cloned());

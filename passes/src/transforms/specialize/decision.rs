@@ -8,6 +8,7 @@ use naga::{Block, Expression, Function, Handle, Statement};
 use super::control::{Breaks, taken};
 use super::fold::{FoldFrame, Folder};
 use super::known::{AbstractValue, Sources};
+use crate::graph::counted::Counted;
 use crate::graph::{FunctionId, Graph, Rate, StmtId};
 
 /// The statement kind of a decision.
@@ -85,6 +86,8 @@ pub struct Record {
     pub roundings: BTreeSet<(FunctionId, Handle<Expression>)>,
     /// Decisions and calls.
     pub notes: Vec<Noted>,
+    /// Loops with a known number of iterations.
+    pub turns: Vec<(FunctionId, StmtId, u32)>,
 }
 
 impl Record {
@@ -281,6 +284,10 @@ impl<'p> Folder<'p> {
         sources: Sources,
         turns: Option<u32>,
     ) {
+        let bound = |e: Handle<Expression>| frame.known[e.index()].scalar()?.0.integer();
+        let counted = || Counted::turns_by(self.graph.module(), frame.f, id, bound);
+        let counted = turns.or_else(counted).map(|turns| (frame.id, id, turns));
+        frame.record.turns.extend(counted);
         if turns.is_none() && self.graph.rate(frame.id, condition) != Rate::Draw {
             return;
         }

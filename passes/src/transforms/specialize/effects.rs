@@ -78,7 +78,8 @@ pub fn effects(plan: &Plan, facts: &Facts) -> Result<Vec<Effect>, Box<Refusal>> 
     let params = Params::default();
     let assumptions = assumptions(plan, program, facts, &params)?;
     let graph = Graph::build(program);
-    let decisions = folded(&graph, pass, &assumptions, &params).decisions(&graph);
+    let decisions =
+        folded(&graph, pass, &assumptions, (facts, &plan.material), &params).decisions(&graph);
     let mut found: Vec<Effect> = Vec::new();
     let mut names: Vec<String> = Vec::new();
     for placed in &decisions {

@@ -267,7 +267,8 @@ impl<'p> Folder<'p> {
     }
 
     /// The operand that remains after adding 0, multiplying by 1, or mixing by 0 or 1, in real
-    /// numbers.
+    /// numbers. `None` also if something tells a zero that is left from one of the other sign, or if
+    /// what is dropped may be infinite.
     fn neutral(
         &self,
         frame: &FoldFrame<'p>,
@@ -282,6 +283,7 @@ impl<'p> Folder<'p> {
         let same_type = |operand: Handle<Expression>| {
             frame.f.ty(self.module, operand) == frame.f.ty(self.module, e)
         };
+        let mut dropped = None;
         let found = match frame.original.expressions[e] {
             Expression::Binary { left, right, .. } if is_matrix(left) || is_matrix(right) => None,
             Expression::Binary { op, left, right } => match op {
@@ -301,12 +303,27 @@ impl<'p> Folder<'p> {
                 arg1: Some(arg1),
                 arg2: Some(arg2),
                 ..
-            } => is(arg2, 0.0)
-                .map(|s| (arg, s))
-                .or_else(|| is(arg2, 1.0).map(|s| (arg1, s))),
+            } => {
+                let found = is(arg2, 0.0)
+                    .map(|s| (arg, s))
+                    .or_else(|| is(arg2, 1.0).map(|s| (arg1, s)));
+                dropped = found
+                    .as_ref()
+                    .map(|(left, _)| if *left == arg { arg1 } else { arg });
+                found
+            }
             _ => None,
         };
-        found.filter(|(same, sources)| !sources.is_empty() && same_type(*same))
+        let is_factor = matches!(
+            frame.original.expressions[e],
+            Expression::Binary {
+                op: BinaryOperator::Multiply | BinaryOperator::Divide,
+                ..
+            }
+        );
+        found
+            .filter(|(same, sources)| !sources.is_empty() && same_type(*same))
+            .filter(|_| is_factor || (self.leaves)(frame.id, e, dropped))
     }
 
     fn evaluate(&self, frame: &FoldFrame<'p>, e: Handle<Expression>) -> AbstractValue {

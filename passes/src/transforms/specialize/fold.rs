@@ -22,12 +22,18 @@ use super::versions::Version;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, operands};
 use crate::rebuild::writer::{FunctionWriter, OpenEmit};
 
+/// Whether an expression of a function may be replaced by one of its operands, and the other, if there
+/// is one that is not 0, dropped.
+pub type Leaves<'p> =
+    &'p dyn Fn(FunctionId, Handle<Expression>, Option<Handle<Expression>>) -> bool;
+
 /// Folds the stages of a program.
 pub struct Folder<'p> {
     pub(super) graph: &'p Graph<'p>,
     pub(super) module: &'p Module,
     pub(super) assumptions: &'p Assumptions,
     pub(super) fold: Fold,
+    pub(super) leaves: Leaves<'p>,
     /// Largest number of iterations to unroll.
     pub(super) turns: u32,
     /// The types and functions of the new module.
@@ -91,12 +97,18 @@ pub(super) struct FoldFrame<'p> {
 
 impl<'p> Folder<'p> {
     /// A new folder.
-    pub fn new(graph: &'p Graph<'p>, assumptions: &'p Assumptions, fold: Fold, turns: u32) -> Self {
+    pub fn new(
+        graph: &'p Graph<'p>,
+        assumptions: &'p Assumptions,
+        (fold, leaves): (Fold, Leaves<'p>),
+        turns: u32,
+    ) -> Self {
         Self {
             graph,
             module: graph.module(),
             assumptions,
             fold,
+            leaves,
             turns,
             types: graph.module().types.clone(),
             functions: Arena::new(),

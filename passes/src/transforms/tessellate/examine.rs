@@ -11,6 +11,7 @@ use super::split::{self, Outputs, Split};
 use super::{DividedMaterial, MOST_EDGE_PIXELS, Params, Slots, Tessellate, refuse};
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::refusals as shared;
+use crate::analysis::subnormal;
 use crate::core::contract::Contract;
 use crate::core::geometry::{Form, Subdivision};
 use crate::core::pass::{Facts, Pass, Refusal, Refused, Site};
@@ -46,7 +47,11 @@ impl<'a> DividedMaterial<'a> {
                 "start from the original plan",
             ));
         };
-        ImplicitInputs::new(plan, pass, &Graph::build(program))
+        let graph = Graph::build(program);
+        if params.form != Form::Pulled {
+            subnormal::check(Tessellate::INFO.name, plan, &graph, &[vertex], facts)?;
+        }
+        ImplicitInputs::new(plan, pass, &graph)
             .examine(Tessellate::INFO.name, &[PassEffect::RunsElsewhere])
             .map_err(|refusals| Refused::from(refusals).first())?;
         let module = program.module();

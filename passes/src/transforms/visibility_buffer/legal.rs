@@ -102,9 +102,18 @@ pub fn vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
     refusals
 }
 
+/// Depth ranges of the viewports of a material's draws.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum DepthRange {
+    /// 0 to 1, as far as known.
+    Whole,
+    /// A draw has another.
+    Narrow,
+}
+
 /// Checks that the fragment stage can run on reconstructed inputs. `colors` is the slice of its
 /// colours, because a struct of inputs may have members that they do not need.
-pub fn fragment(opaque: &Opaque<'_>, colors: &Slice) -> Vec<Refusal> {
+pub fn fragment(opaque: &Opaque<'_>, colors: &Slice, depths: DepthRange) -> Vec<Refusal> {
     let mut refusals = Vec::new();
     let module = opaque.program.module();
     let fragment = colors.entry;
@@ -139,6 +148,14 @@ pub fn fragment(opaque: &Opaque<'_>, colors: &Slice) -> Vec<Refusal> {
             "the fragment stage reads the position, whose depth includes the depth bias on some \
              graphics APIs and not on others",
             "remove the bias, or pass the part of the position that is needed as a varying",
+        ));
+    }
+    if reads_position && depths == DepthRange::Narrow {
+        refusals.push(refuse(
+            &shared::DEPTH_RANGE,
+            "the fragment stage reads the position, and a draw sets a depth range other than 0 to 1, \
+             which the resolve does not know",
+            "set the depth range 0 to 1, or pass the part of the position that is needed as a varying",
         ));
     }
     refusals.extend(kept_state(

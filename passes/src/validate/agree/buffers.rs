@@ -100,8 +100,10 @@ impl Matcher<'_> {
         if let Some((our, cast, _)) = &whole {
             self.tell_offsets((global, ty), *our, cast);
         }
+        let given = mapped.iter().map(|(their, _)| their.steps.clone());
+        let given = [given.collect(), self.parts_of_products(global)].concat();
         if let Some((our, Cast::Same, by)) = &whole
-            && mapped.is_empty()
+            && given.is_empty()
             && self.is_same_space(global, *our)
             && self.take(global, *our)
         {
@@ -114,7 +116,7 @@ impl Matcher<'_> {
         let to = self.own_binding(global);
         match whole {
             Some((our, cast, by)) => self.rule((global, to, &[]), (our, &[]), cast, by),
-            None => self.part(global, to, &mut Vec::new(), ty, &mapped),
+            None => self.part(global, to, &mut Vec::new(), ty, &given),
         }
         for (their, our) in mapped {
             if let Some(cast) = cast((self.theirs, their.ty), (self.ours, our.ty)) {
@@ -132,9 +134,7 @@ impl Matcher<'_> {
         cast: &Cast,
     ) {
         let variable = &self.ours.global_variables[our];
-        // A light's struct of its own has an order of its own.
-        let theirs = &self.theirs.global_variables[global];
-        if theirs.binding != variable.binding || theirs.name != variable.name {
+        if !self.is_one_block(global, our) {
             return;
         }
         let (theirs, ours) = (offsets(self.theirs, ty), offsets(self.ours, variable.ty));
@@ -153,6 +153,18 @@ impl Matcher<'_> {
         });
         let moved: Vec<String> = moved.take(3).collect();
         self.notes.extend(moved);
+    }
+
+    /// Whether two variables are one block, whose bytes one host fills. A light's struct of its own
+    /// has an order of its own, and OpenGL's uniforms outside of blocks have no bytes.
+    fn is_one_block(&self, theirs: Handle<GlobalVariable>, ours: Handle<GlobalVariable>) -> bool {
+        let [our_program, their_program] = self.programs;
+        let theirs = &self.theirs.global_variables[theirs];
+        let ours = &self.ours.global_variables[ours];
+        theirs.binding == ours.binding
+            && theirs.name == ours.name
+            && !our_program.declared().is_loose(ours.binding)
+            && !their_program.declared().is_loose(theirs.binding)
     }
 
     /// Whether a type of theirs has values of two frames.
@@ -192,6 +204,7 @@ impl Matcher<'_> {
             to_steps: to_steps.to_vec(),
             from,
             from_steps: from_steps.to_vec(),
+            times: Vec::new(),
             cast,
             is_of_view: plain(&theirs.variable) != plain(&ours.variable) && by != By::Number,
             is_previous: self.relation == Relation::Velocity
@@ -208,18 +221,12 @@ impl Matcher<'_> {
         to: (u32, u32),
         steps: &mut Vec<usize>,
         ty: Handle<Type>,
-        mapped: &[(mapping::Place, mapping::Place)],
+        given: &[Vec<usize>],
     ) {
-        if mapped
-            .iter()
-            .any(|(their, _)| steps.starts_with(&their.steps))
-        {
+        if given.iter().any(|own| steps.starts_with(own)) {
             return;
         }
-        let is_split = self.is_of_two_frames(ty)
-            || mapped
-                .iter()
-                .any(|(their, _)| their.steps.starts_with(steps));
+        let is_split = self.is_of_two_frames(ty) || given.iter().any(|own| own.starts_with(steps));
         if !is_split && let Some((our, from, cast)) = self.named(global, steps, ty) {
             let variables = [
                 &self.theirs.global_variables[global],
@@ -227,9 +234,10 @@ impl Matcher<'_> {
             ];
             let there = offset(self.theirs, variables[0].ty, steps);
             let here = offset(self.ours, variables[1].ty, &from);
-            let is_one = variables[0].binding == variables[1].binding
-                && variables[0].name == variables[1].name;
-            if is_one && there != here && self.relation != Relation::Velocity {
+            if self.is_one_block(global, our)
+                && there != here
+                && self.relation != Relation::Velocity
+            {
                 let path = mapping::name_of(self.theirs, global, steps);
                 self.notes.push(format!(
                     "`{}` is at byte {there} there and at byte {here} here",
@@ -244,7 +252,7 @@ impl Matcher<'_> {
         }
         for (i, (_, member)) in members.iter().enumerate() {
             steps.push(i);
-            self.part(global, to, steps, *member, mapped);
+            self.part(global, to, steps, *member, given);
             steps.pop();
         }
     }

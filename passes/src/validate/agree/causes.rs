@@ -5,6 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::Class;
 use super::budget::Draw;
+use super::draws::Point;
+use super::fed::Rule;
 use super::found::{State, is_plain};
 use super::quote::digits;
 use super::trial::{Two, What};
@@ -13,6 +15,7 @@ use crate::evaluate::{Scalar, Stuck, Traced, Value};
 use crate::validate::inputs::Inputs;
 use crate::validate::levels::Reading;
 use crate::validate::stage::{Ran, Slot, Stage};
+use crate::validate::tape::Seen;
 use crate::validate::world::{self, PassStages, TestPoint, Texels};
 
 /// A larger number is huge.
@@ -29,18 +32,20 @@ impl Two<'_> {
     pub(super) fn confirmed(
         &self,
         (what, sliced): (What, &[Sliced; 2]),
-        inputs: &Inputs,
+        (inputs, rules): (&Inputs, &[Rule]),
         place: TestPoint,
         state: &mut State,
     ) -> Result<Option<(Class, [String; 3])>, Stuck> {
         let draw = Draw::new(inputs, [self.first, self.second], self.budget);
         let mut tried = self.try_one(what, &draw, place, state);
-        if let Ok(Some((class, output))) = &mut tried {
+        if let Ok(Some((class, output))) = &mut tried
+            && *class != Class::Undefined
+        {
             if !is_plain(inputs) && self.is_extreme(sliced, inputs, place) {
                 *class = Class::Extreme;
             } else if !matches!(what, What::Still(_) | What::Outputs(..))
                 && output[0] != COVERS
-                && self.is_rounding(what, inputs, place)
+                && self.is_rounding(what, (inputs, rules), place)
             {
                 *class = Class::Rounding;
             }
@@ -48,18 +53,26 @@ impl Two<'_> {
         tried
     }
 
-    /// Whether the very inputs that differ agree where every mip level is the same.
+    /// Whether on the very inputs that differ, both sample one place at different levels, and agree
+    /// where every mip level is the same.
     pub(super) fn agree_without_levels(
         &self,
-        what: What,
+        (what, sliced): (What, &[Sliced; 2]),
         class: Class,
-        differing: &[(u64, TestPoint)],
+        differing: &[(Point, TestPoint)],
     ) -> bool {
         let rules = &self.matching.rules;
         let read = self.read(rules);
         let whole = [self.first, self.second];
-        differing.iter().all(|(seed, place)| {
-            let inputs = self.inputs(*seed, Reading::Ignored, rules, &read);
+        let slices = [sliced[0].stages(self.first), sliced[1].stages(self.second)];
+        differing.iter().all(|(point, place)| {
+            let inputs = self.inputs(point, Reading::Level, rules, &read);
+            let [ours, theirs] =
+                slices.map(|stages| self.on_tape(stages, &inputs, rules, *place).1.lookups);
+            if !Seen::differ_in_level(&ours, &theirs) {
+                return false;
+            }
+            let inputs = self.inputs(point, Reading::Ignored, rules, &read);
             let draw = Draw::new(&inputs, whole, self.budget);
             let tried = self.try_one(what, &draw, *place, &mut State::default());
             !matches!(tried, Ok(Some((c, _))) if c == class)

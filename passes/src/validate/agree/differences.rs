@@ -1,16 +1,20 @@
 //! What two runs differ in, and whether that is rounding alone.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
+use std::sync::Arc;
 
 use naga::BuiltIn;
 
+use super::fed::{self, Rule};
 use super::trial::{Two, What};
 use super::{Class, Relation};
+use crate::core::program::Program;
 use crate::core::state::DepthDirection;
 use crate::evaluate::{Number, Scalar, Value};
 use crate::validate::compare::{self, Colors, Depths, Discards, Stores, text};
 use crate::validate::inputs::Inputs;
 use crate::validate::stage::{POSITION, Ran, Slot};
+use crate::validate::tape::Taped;
 use crate::validate::world::{self, TestPoint};
 
 const FRAG_DEPTH: Slot = Slot::BuiltIn(BuiltIn::FragDepth);
@@ -20,15 +24,63 @@ const SAMPLE_MASK: Slot = Slot::BuiltIn(BuiltIn::SampleMask);
 pub(super) const BIASED: &str = "z of the position";
 
 impl Two<'_> {
+    /// Whether rounding alone makes the two differ. Another outcome of one comparison of the same
+    /// numbers is none.
+    pub(super) fn is_rounding(
+        &self,
+        what: What,
+        (inputs, rules): (&Inputs, &[Rule]),
+        place: TestPoint,
+    ) -> bool {
+        let [ours, theirs] =
+            [self.first, self.second].map(|stages| self.on_tape(stages, inputs, rules, place));
+        let ((Ok(first), ours), (Ok(second), theirs)) = (ours, theirs) else {
+            return self.is_same_precisely(what, (inputs, rules), place);
+        };
+        let decisions = [&ours.decisions, &theirs.decisions];
+        if decisions[0].iter().any(|d| d.is_opposed(decisions[1])) {
+            return false;
+        }
+        let rounded: Vec<_> = [(0, 1), (1, 0)]
+            .into_iter()
+            .flat_map(|(own, other)| {
+                let own = decisions[own].iter();
+                own.filter(move |d| d.is_of_rounding() && !d.is_shared(decisions[other]))
+            })
+            .collect();
+        // What `f64` absorbs, too.
+        if rounded.iter().any(|d| d.is_of_rounded_truths()) {
+            return true;
+        }
+        if rounded.is_empty() && ours.lookups == theirs.lookups {
+            return self.is_near(what, truths(first), truths(second));
+        }
+        self.is_same_precisely(what, (inputs, rules), place)
+    }
+
     /// Whether the two agree in twice the digits.
-    pub(super) fn is_rounding(&self, what: What, inputs: &Inputs, place: TestPoint) -> bool {
-        let world = world::precise(inputs);
+    fn is_same_precisely(
+        &self,
+        what: What,
+        (inputs, rules): (&Inputs, &[Rule]),
+        place: TestPoint,
+    ) -> bool {
+        let mut world = world::precise(inputs);
+        // Products are rounded otherwise.
+        fed::feed(rules, Arc::make_mut(&mut world.resources));
         let run = |stages| world.run(stages, place, 4 * self.effort.steps, None);
-        let (Ok(first), Ok(mut second)) = (run(self.first), run(self.second)) else {
+        let (Ok(first), Ok(second)) = (run(self.first), run(self.second)) else {
             self.budget.spend(self.effort.steps);
             return false;
         };
         self.budget.spend(first.steps + second.steps);
+        self.is_near(what, first, second)
+    }
+
+    /// Whether two runs agree but for the last digits.
+    fn is_near(&self, what: What, mut first: Ran<f64>, mut second: Ran<f64>) -> bool {
+        self.narrow(&mut first);
+        self.narrow(&mut second);
         // What is close counts as equal.
         let snap = |ours: Option<&Value<f64>>, theirs: Option<&mut Value<f64>>| {
             if let (Some(ours), Some(theirs)) = (ours, theirs)
@@ -44,6 +96,22 @@ impl Two<'_> {
             snap(Some(ours), second.stored.get_mut(at));
         }
         first.discarded == second.discarded && self.difference(what, &first, &second).is_none()
+    }
+
+    /// Leaves out the components of outputs that an author does not declare: reading GLSL fills them.
+    pub(super) fn narrow<F: Number>(&self, ran: &mut Ran<F>) {
+        for (location, count) in &self.components {
+            let output = ran.outputs.get_mut(&Slot::Location(*location, None));
+            if let Some(output @ Value::Composite(_)) = output {
+                let Value::Composite(parts) = output else {
+                    continue;
+                };
+                parts.truncate(*count as usize);
+                if let [one] = &parts[..] {
+                    *output = one.clone();
+                }
+            }
+        }
     }
 
     /// The samples that a fragment covers, as bits.
@@ -210,6 +278,50 @@ impl Two<'_> {
             }
         }
     }
+}
+
+/// The references of a run.
+fn truths(ran: Ran<Taped>) -> Ran<f64> {
+    fn of(value: &Value<Taped>) -> Value<f64> {
+        match value {
+            Value::Scalar(scalar) => Value::Scalar(match scalar {
+                Scalar::F32(x) => Scalar::F32(x.truth),
+                Scalar::I32(x) => Scalar::I32(*x),
+                Scalar::U32(x) => Scalar::U32(*x),
+                Scalar::Bool(x) => Scalar::Bool(*x),
+            }),
+            Value::Composite(parts) => Value::Composite(parts.iter().map(of).collect()),
+            Value::Pointer { address, path } => Value::Pointer {
+                address: *address,
+                path: path.clone(),
+            },
+            Value::Resource(global) => Value::Resource(*global),
+        }
+    }
+    let outputs = ran.outputs.iter();
+    let stored = ran.stored.iter();
+    Ran {
+        outputs: outputs.map(|(slot, value)| (*slot, of(value))).collect(),
+        stored: stored.map(|(at, value)| (*at, of(value))).collect(),
+        discarded: ran.discarded,
+        flips: ran.flips,
+        steps: ran.steps,
+        undefined: ran.undefined,
+    }
+}
+
+/// The components of outputs that two programs declare, by location, if one of them declares fewer
+/// than four.
+pub(super) fn components(programs: [&Program; 2]) -> BTreeMap<u32, u32> {
+    let targets = programs.into_iter().flat_map(|p| &p.declared().targets);
+    let mut all = BTreeMap::new();
+    for target in targets {
+        if let Some(count) = target.components().filter(|count| *count < 4) {
+            let least = all.entry(target.location).or_insert(count);
+            *least = count.min(*least);
+        }
+    }
+    all
 }
 
 /// A written depth as it is stored: within 0 and 1. A compiler may clamp it already. No API says what

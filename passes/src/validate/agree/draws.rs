@@ -7,14 +7,31 @@ use super::fed::{self, Rule};
 use super::reads;
 use super::trial::Two;
 use crate::evaluate::{Scalar, Value};
-use crate::validate::inputs::{Inputs, Profile, Random};
+use crate::validate::inputs::{Inputs, Pins, Profile, Random};
 use crate::validate::levels::{Levels, Reading};
 use crate::validate::world::PassStages;
+
+/// Which inputs: those of a seed, with single floats pinned.
+#[derive(Clone, Debug, Default)]
+pub(super) struct Point {
+    pub(super) seed: u64,
+    pub(super) pins: Pins,
+}
+
+impl From<u64> for Point {
+    fn from(seed: u64) -> Self {
+        Self {
+            seed,
+            pins: Pins::default(),
+        }
+    }
+}
 
 impl Two<'_> {
     /// Why no numbers can be tried: a stage reads a buffer that is too long to fill.
     pub(super) fn unfilled(&self) -> Option<String> {
-        let inputs = self.inputs(self.effort.seed, Reading::Level, &[], &self.read(&[]));
+        let seed = self.effort.seed.into();
+        let inputs = self.inputs(&seed, Reading::Level, &[], &self.read(&[]));
         for stages in [self.first, self.second] {
             for stage in [Some(stages.vertex), stages.fragment].into_iter().flatten() {
                 let info = stage.program.info().get_entry_point(stage.entry);
@@ -36,14 +53,15 @@ impl Two<'_> {
         read_by([self.first, self.second], rules)
     }
 
-    /// The inputs of a seed, in the buffers that are `read`.
+    /// The inputs of a point, in the buffers that are `read`.
     pub(super) fn inputs(
         &self,
-        seed: u64,
+        point: &Point,
         reading: Reading,
         rules: &[Rule],
         read: &Read,
     ) -> Inputs {
+        let seed = point.seed;
         let [ours, theirs] = [self.first, self.second].map(|s| s.vertex.module());
         let is_read = |at: (u32, u32), member: Option<usize>| match (read.get(&at), member) {
             (None, _) => false,
@@ -68,6 +86,7 @@ impl Two<'_> {
                 shrink(value);
             }
         }
+        inputs.pin(&point.pins);
         fed::feed(rules, Arc::make_mut(&mut inputs.resources));
         inputs.same_numbers(&self.matching.previous_inputs);
         for (location, component) in &self.matching.filled {
@@ -122,9 +141,11 @@ pub(super) fn read_by(two: [PassStages<'_>; 2], rules: &[Rule]) -> Read {
     let read = stages
         .flatten()
         .flat_map(|stage| reads::parts(stage, &|_| true));
+    let factors = rules.iter().flat_map(|rule| rule.times.iter().cloned());
     let fed = rules
         .iter()
-        .map(|rule| (rule.from, rule.from_steps.clone()));
+        .map(|rule| (rule.from, rule.from_steps.clone()))
+        .chain(factors);
     let mut all = Read::new();
     for (at, steps) in read.chain(fed) {
         let members = all.entry(at).or_insert_with(|| Some(BTreeSet::new()));

@@ -2,10 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use naga::{ArraySize, Handle, Module, Type, TypeInner};
+use naga::{ArraySize, BinaryOperator, Handle, Module, Type, TypeInner};
 
+use crate::core::declared::is_padding;
 use crate::core::mapping::members;
-use crate::evaluate::{Number, Value};
+use crate::evaluate::{Number, Value, math};
 
 /// How a value of one type becomes one of another.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -20,6 +21,8 @@ pub(super) enum Cast {
     Wrapped(Box<Cast>),
     /// Ours is.
     Unwrapped(Box<Cast>),
+    /// Each scalar from the one at its byte: their steps, our steps.
+    Bytes(Vec<(Vec<usize>, Vec<usize>)>),
 }
 
 /// A part of a buffer of the second program that holds a part of a buffer of the first.
@@ -33,12 +36,33 @@ pub(super) struct Rule {
     pub(super) from: (u32, u32),
     /// The part of it.
     pub(super) from_steps: Vec<usize>,
+    /// Matrices that it is multiplied by, from left to right.
+    pub(super) times: Vec<((u32, u32), Vec<usize>)>,
     /// How ours becomes theirs.
     pub(super) cast: Cast,
     /// The two have other names: in a frame, each view has its own value.
     pub(super) is_of_view: bool,
     /// Theirs is the value of the previous frame.
     pub(super) is_previous: bool,
+}
+
+impl Cast {
+    /// The steps to the part of ours that a part of theirs has its value from.
+    pub(super) fn steps(&self, theirs: &[usize]) -> Option<Vec<usize>> {
+        match (self, theirs) {
+            (Self::Same, all) => Some(all.to_vec()),
+            (Self::Members(all), [first, rest @ ..]) => {
+                let (_, ours, cast) = all.iter().find(|(their, ..)| their == first)?;
+                Some([&[*ours][..], &cast.steps(rest)?].concat())
+            }
+            (Self::Elements(cast), [first, rest @ ..]) => {
+                Some([&[*first][..], &cast.steps(rest)?].concat())
+            }
+            (Self::Wrapped(cast), [0, rest @ ..]) => cast.steps(rest),
+            (Self::Unwrapped(cast), all) => Some([&[0][..], &cast.steps(all)?].concat()),
+            _ => None,
+        }
+    }
 }
 
 /// How our type becomes theirs; `None` if they don't hold the same.
@@ -59,13 +83,19 @@ pub(super) fn cast_by(
         }
         (
             T::Array {
-                base: a, size: n, ..
+                base: a,
+                size: n,
+                stride,
             },
             T::Array {
-                base: b, size: m, ..
+                base: b,
+                size: m,
+                stride: our_stride,
             },
         ) => {
-            let element = cast_by((theirs, *a), (ours, *b), is_by_offset)?;
+            let by_type = cast_by((theirs, *a), (ours, *b), is_by_offset);
+            let by_bytes = || (stride == our_stride).then(|| padded((theirs, *a), (ours, *b)))?;
+            let element = by_type.or_else(by_bytes)?;
             let is_runtime = |size: &ArraySize| !matches!(size, ArraySize::Constant(_));
             let is_same = n == m || (is_runtime(n) && is_runtime(m));
             Some(match element {
@@ -101,11 +131,12 @@ fn of_members(
         let cast = cast_by((theirs, *their), (ours, *our), is_by_offset)?;
         Some((i, j, cast))
     };
+    let pads = fills(theirs, their);
+    let data = || a.iter().enumerate().filter(|(i, _)| !pads[*i]);
     if is_by_offset {
         let (at, to) = (offsets(theirs, their), offsets(ours, our));
         let place = |i: usize| to.iter().position(|offset| at.get(i) == Some(offset));
-        let all = a.iter().enumerate();
-        let all: Vec<_> = all
+        let all: Vec<_> = data()
             .map(|member| one(member, place(member.0)?))
             .collect::<Option<_>>()?;
         let is_same = a.len() == b.len() && all.iter().all(|(i, j, c)| i == j && *c == Cast::Same);
@@ -115,12 +146,10 @@ fn of_members(
         });
     }
     let partner = |name: &str| b.iter().position(|(other, _)| plain(other) == plain(name));
-    let by_name: Option<Vec<_>> = a
-        .iter()
-        .enumerate()
+    let by_name: Option<Vec<_>> = data()
         .map(|member| one(member, partner(&member.1.0)?))
         .collect();
-    let has_common = a.iter().any(|(name, _)| partner(name).is_some());
+    let has_common = data().any(|(_, (name, _))| partner(name).is_some());
     let all = match by_name {
         Some(all) => all,
         None if has_common || a.len() != b.len() => return None,
@@ -135,6 +164,87 @@ fn of_members(
         true => Cast::Same,
         false => Cast::Members(all),
     })
+}
+
+/// Which members of a struct fill gaps alone.
+fn fills(module: &Module, ty: Handle<Type>) -> Vec<bool> {
+    let name = module.types[ty].name.as_deref().unwrap_or_default();
+    let is_fill = |member: &str| {
+        is_padding(name, member) || member.strip_prefix("padding_").is_some_and(is_number)
+    };
+    let members = members(module, ty);
+    members.iter().map(|(member, _)| is_fill(member)).collect()
+}
+
+fn is_number(text: &str) -> bool {
+    !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit())
+}
+
+/// How elements of arrays of one stride fit, where the languages pad them otherwise: a scalar of
+/// `std140` is the first of a vector in GLSL, and the first member of a struct in SPIR-V.
+fn padded(theirs: (&Module, Handle<Type>), ours: (&Module, Handle<Type>)) -> Option<Cast> {
+    let (mut a, mut b) = (Vec::new(), Vec::new());
+    flat(theirs, (0, false), &mut Vec::new(), &mut a)?;
+    flat(ours, (0, false), &mut Vec::new(), &mut b)?;
+    let is_covered = |own: &[Flat], others: &[Flat]| {
+        own.iter().filter(|x| !x.fills).all(|x| {
+            let mut others = others.iter();
+            // Beyond its padding, a vector has nothing.
+            others.any(|y| y.offset == x.offset && (y.fills || y.scalar == x.scalar))
+        })
+    };
+    let is_same = |(x, y): &(&Flat, &Flat)| x.offset == y.offset && x.scalar == y.scalar;
+    let pairs = a.iter().flat_map(|x| b.iter().map(move |y| (x, y)));
+    let pairs = pairs.filter(is_same);
+    let all: Vec<_> = pairs
+        .map(|(x, y)| (x.steps.clone(), y.steps.clone()))
+        .collect();
+    let has_fill = a.iter().chain(&b).any(|x| x.fills);
+    let fits = has_fill && !all.is_empty() && is_covered(&a, &b) && is_covered(&b, &a);
+    fits.then_some(Cast::Bytes(all))
+}
+
+/// A scalar of a type.
+struct Flat {
+    offset: u32,
+    scalar: naga::Scalar,
+    /// It fills a gap alone.
+    fills: bool,
+    steps: Vec<usize>,
+}
+
+fn flat(
+    (module, ty): (&Module, Handle<Type>),
+    (offset, is_fill): (u32, bool),
+    steps: &mut Vec<usize>,
+    all: &mut Vec<Flat>,
+) -> Option<()> {
+    match &module.types[ty].inner {
+        TypeInner::Scalar(scalar) => all.push(Flat {
+            offset,
+            scalar: *scalar,
+            fills: is_fill,
+            steps: steps.clone(),
+        }),
+        TypeInner::Vector { size, scalar } => {
+            all.extend((0..*size as usize).map(|i| Flat {
+                offset: offset + i as u32 * u32::from(scalar.width),
+                scalar: *scalar,
+                fills: is_fill,
+                steps: [&steps[..], &[i]].concat(),
+            }));
+        }
+        TypeInner::Struct { members, .. } => {
+            for (i, (member, fill)) in members.iter().zip(fills(module, ty)).enumerate() {
+                steps.push(i);
+                let at = (offset + member.offset, is_fill || fill);
+                flat((module, member.ty), at, steps, all)?;
+                steps.pop();
+            }
+        }
+        _ => return None,
+    }
+    Some(())
 }
 
 /// The offsets of a struct's members.
@@ -156,8 +266,12 @@ pub(super) fn plain(name: &str) -> String {
 /// Writes what the rules say into the resources of a world.
 pub(super) fn feed<F: Number>(rules: &[Rule], resources: &mut BTreeMap<(u32, u32), Value<F>>) {
     for rule in rules {
-        let from = resources.get(&rule.from);
-        let Some(from) = from.and_then(|v| part(v, &rule.from_steps)).cloned() else {
+        let value = |(at, steps): (&(u32, u32), &[usize])| part(resources.get(at)?, steps).cloned();
+        let first = value((&rule.from, &rule.from_steps));
+        let product = rule.times.iter().fold(first, |product, (at, steps)| {
+            math::binary(BinaryOperator::Multiply, &product?, &value((at, steps))?).ok()
+        });
+        let Some(from) = product else {
             continue;
         };
         let to = resources.get_mut(&rule.to);
@@ -202,6 +316,13 @@ pub(super) fn overlay<F: Number>(to: &mut Value<F>, from: &Value<F>, cast: &Cast
         (Cast::Wrapped(cast), Value::Composite(to), from) => {
             if let [to] = &mut to[..] {
                 overlay(to, from, cast);
+            }
+        }
+        (Cast::Bytes(all), to, from) => {
+            for (at, by) in all {
+                if let (Some(to), Some(from)) = (part_mut(to, at), part(from, by)) {
+                    to.clone_from(from);
+                }
             }
         }
         (Cast::Unwrapped(cast), to, Value::Composite(from)) => {

@@ -3,6 +3,7 @@
 use std::collections::BTreeMap;
 
 use super::Class;
+use super::draws::Point;
 use super::normals::Encodings;
 use super::words::Example;
 use crate::evaluate::Value;
@@ -26,7 +27,7 @@ pub(super) struct Found {
     /// Places that differ, by class.
     pub(super) hits: BTreeMap<Class, u64>,
     /// The first ordinary inputs and places that differ, by class.
-    pub(super) differing: BTreeMap<Class, Vec<(u64, TestPoint)>>,
+    pub(super) differing: BTreeMap<Class, Vec<(Point, TestPoint)>>,
     /// Inputs on which something was compared.
     pub(super) compared: u64,
     /// Inputs whose numbers were looked at.
@@ -67,11 +68,16 @@ impl Found {
     }
 
     /// Counts a difference.
-    pub(super) fn count(&mut self, class: Class, inputs: &Inputs, place: TestPoint) {
+    pub(super) fn count(
+        &mut self,
+        class: Class,
+        (point, inputs): (&Point, &Inputs),
+        place: TestPoint,
+    ) {
         *self.hits.entry(class).or_default() += 1;
         let known = self.differing.entry(class).or_default();
         if known.len() < LEVELS && is_plain(inputs) {
-            known.push((inputs.seed, place));
+            known.push((point.clone(), place));
         }
     }
 }

@@ -5,15 +5,19 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use naga::{AddressSpace, GlobalVariable, Handle, Module, ResourceBinding, Type, TypeInner};
+use naga::{
+    AddressSpace, GlobalVariable, Handle, ImageClass, Module, ResourceBinding, ScalarKind, Type,
+    TypeInner,
+};
 use serde::Serialize;
 
 use super::attributes::Attributes;
 use super::buffers::{self, Leaf, leaves};
 use super::fed::{Cast, Rule, cast, plain};
+use super::products::{self, Product};
 use super::sampled::sampled;
 use super::{Mismatch, Relation, rename};
-use crate::core::mapping::{self, Mapping};
+use crate::core::mapping::{self, Equation, Mapping};
 use crate::core::program::{Language, Program};
 use crate::core::reflect;
 use crate::evaluate;
@@ -51,6 +55,8 @@ pub enum By {
     Texture,
     /// Number, and the order of members: no name is common.
     Order,
+    /// A matrix and the product of matrices in whose place it stands.
+    Product,
 }
 
 /// A part of a variable of the second program without a partner.
@@ -61,6 +67,8 @@ pub(super) struct Lost {
     pub(super) steps: Vec<usize>,
     pub(super) name: String,
     pub(super) ty: String,
+    /// The variable, and the type of the part.
+    of: (Handle<GlobalVariable>, Handle<Type>),
     /// Parts of the first program with this type.
     pub(super) candidates: Vec<String>,
 }
@@ -94,16 +102,18 @@ pub(super) struct Matcher<'a> {
     pub(super) ours: &'a Module,
     pub(super) theirs: &'a Module,
     /// Both programs, for what the IR can't say.
-    programs: [&'a Program; 2],
+    pub(super) programs: [&'a Program; 2],
     pub(super) relation: Relation,
     pub(super) maps: &'a [Mapping],
+    /// Products that mappings give.
+    pub(super) products: Vec<Product>,
     /// Named parts of our buffers.
     pub(super) leaves: Vec<Leaf>,
     /// New bindings of their variables.
     pub(super) bindings: BTreeMap<Handle<GlobalVariable>, ResourceBinding>,
     pub(super) rules: Vec<Rule>,
     partners: Vec<Partner>,
-    lost: Vec<Lost>,
+    pub(super) lost: Vec<Lost>,
     pub(super) notes: Vec<String>,
     /// Our place, and the place of theirs that has it now.
     taken: BTreeMap<(u32, u32), Option<(u32, u32)>>,
@@ -119,9 +129,12 @@ pub(super) fn matched(
     first: PassStages<'_>,
     second: PassStages<'_>,
     relation: Relation,
-    maps: &[Mapping],
+    equations: &[Equation],
 ) -> Result<Matching, Mismatch> {
     let (ours, theirs) = (first.vertex.module(), second.vertex.module());
+    let maps: Vec<Mapping> = equations.iter().filter_map(Equation::plain).collect();
+    let maps = &maps[..];
+    let products = products::given([ours, theirs], equations)?;
     check(ours, theirs, (first, second), maps)?;
     let mut matcher = Matcher {
         ours,
@@ -129,6 +142,7 @@ pub(super) fn matched(
         programs: [first.vertex.program, second.vertex.program],
         relation,
         maps,
+        products,
         leaves: leaves(ours),
         bindings: BTreeMap::new(),
         rules: Vec::new(),
@@ -152,6 +166,12 @@ pub(super) fn matched(
             _ => matcher.data(*global),
         }
     }
+    matcher.feed_products();
+    // A velocity pass has products of two frames.
+    if relation != Relation::Velocity {
+        matcher.guess_products(first, second);
+    }
+    matcher.suggest(first);
     let samplers = used.iter().copied().filter(|g| is_sampler(*g));
     let samplers: Vec<_> = samplers.map(|g| (g, matcher.resource(g))).collect();
     for (theirs, found) in &samplers {
@@ -247,7 +267,10 @@ fn check(
             };
             let fits = match is_data(theirs, their.global) {
                 true => cast((theirs, their.ty), (ours, our.ty)).is_some(),
-                false => ours.types[our.ty].inner == theirs.types[their.ty].inner,
+                false => is_same_resource(
+                    (theirs, &theirs.types[their.ty].inner),
+                    (ours, &ours.types[our.ty].inner),
+                ),
             };
             if !fits {
                 return Err(Mismatch::Map {
@@ -540,23 +563,52 @@ impl Matcher<'_> {
         steps: Vec<usize>,
         ty: Handle<Type>,
     ) {
-        let is_data = self.theirs.global_variables[global].space != AddressSpace::Handle;
-        let candidates = self.leaves.iter().filter(|leaf| {
-            is_data && cast((self.theirs, ty), (self.ours, leaf.ty)) == Some(Cast::Same)
-        });
-        let candidates =
-            candidates.map(|l| mapping::name_of(self.ours, l.global, &l.steps).to_string());
         self.lost.push(Lost {
             at,
-            name: mapping::name_of(self.theirs, global, &steps).to_string(),
-            candidates: candidates.take(3).collect(),
+            name: self.called(1, &(global, steps.clone())),
+            candidates: Vec::new(),
+            of: (global, ty),
             ty: type_text(self.theirs, ty),
             steps,
         });
     }
+
+    /// Names what each part without a partner may hold: what nothing else of theirs has.
+    fn suggest(&mut self, first: PassStages<'_>) {
+        let products = self.suggested(first);
+        for i in 0..self.lost.len() {
+            let (global, ty) = self.lost[i].of;
+            if self.theirs.global_variables[global].space == AddressSpace::Handle {
+                continue;
+            }
+            let fits = |leaf: &&Leaf| {
+                cast((self.theirs, ty), (self.ours, leaf.ty)) == Some(Cast::Same)
+                    && !self.has_partner(&(leaf.global, leaf.steps.clone()))
+            };
+            let names = self.leaves.iter().filter(fits);
+            let names = names.map(|leaf| self.called(0, &(leaf.global, leaf.steps.clone())));
+            let is_matrix = matches!(self.theirs.types[ty].inner, TypeInner::Matrix { .. });
+            let products = products.iter().filter(|_| is_matrix).cloned();
+            self.lost[i].candidates = products.chain(names).take(3).collect();
+        }
+    }
+
+    /// Whether a place of ours is one of theirs, too.
+    pub(super) fn is_taken(&self, at: (u32, u32)) -> bool {
+        self.taken.contains_key(&at)
+    }
+
+    /// The place of a variable of theirs.
+    pub(super) fn place_or_own(&mut self, theirs: Handle<GlobalVariable>) -> (u32, u32) {
+        match self.bindings.get(&theirs) {
+            Some(at) => (at.group, at.binding),
+            None => self.own_binding(theirs),
+        }
+    }
 }
 
-/// Whether two textures, samplers or arrays of them are of one type.
+/// Whether two textures, samplers or arrays of them are of one type. Some languages have no depth
+/// textures but for comparisons.
 fn is_same_resource(
     (theirs, their): (&Module, &TypeInner),
     (ours, our): (&Module, &TypeInner),
@@ -569,12 +621,37 @@ fn is_same_resource(
             let inner = [&theirs.types[*a].inner, &ours.types[*b].inner];
             n == m && is_same_resource((theirs, inner[0]), (ours, inner[1]))
         }
+        (
+            TypeInner::Image {
+                dim,
+                arrayed,
+                class,
+            },
+            TypeInner::Image {
+                dim: our_dim,
+                arrayed: is_our_array,
+                class: our_class,
+            },
+        ) => {
+            dim == our_dim && arrayed == is_our_array && of_floats(*class) == of_floats(*our_class)
+        }
         _ => their == our,
     }
 }
 
+/// The class of a texture, a depth as a float.
+fn of_floats(class: ImageClass) -> ImageClass {
+    match class {
+        ImageClass::Depth { multi } => ImageClass::Sampled {
+            kind: ScalarKind::Float,
+            multi,
+        },
+        other => other,
+    }
+}
+
 /// A type as text.
-fn type_text(module: &Module, ty: Handle<Type>) -> String {
+pub(super) fn type_text(module: &Module, ty: Handle<Type>) -> String {
     match &module.types[ty].inner {
         TypeInner::Image { .. } => "a texture".to_owned(),
         TypeInner::Sampler { .. } => "a sampler".to_owned(),

@@ -6,6 +6,7 @@
 //! [validation](super), or tried on inputs; a difference gets a [`Class`], the lines of both
 //! authors, and a sentence (`words`).
 
+use std::cell::Cell;
 use std::sync::Arc;
 
 use serde::{Deserialize, Serialize};
@@ -14,7 +15,7 @@ use super::Effort;
 use super::numbers::Numbers;
 use super::stage::Stage;
 use super::world::PassStages;
-use crate::core::mapping::Mapping;
+use crate::core::mapping::Equation;
 use crate::core::plan::{GpuPass, Plan, Role};
 use crate::core::program::Location;
 
@@ -24,6 +25,7 @@ mod buffers;
 mod causes;
 mod differences;
 mod draws;
+mod early;
 mod fed;
 mod found;
 mod matching;
@@ -31,11 +33,13 @@ mod motion;
 mod normals;
 mod notes;
 mod parts;
+mod products;
 mod promises;
 mod quote;
 mod reads;
 mod rename;
 mod sampled;
+mod ties;
 mod traced;
 mod trial;
 mod words;
@@ -150,11 +154,15 @@ pub enum Class {
     Extreme,
     /// Depths must be equal, and a GPU may round the two positions differently.
     Variant,
+    /// The second computes what GLSL leaves undefined, and the first does not.
+    Undefined,
+    /// A scene that is drawn with both shows a difference.
+    Drawn,
 }
 
 impl Class {
     /// All of them.
-    pub const ALL: [Self; 13] = [
+    pub const ALL: [Self; 15] = [
         Self::Position,
         Self::KeepsHidden,
         Self::Loses,
@@ -168,6 +176,8 @@ impl Class {
         Self::Rounding,
         Self::Extreme,
         Self::Variant,
+        Self::Undefined,
+        Self::Drawn,
     ];
 
     /// Its word in options and files.
@@ -186,6 +196,8 @@ impl Class {
             Self::Rounding => "rounding",
             Self::Extreme => "extreme",
             Self::Variant => "variant",
+            Self::Undefined => "undefined",
+            Self::Drawn => "drawn",
         }
     }
 
@@ -197,6 +209,7 @@ impl Class {
             // A shadow map has a bias of its own. Other depths are compared with the main pass's.
             Self::DepthBias => relation != Relation::Shadow,
             Self::Rounding => matches!(relation, Relation::Same | Relation::Prepass),
+            Self::Undefined => relation == Relation::Same,
             _ => true,
         }
     }
@@ -240,7 +253,7 @@ pub struct Finding {
 
 impl Finding {
     /// A finding that is not about one input.
-    fn general(class: Class, promise: &str, words: String) -> Self {
+    pub fn general(class: Class, promise: &str, words: String) -> Self {
         Self {
             class,
             promise: promise.to_owned(),
@@ -347,7 +360,7 @@ pub struct Question<'a> {
     /// What they should have in common.
     pub relation: Relation,
     /// Names of the second and the first program that mean one thing.
-    pub maps: &'a [Mapping],
+    pub maps: &'a [Equation],
     /// For [`Relation::Normal`], the value of the first program that is the normal. Default: its
     /// output of that name, or the unit vector that meets a light in a dot product.
     pub normal: Option<&'a str>,
@@ -409,6 +422,7 @@ pub fn agree(
         _ => None,
     };
     let budget = budget::Budget::new(effort.steps);
+    let undefined = Cell::default();
     let multisample = &ours.multisample;
     let two = trial::Two {
         first,
@@ -419,6 +433,7 @@ pub fn agree(
         covers_by_alpha: multisample.alpha_to_coverage,
         samples: multisample.count,
         numbers: Arc::new(Numbers::of([first, renamed])),
+        components: differences::components([&our_program, &their_program]),
         direction: ours
             .depth
             .as_ref()
@@ -426,9 +441,16 @@ pub fn agree(
             .unwrap_or_default(),
         normal: derived.as_ref().map(|made| of_derived(made, side)),
         budget: &budget,
+        undefined: &undefined,
     };
-    let (promises, mut findings) = two.held();
+    let (mut promises, mut findings) = two.held();
     findings.extend(notes::variant(&two, &promises));
+    let early = early::finding([(ours, &our_program), (theirs, &their_program)], relation);
+    if let Some(finding) = early {
+        let held = promises.iter_mut().filter(|h| h.promise == finding.promise);
+        held.for_each(|h| h.outcome = Outcome::Differs);
+        findings.push(finding);
+    }
     findings.sort_by_key(|f| f.class);
     Ok(Agreement {
         relation,

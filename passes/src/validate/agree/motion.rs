@@ -215,7 +215,7 @@ impl Two<'_> {
         let first = self.effort.seed.next_multiple_of(ORDINARY);
         let rules = &self.matching.rules;
         let read = self.read(rules);
-        let of = |n: u64| self.inputs(first + ORDINARY * n, Reading::Level, rules, &read);
+        let of = |n: u64| self.inputs(&(first + ORDINARY * n).into(), Reading::Level, rules, &read);
         let constant = of(0);
         let [now, before] = [n, n + TRIES].map(|n| {
             let mut inputs = of(n);

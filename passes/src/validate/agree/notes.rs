@@ -1,10 +1,14 @@
 //! What the inputs do not show: guesses, and what GPUs may round differently.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 
-use naga::{BuiltIn, DerivativeAxis, DerivativeControl, Expression, ShaderStage};
+use naga::{
+    Binding, BuiltIn, DerivativeAxis, DerivativeControl, Expression, Interpolation, Sampling,
+    ShaderStage,
+};
 
 use super::matching::By;
+use super::quote::written;
 use super::trial::{Two, What};
 use super::words::Sliced;
 use super::{Class, Finding, Held, Outcome, Relation};
@@ -23,14 +27,7 @@ pub(super) fn variant(two: &Two<'_>, promises: &[Held]) -> Option<Finding> {
         return None;
     }
     let positions = promises.iter().find(|h| h.promise == "positions")?;
-    let is_invariant = [two.first, two.second].map(|stages| {
-        let mut outputs = stages.vertex.outputs().into_iter();
-        outputs.any(|io| {
-            let position = naga::Binding::BuiltIn(BuiltIn::Position { invariant: true });
-            io.binding == Some(position)
-        })
-    });
-    let why = match (&positions.outcome, is_invariant) {
+    let why = match (&positions.outcome, is_invariant(two)) {
         (Outcome::Proved { .. }, [true, true])
         | (Outcome::Differs | Outcome::NotEvaluated { .. }, _) => return None,
         (Outcome::Agreed { .. }, [true, true]) => {
@@ -56,6 +53,8 @@ pub(super) fn all(two: &Two<'_>) -> Vec<String> {
         notes.extend(two.unmoved_note());
     }
     notes.extend(precisions(two));
+    notes.extend(interfaces(two));
+    notes.extend(undefined(two));
     notes.extend(derivatives(two));
     notes
 }
@@ -79,6 +78,77 @@ fn by_order(two: &Two<'_>) -> Vec<String> {
         )
     });
     said.collect()
+}
+
+/// Varyings that a GPU may take from another vertex, and positions that it may round otherwise: no input
+/// shows it. In a pre-pass, [`variant`] tells of the latter.
+fn interfaces(two: &Two<'_>) -> Vec<String> {
+    if two.relation != Relation::Same {
+        return Vec::new();
+    }
+    let names = two.relation.names();
+    let mut notes = Vec::new();
+    let is_invariant = is_invariant(two);
+    if is_invariant[0] != is_invariant[1] {
+        let [yes, no] = match is_invariant[0] {
+            true => names,
+            false => [names[1], names[0]],
+        };
+        notes.push(format!(
+            "the position of {yes} is invariant, and that of {no} is not: a GPU may round it \
+             differently in another pass"
+        ));
+    }
+    let flat = [two.first, two.second].map(|stages| {
+        let inputs = stages.fragment.map(Stage::inputs).unwrap_or_default();
+        let flat = inputs.into_iter().filter_map(|io| match io.binding {
+            Some(Binding::Location {
+                location,
+                interpolation: Some(Interpolation::Flat),
+                sampling,
+                ..
+            }) => Some((location, (io.name, sampling == Some(Sampling::Either)))),
+            _ => None,
+        });
+        flat.collect::<BTreeMap<_, _>>()
+    });
+    for (location, (name, is_either)) in &flat[0] {
+        let other = flat[1].get(location).map(|(_, is_either)| *is_either);
+        if other.is_some_and(|other| other != *is_either) {
+            let name = name.as_deref().unwrap_or("a varying");
+            let [any, first] = match is_either {
+                true => names,
+                false => [names[1], names[0]],
+            };
+            notes.push(format!(
+                "`{name}` is of either vertex of a triangle in {any} (`flat, either`), and of the first in \
+                 {first}: a GPU may take another one, and here it is the first"
+            ));
+        }
+    }
+    notes
+}
+
+/// What the first program computes on inputs that were not compared.
+fn undefined(two: &Two<'_>) -> Option<String> {
+    let (what, span) = two.undefined.get()?;
+    let [first, _] = two.relation.names();
+    let text = written(two.first.vertex.program, span, 0);
+    let text = text.map_or(String::new(), |text| format!(" (`{text}`)"));
+    Some(format!(
+        "on some inputs {first} computes {what}{text}, which GLSL leaves undefined: these are not compared"
+    ))
+}
+
+/// Whether the position of each is invariant.
+fn is_invariant(two: &Two<'_>) -> [bool; 2] {
+    [two.first, two.second].map(|stages| {
+        let mut outputs = stages.vertex.outputs().into_iter();
+        outputs.any(|io| {
+            let position = naga::Binding::BuiltIn(BuiltIn::Position { invariant: true });
+            io.binding == Some(position)
+        })
+    })
 }
 
 /// Stages that compute with fewer bits in one program than in the other.

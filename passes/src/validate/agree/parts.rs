@@ -87,6 +87,7 @@ pub(super) fn beside(cast: &Cast, theirs: &Part<'_>, ours: &Part<'_>) -> Vec<(St
             let members = members.iter();
             members.for_each(|(i, j, cast)| pair(cast, theirs.member(*i), ours.member(*j)));
         }
+        Cast::Bytes(_) => return vec![(theirs.path.clone(), ours.path.clone())],
         Cast::Elements(cast) => pair(cast, theirs.element(), ours.element()),
         Cast::Wrapped(cast) => pair(cast, theirs.member(0), Some(ours.clone())),
         Cast::Unwrapped(cast) => pair(cast, Some(theirs.clone()), ours.member(0)),

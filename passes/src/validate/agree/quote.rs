@@ -14,6 +14,7 @@ pub(super) fn written(program: &Program, span: naga::Span, parts: usize) -> Opti
     let (file, range) = (sources.file_of(span)?, span.to_range()?);
     let base = file.base as usize;
     let (start, end) = (range.start - base, range.end - base);
+    let start = opened(&file.text, start, end);
     // The span of a call is its function's name.
     let text = file.text.get(start..end)?;
     let rest = file.text.get(end..)?;
@@ -30,6 +31,37 @@ pub(super) fn written(program: &Program, span: naga::Span, parts: usize) -> Opti
         true => format!("{}..", &line[..end]),
         false => line,
     })
+}
+
+/// Where the expression begins whose end a span is: naga's spans of GLSL begin at a last index or member.
+fn opened(text: &str, start: usize, end: usize) -> usize {
+    let mut open = 0_usize;
+    let mut closed = 0_usize;
+    for c in text.get(start..end).unwrap_or_default().chars() {
+        match c {
+            '(' | '[' => open += 1,
+            ')' | ']' if open == 0 => closed += 1,
+            ')' | ']' => open -= 1,
+            _ => {}
+        }
+    }
+    let is_member = text.get(start..).is_some_and(|rest| rest.starts_with('.'));
+    if closed == 0 && !is_member {
+        return start;
+    }
+    // Back to what is open, and to its name.
+    let mut depth = closed;
+    for (at, c) in text.get(..start).unwrap_or_default().char_indices().rev() {
+        match c {
+            ')' | ']' => depth += 1,
+            '(' | '[' => depth = depth.saturating_sub(1),
+            c if depth == 0 && !(c.is_alphanumeric() || c == '_' || c == '.') => {
+                return at + c.len_utf8();
+            }
+            _ => {}
+        }
+    }
+    0
 }
 
 /// The length of the member or index that a text begins with.

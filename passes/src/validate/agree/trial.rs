@@ -7,19 +7,24 @@ use std::sync::Arc;
 use super::budget::{Budget, Draw};
 use super::causes::covered_by_alpha;
 use super::differences::{self, Bias, moving};
+use super::draws::Point;
 use super::fed::{self, Rule};
 use super::found::{Found, Seen, State, is_plain};
 use super::matching::Matching;
 use super::normals;
+use super::quote;
+use super::ties::Ties;
 use super::words::{self, Example, Sliced};
 use super::{Class, Finding, Held, Outcome, Relation, draws, reads};
+use crate::core::program::Language;
 use crate::core::state::DepthDirection;
-use crate::evaluate::{Stuck, Value};
+use crate::evaluate::{Stuck, Undefined, Value};
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
 use crate::slice::{Criterion, OutputFilter};
 use crate::validate::Effort;
 use crate::validate::compare::{Colors, Stores};
+use crate::validate::inputs::Inputs;
 use crate::validate::levels::Reading;
 use crate::validate::numbers::Numbers;
 use crate::validate::proof;
@@ -47,6 +52,9 @@ const QUOTA: u64 = 4;
 const PROFILES: u64 = 6;
 const ORDINARY: u64 = 3;
 
+/// One input more for this many is solved for.
+const SOLVED: u64 = 3;
+
 /// Inputs of a promise whose numbers are looked at.
 const TRACED: u64 = 32;
 
@@ -66,10 +74,14 @@ pub(super) struct Two<'a> {
     pub(super) direction: DepthDirection,
     /// What both compare with.
     pub(super) numbers: Arc<Numbers>,
+    /// The components of outputs by location, where an author declares fewer than four.
+    pub(super) components: BTreeMap<u32, u32>,
     /// The first program as a pass that writes its normal to location 0, if it has no output of it;
     /// or why there is none.
     pub(super) normal: Option<Result<PassStages<'a>, String>>,
     pub(super) budget: &'a Budget,
+    /// What the first program computes on some input and GLSL leaves undefined.
+    pub(super) undefined: &'a Cell<Option<(Undefined, naga::Span)>>,
 }
 
 /// What a promise compares.
@@ -239,11 +251,13 @@ impl<'a> Two<'a> {
         let without_levels = OnceCell::new();
         let mut findings = Vec::new();
         for (class, example) in found.examples {
-            let differing = found.differing.get(&class).into_iter().flatten().copied();
-            let differing: Vec<_> = differing.chain([(example.seed, example.place)]).collect();
+            let differing = found.differing.get(&class).into_iter().flatten().cloned();
+            let differing: Vec<_> = differing
+                .chain([(example.point.clone(), example.place)])
+                .collect();
             let is_level = is_of_fragment(&class)
                 && !found.is_cut
-                && self.agree_without_levels(what, class, &differing)
+                && self.agree_without_levels((what, sliced), class, &differing)
                 && {
                     let again = || {
                         self.tried(
@@ -432,12 +446,26 @@ impl<'a> Two<'a> {
         let ordinary = start.next_multiple_of(PROFILES);
         let before = self.budget.left();
         let mut is_expensive = false;
-        for n in 0.. {
-            // Ordinary numbers come first if there is no time for others.
-            let seed = match is_expensive {
-                true => ordinary + PROFILES * (n / ORDINARY) + n % ORDINARY,
-                false => start + n,
+        let mut ties = Ties::new(match what {
+            What::Positions | What::Coverage | What::Colors => count / SOLVED,
+            _ => 0,
+        });
+        let mut seeds = 0..;
+        loop {
+            let solved = ties.next();
+            let depth = solved.as_ref().map_or(0, |solved| solved.depth);
+            let point = match &solved {
+                Some(solved) => solved.point.clone(),
+                None => {
+                    let n: u64 = seeds.next().unwrap_or_default();
+                    // Ordinary numbers come first if there is no time for others.
+                    Point::from(match is_expensive {
+                        true => ordinary + PROFILES * (n / ORDINARY) + n % ORDINARY,
+                        false => start + n,
+                    })
+                }
             };
+            let seed = point.seed;
             // If fragments are rarely kept, or rarely discarded, more inputs follow.
             let Seen {
                 kept, discarded, ..
@@ -450,7 +478,7 @@ impl<'a> Two<'a> {
                     && (is_rare(kept)
                         || is_rare(discarded) && *discards.get_or_init(|| self.discards()))
             };
-            if found.tried >= count && !wants_more() {
+            if depth == 0 && found.tried >= count && !wants_more() {
                 break;
             }
             found.is_cut = self.budget.is_below(allowed);
@@ -462,21 +490,21 @@ impl<'a> Two<'a> {
                 true => (whole, &read_by_whole),
                 false => (slices, &read_by_slices),
             };
-            let inputs = self.inputs(seed, reading, rules, read);
+            let inputs = self.inputs(&point, reading, rules, read);
             let draw = Draw::new(&inputs, stages, self.budget);
-            found.tried += 1;
+            found.tried += u64::from(depth == 0);
             let mut ended = true;
             let compared = state.seen.compared;
             for place in Self::places(what, inputs.corner()) {
                 let mut tried = self.try_one(what, &draw, place, &mut state);
                 if let Ok(Some((class, _))) = &tried {
-                    found.count(*class, &inputs, place);
+                    found.count(*class, (&point, &inputs), place);
                     let may_trace = is_plain(&inputs) || found.traced < TRACED;
                     if !found.wants(*class, &inputs, place) || !may_trace {
                         continue;
                     }
-                    let inputs = self.inputs(seed, reading, rules, &read_by_whole);
-                    tried = self.confirmed((what, sliced), &inputs, place, &mut state);
+                    let inputs = self.inputs(&point, reading, rules, &read_by_whole);
+                    tried = self.confirmed((what, sliced), (&inputs, rules), place, &mut state);
                     found.traced += u64::from(!is_plain(&inputs));
                 }
                 match tried {
@@ -485,7 +513,7 @@ impl<'a> Two<'a> {
                         if found.wants(class, &inputs, place) {
                             let rules = rules.to_vec();
                             let example = Example {
-                                seed,
+                                point: point.clone(),
                                 place,
                                 output,
                                 reading,
@@ -506,11 +534,25 @@ impl<'a> Two<'a> {
                     }
                 }
             }
-            found.compared += u64::from(state.seen.compared > compared);
             drop(draw);
+            if is_expensive {
+                ties.save();
+            }
+            // In a quarter of the inputs, textures have numbers of buffers.
+            let is_base = depth > 0 || !seed.is_multiple_of(4) && is_plain(&inputs);
+            if ended && is_base && ties.wants(solved.as_ref()) {
+                for place in Self::places(what, inputs.corner()) {
+                    let data = (stages, &inputs, rules);
+                    self.near_ties(&mut ties, (&point, depth), data, place);
+                }
+            }
             self.budget.keep(inputs);
+            if depth > 0 {
+                continue;
+            }
+            found.compared += u64::from(state.seen.compared > compared);
             found.ended += u64::from(ended);
-            if n == 0 {
+            if found.tried == 1 {
                 let spent = before.saturating_sub(self.budget.left());
                 is_expensive = spent.saturating_mul(count) > before.saturating_sub(allowed);
             }
@@ -518,7 +560,11 @@ impl<'a> Two<'a> {
                 break;
             }
             // They differ. Other classes are looked for a while longer.
-            let is_enough = |at| found.tried >= at + count.div_ceil(LONGER);
+            // A tie is found at once, and says nothing of how rare the others are.
+            let is_enough = |at: u64| {
+                let longer = at + count.div_ceil(LONGER);
+                found.tried >= longer.max(count / 2)
+            };
             if until.is_empty() && last_new.is_some_and(is_enough) {
                 break;
             }
@@ -552,8 +598,15 @@ impl<'a> Two<'a> {
             seen.kept += u64::from(discards.contains(&false));
             seen.discarded += u64::from(discards.contains(&true));
         }
-        differences::clamp_depth(&mut first);
-        differences::clamp_depth(&mut second);
+        if let Some(found) = self.undefined([&first, &second], draw.inputs) {
+            return Ok(
+                found.filter(|_| matches!(what, What::Positions | What::Coverage | What::Colors))
+            );
+        }
+        for ran in [&mut first, &mut second] {
+            differences::clamp_depth(ran);
+            self.narrow(ran);
+        }
         if let What::Still(slot) = what {
             let value = second.outputs.get(&slot).and_then(|v| v.floats().ok());
             let is_finite = value.is_some_and(|v| v.iter().all(|x| x.is_finite()));
@@ -595,8 +648,36 @@ impl<'a> Two<'a> {
         Ok(found)
     }
 
+    /// Whether an input says nothing, because GLSL leaves a result undefined that one of the two
+    /// computes; with the difference, if the first has a result.
+    #[allow(clippy::type_complexity)]
+    fn undefined(&self, ran: [&Ran; 2], inputs: &Inputs) -> Option<Option<(Class, [String; 3])>> {
+        let programs = [self.first, self.second].map(|stages| stages.vertex.program);
+        let of = |i: usize| {
+            let is_glsl = programs[i].language() == Language::Glsl;
+            ran[i].undefined.filter(|_| is_glsl)
+        };
+        match (of(0), of(1)) {
+            (None, None) => None,
+            (None, Some((what, span))) if is_plain(inputs) => {
+                let text = quote::written(programs[1], span, 0);
+                let output = [what.to_string(), String::new(), text.unwrap_or_default()];
+                Some(Some((Class::Undefined, output)))
+            }
+            (first, _) => {
+                self.undefined.set(self.undefined.get().or(first));
+                Some(None)
+            }
+        }
+    }
+
     fn by_terms(&self, what: What, place: TestPoint) -> bool {
-        let inputs = self.inputs(1, Reading::Chosen, &[], &self.read(&self.matching.rules));
+        let inputs = self.inputs(
+            &1.into(),
+            Reading::Chosen,
+            &[],
+            &self.read(&self.matching.rules),
+        );
         let [ours, theirs] = [self.first, self.second].map(|s| s.vertex.module());
         let left = Cell::new(self.budget.of_terms());
         let steps = |most: u64| most.min(left.get());

@@ -6,6 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use naga::Span;
 
 use super::differences::BIASED;
+use super::draws::Point;
 use super::fed::Rule;
 use super::quote::{apart, digits};
 use super::traced::{Decision, Pairing, Run, beginnings, decisions, kills};
@@ -22,7 +23,7 @@ use crate::validate::world::{self, PassStages, TestPoint, Texels};
 
 /// An input on which two programs differ.
 pub(super) struct Example {
-    pub(super) seed: u64,
+    pub(super) point: Point,
     pub(super) place: TestPoint,
     /// The differing output, the first's value and the second's.
     pub(super) output: [String; 3],
@@ -142,13 +143,13 @@ pub(super) fn finding(
     example: &Example,
 ) -> Finding {
     let read = two.read(&example.rules);
-    let inputs = two.inputs(example.seed, example.reading, &example.rules, &read);
+    let inputs = two.inputs(&example.point, example.reading, &example.rules, &read);
     let attached = BTreeMap::new();
     let world = world::concrete(&inputs, &attached, Texels::Waves);
     let is_discard = example.output[0] == "the fragment";
     let criteria = match is_discard {
         true => vec![Criterion::Discard],
-        false => two.criteria(what),
+        false => of_components(&example.output).unwrap_or_else(|| two.criteria(what)),
     };
     let is_of_positions = what == What::Positions;
     let sliced = Sliced::of_both(two, &criteria, is_of_positions);
@@ -209,9 +210,26 @@ pub(super) fn finding(
         first_decides,
         second_decides,
         output: Some(example.output.clone()),
-        seed: Some(example.seed),
+        seed: Some(example.point.seed),
         inputs: trial::said(two.first, &inputs, example.place),
     }
+}
+
+/// The components of an output that differ, if not all do.
+fn of_components([output, ours, theirs]: &[String; 3]) -> Option<Vec<Criterion>> {
+    let location = output.strip_prefix("location ")?.parse().ok()?;
+    let parts = |text: &str| -> Option<Vec<String>> {
+        let inner = text.strip_prefix('(')?.strip_suffix(')')?;
+        Some(inner.split(", ").map(str::to_owned).collect())
+    };
+    let pairs = (0..).zip(parts(ours)?.into_iter().zip(parts(theirs)?));
+    let differing = pairs.filter(|(_, (a, b))| a != b);
+    let location = OutputFilter::Location(location);
+    Some(
+        differing
+            .map(|(i, _)| Criterion::Component(location.clone(), i))
+            .collect(),
+    )
 }
 
 /// What a finding says.
@@ -232,6 +250,15 @@ impl Sentence<'_> {
             _ => apart([ours, theirs]),
         };
         let what = match output.as_str() {
+            _ if self.class == Class::Undefined => {
+                let text = match theirs.is_empty() {
+                    true => String::new(),
+                    false => format!(" (`{theirs}`)"),
+                };
+                format!(
+                    "{second} computes {output}{text}, which GLSL leaves undefined; {first} does not"
+                )
+            }
             "the fragment" => self.discard(),
             "position" => format!(
                 "{second} puts this vertex at {theirs}, and {first} puts it at {ours}{}",

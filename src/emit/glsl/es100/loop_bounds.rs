@@ -12,14 +12,16 @@
 //! }
 //! ```
 //!
-//! The counter must grow by a constant in each iteration, and be set to constants only, right
-//! before the loop or elsewhere. The smallest of these constants gives the bound. The loop keeps
+//! The counter, an `int` or a `float`, must change by a constant in each iteration, be compared with a
+//! constant by any comparison, and be set to constants only, right before the loop or elsewhere. We
+//! count the iterations from each of these constants; the most give the bound. The loop keeps
 //! its own `break`, so the bound never ends it. Every iteration must reach the test: no `continue`
 //! may precede it.
 //!
 //! An index may only use constants and the variable of the `for` (appendix A.5). If the counter
 //! always begins at the same constant, we express it by that variable.
 
+use std::cmp::Ordering;
 use std::collections::{HashMap, HashSet};
 
 use glsl_lang::ast::{
@@ -33,9 +35,89 @@ use super::statement::compound;
 /// Maximum bound.
 const MOST: i64 = 65_536;
 
+/// A constant, or the value of a counter.
+#[derive(Clone, Copy, Debug, PartialEq, PartialOrd)]
+pub(super) enum Number {
+    Int(i32),
+    Float(f32),
+}
+
+impl Number {
+    /// A number, or one with a minus sign.
+    pub(super) fn of(e: &ast::Expr) -> Option<Self> {
+        match &**e {
+            ExprData::IntConst(n) => Some(Self::Int(*n)),
+            ExprData::FloatConst(x) => Some(Self::Float(*x)),
+            ExprData::Unary(op, of) if **op == UnaryOpData::Minus => match Self::of(of)? {
+                Self::Int(n) => Some(Self::Int(n.checked_neg()?)),
+                Self::Float(x) => Some(Self::Float(-x)),
+            },
+            _ => None,
+        }
+    }
+
+    /// The sum, unless it overflows.
+    fn plus(self, other: Self) -> Option<Self> {
+        match (self, other) {
+            (Self::Int(a), Self::Int(b)) => a.checked_add(b).map(Self::Int),
+            (Self::Float(a), Self::Float(b)) => Some(Self::Float(a + b)),
+            _ => None,
+        }
+    }
+
+    fn negated(self) -> Option<Self> {
+        match self {
+            Self::Int(n) => n.checked_neg().map(Self::Int),
+            Self::Float(x) => Some(Self::Float(-x)),
+        }
+    }
+}
+
+/// The comparison of a counter with a constant, by which a loop goes on.
+#[derive(Clone, Debug)]
+struct Test {
+    op: BinaryOpData,
+    bound: Number,
+}
+
+impl Test {
+    fn holds(&self, counter: Number) -> bool {
+        let order = counter.partial_cmp(&self.bound);
+        match self.op {
+            BinaryOpData::Lt => order.is_some_and(Ordering::is_lt),
+            BinaryOpData::Lte => order.is_some_and(Ordering::is_le),
+            BinaryOpData::Gt => order.is_some_and(Ordering::is_gt),
+            BinaryOpData::Gte => order.is_some_and(Ordering::is_ge),
+            BinaryOpData::Equal => order == Some(Ordering::Equal),
+            BinaryOpData::NonEqual => order != Some(Ordering::Equal),
+            _ => false,
+        }
+    }
+
+    /// The iterations from this value on; the last one only leaves the loop.
+    fn turns(&self, begins: Number, step: Number) -> Option<i64> {
+        let mut counter = begins;
+        let mut turns = 1;
+        while self.holds(counter) {
+            counter = counter.plus(step)?;
+            turns += 1;
+            if turns > MOST {
+                return None;
+            }
+        }
+        match counter {
+            Number::Int(_) => Some(turns),
+            // An adapter may round its sums otherwise.
+            Number::Float(_) => Some(turns + turns / 8 + 1),
+        }
+    }
+}
+
 /// How a function uses its variables, by name.
 #[derive(Default)]
 pub(super) struct VariableUses {
+    /// The global constants.
+    constants: HashMap<String, Number>,
     /// The definition of each variable that is never assigned again.
     temporaries: HashMap<String, ast::Expr>,
     /// All assignments of each variable.
@@ -59,40 +141,49 @@ pub(super) struct Loop {
     pub(super) turns: i64,
     /// The counter's name.
     counter: String,
-    /// The counter's first value, if it is always the same.
-    begins: Option<i64>,
-    /// The counter's increment.
-    step: i64,
+    /// The counter's first value, if it is an `int` and always the same.
+    begins: Option<i32>,
+    /// What is added to the counter.
+    step: Number,
 }
 
 impl Loop {
     /// The counter as an expression of the loop variable, valid after the first statement of the
     /// body, which increments it.
     pub(super) fn index(&self, turn: &str) -> Option<(String, ast::Expr)> {
-        let begins = self.begins?;
-        let number = |n: i64| -> Option<Box<ast::Expr>> {
-            Some(Box::new(ExprData::IntConst(i32::try_from(n).ok()?).into()))
+        let (begins, Number::Int(step)) = (self.begins?, self.step) else {
+            return None;
         };
-        let mut index: ast::Expr = ExprData::variable(turn).into();
-        if self.step != 1 {
-            let step = number(self.step)?;
-            index = ExprData::Binary(BinaryOpData::Mult.into(), Box::new(index), step).into();
+        let number = |n: i32| -> Box<ast::Expr> { Box::new(ExprData::IntConst(n).into()) };
+        let binary = |op: BinaryOpData, a: Box<ast::Expr>, b: Box<ast::Expr>| -> Box<ast::Expr> {
+            Box::new(ExprData::Binary(op.into(), a, b).into())
+        };
+        let mut index: Box<ast::Expr> = Box::new(ExprData::variable(turn).into());
+        if step.checked_abs()? != 1 {
+            index = binary(BinaryOpData::Mult, index, number(step.abs()));
         }
-        if begins != 0 {
-            let op = match begins > 0 {
-                true => BinaryOpData::Add,
-                false => BinaryOpData::Sub,
-            };
-            let by = number(begins.abs())?;
-            index = ExprData::Binary(op.into(), Box::new(index), by).into();
-        }
+        index = match (step > 0, begins) {
+            (true, 0) => index,
+            (true, 1..) => binary(BinaryOpData::Add, index, number(begins)),
+            (true, _) => binary(BinaryOpData::Sub, index, number(begins.checked_abs()?)),
+            (false, 0..) => binary(BinaryOpData::Sub, number(begins), index),
+            (false, _) => return None,
+        };
+        let index = *index;
         Some((self.counter.clone(), index))
     }
 }
 
 impl VariableUses {
-    pub(super) fn of(list: &[ast::Statement], functions: &HashMap<String, HashSet<usize>>) -> Self {
-        let mut known = Self::default();
+    pub(super) fn of(
+        list: &[ast::Statement],
+        functions: &HashMap<String, HashSet<usize>>,
+        constants: &HashMap<String, Number>,
+    ) -> Self {
+        let mut known = Self {
+            constants: constants.clone(),
+            ..Self::default()
+        };
         for statement in list {
             known.statement(statement, functions);
         }
@@ -120,8 +211,8 @@ impl VariableUses {
         if !is_bool(is_true, true) || !closes || self.set.get(gate)?.len() != 2 {
             return None;
         }
-        let inside = Self::of(list, &HashMap::new());
-        let (at, (counter, end)) = list
+        let inside = Self::of(list, &HashMap::new(), &self.constants);
+        let (at, (counter, test)) = list
             .iter()
             .enumerate()
             .find_map(|(at, s)| Some((at, inside.leaves(s, self)?)))?;
@@ -134,31 +225,32 @@ impl VariableUses {
             return None;
         }
         let own = inside.set.get(&counter)?;
-        let step = inside.step(&counter, own.as_slice())?;
+        let step = inside.step(&counter, own.as_slice(), self)?;
         if !steps(stepping, gate, &counter) {
             return None;
         }
         // Set before the loop, with only assignments of other variables between.
         let mut before = ahead.iter().rev().map_while(set);
         let again = before.find(|(name, _)| *name == counter);
-        let (least, begins) = match again {
-            Some((_, value)) => {
-                let begins = integer(value)?;
-                (begins, Some(begins))
-            }
+        let (values, is_one) = match again {
+            Some((_, value)) => (vec![self.number(value)?], true),
             None => {
                 let others = self.set.get(&counter)?.iter();
                 let others = others.filter(|value| !own.contains(value));
-                let values: Vec<i64> = others.map(integer).collect::<Option<_>>()?;
-                let (least, most) = (values.iter().min()?, values.iter().max()?);
-                let always_the_same = least == most && entered == Entered::Once;
-                (*least, always_the_same.then_some(*least))
+                let values: Vec<Number> = others
+                    .map(|value| self.number(value))
+                    .collect::<Option<_>>()?;
+                let is_one = values.windows(2).all(|two| two[0] == two[1]);
+                (values, is_one && entered == Entered::Once)
             }
         };
-        // The last iteration only leaves the loop.
-        let turns = ((end - least).max(0) + step - 1) / step + 1;
-        (turns <= MOST).then_some(Loop {
-            turns,
+        let begins = match values.first()? {
+            Number::Int(n) => is_one.then_some(*n),
+            Number::Float(_) => None,
+        };
+        let turns: Option<Vec<i64>> = values.iter().map(|v| test.turns(*v, step)).collect();
+        Some(Loop {
+            turns: turns?.into_iter().max()?,
             counter,
             begins,
             step,
@@ -172,9 +264,9 @@ impl VariableUses {
             && !self.handed.contains(name)
     }
 
-    /// The counter and the first value that leaves the loop, for `if (!(counter < end)) break;` or
+    /// The counter and its test, for `if (!(counter < end)) break;` or
     /// `if (counter < end) {} else break;`. `self` describes the loop, `around` the function.
-    fn leaves(&self, statement: &ast::Statement, around: &Self) -> Option<(String, i64)> {
+    fn leaves(&self, statement: &ast::Statement, around: &Self) -> Option<(String, Test)> {
         let StatementData::Selection(selection) = &**statement else {
             return None;
         };
@@ -195,50 +287,51 @@ impl VariableUses {
         let ExprData::Binary(op, left, right) = &**self.resolved(stays) else {
             return None;
         };
-        let ExprData::Variable(counter) = &**self.resolved(left) else {
-            return None;
+        let name = |e: &ast::Expr| match &**self.resolved(e) {
+            ExprData::Variable(name) => Some(name.as_str().to_owned()),
+            _ => None,
         };
-        let n = i64::from(around.number(right)?);
-        let end = match **op {
-            BinaryOpData::Lt => n,
-            BinaryOpData::Lte => n + 1,
+        let op = (**op).clone();
+        let (counter, op, bound) = match (around.number(right), around.number(left)) {
+            (Some(bound), None) => (name(left)?, op, bound),
+            (None, Some(bound)) => (name(right)?, mirrored(op), bound),
             _ => return None,
         };
-        Some((counter.as_str().to_owned(), end))
+        Some((counter, Test { op, bound }))
     }
 
-    /// The loop's only increment.
-    fn step(&self, counter: &str, sets: &[ast::Expr]) -> Option<i64> {
+    /// What the loop's only assignment of the counter adds to it. `around` describes the function.
+    fn step(&self, counter: &str, sets: &[ast::Expr], around: &Self) -> Option<Number> {
         let [one] = sets else {
             return None;
         };
         let ExprData::Binary(op, left, right) = &**one else {
             return None;
         };
-        let is_counter =
-            matches!(&**self.resolved(left), ExprData::Variable(n) if n.as_str() == counter);
-        match **self.resolved(right) {
-            ExprData::IntConst(n) if **op == BinaryOpData::Add && is_counter && n > 0 => {
-                Some(i64::from(n))
-            }
+        let is_counter = |e: &ast::Expr| matches!(&**self.resolved(e), ExprData::Variable(n) if n.as_str() == counter);
+        match **op {
+            BinaryOpData::Add if is_counter(left) => around.number(right),
+            BinaryOpData::Add if is_counter(right) => around.number(left),
+            BinaryOpData::Sub if is_counter(left) => around.number(right)?.negated(),
             _ => None,
         }
     }
 
     /// The value of a constant expression.
-    fn number(&self, e: &ast::Expr) -> Option<i32> {
-        match &**self.resolved(e) {
-            ExprData::IntConst(n) => Some(*n),
-            ExprData::Variable(name) if !self.handed.contains(name.as_str()) => {
-                match self.set.get(name.as_str())?.as_slice() {
-                    [only] if self.temporaries.contains_key(name.as_str()) => match **only {
-                        ExprData::IntConst(n) => Some(n),
-                        _ => None,
-                    },
-                    _ => None,
-                }
-            }
-            _ => None,
+    fn number(&self, e: &ast::Expr) -> Option<Number> {
+        let ExprData::Variable(name) = &**self.resolved(e) else {
+            return Number::of(self.resolved(e));
+        };
+        let name = name.as_str();
+        if self.handed.contains(name) {
+            return None;
+        }
+        match self.set.get(name) {
+            None => self.constants.get(name).copied(),
+            Some(all) => match all.as_slice() {
+                [only] if self.temporaries.contains_key(name) => Number::of(only),
+                _ => None,
+            },
         }
     }
 
@@ -405,7 +498,7 @@ fn set(statement: &ast::Statement) -> Option<(&str, &ast::Expr)> {
             IntConst(_) | FloatConst(_) | BoolConst(_) | Variable(_)
         )
     };
-    let is_plain = plain(value) || integer(value).is_some();
+    let is_plain = plain(value) || Number::of(value).is_some();
     is_plain.then_some((name, value))
 }
 
@@ -413,15 +506,14 @@ fn is_bool(e: &ast::Expr, wanted: bool) -> bool {
     matches!(**e, ExprData::BoolConst(b) if b == wanted)
 }
 
-/// The value of an integer literal.
-fn integer(e: &ast::Expr) -> Option<i64> {
-    match &**e {
-        ExprData::IntConst(n) => Some(i64::from(*n)),
-        ExprData::Unary(op, of) if **op == UnaryOpData::Minus => match &***of {
-            ExprData::IntConst(n) => Some(-i64::from(*n)),
-            _ => None,
-        },
-        _ => None,
+/// The comparison with its sides exchanged.
+fn mirrored(op: BinaryOpData) -> BinaryOpData {
+    match op {
+        BinaryOpData::Lt => BinaryOpData::Gt,
+        BinaryOpData::Lte => BinaryOpData::Gte,
+        BinaryOpData::Gt => BinaryOpData::Lt,
+        BinaryOpData::Gte => BinaryOpData::Lte,
+        other => other,
     }
 }
 

@@ -12,7 +12,7 @@ use super::{Es100, Result, lacks, types};
 impl Es100 {
     /// Converts a list of statements. `loop_bounds` analyses the whole list for loop counters.
     pub(super) fn statements(&mut self, list: Vec<ast::Statement>) -> Result<Vec<ast::Statement>> {
-        let known = loop_bounds::VariableUses::of(&list, &self.functions);
+        let known = loop_bounds::VariableUses::of(&list, &self.functions, &self.constants);
         self.indices.clear();
         self.block(list, &known)
     }
@@ -163,7 +163,13 @@ impl Es100 {
     pub(super) fn index(&self, e: &ast::Expr) -> Option<ast::Expr> {
         match &**e {
             ExprData::IntConst(_) => Some(e.clone()),
-            ExprData::Variable(name) => self.indices.get(name.as_str()).cloned(),
+            ExprData::Variable(name) => match self.indices.get(name.as_str()) {
+                Some(index) => Some(index.clone()),
+                None => self
+                    .constants
+                    .contains_key(name.as_str())
+                    .then(|| e.clone()),
+            },
             ExprData::Binary(op, a, b)
                 if matches!(
                     **op,

@@ -14,6 +14,10 @@ pub(super) fn is_output(ty: &ast::FullySpecifiedType) -> bool {
     qualifiers(ty).any(|q| matches!(&**q, Spec::Storage(s) if **s == Storage::Out))
 }
 
+pub(super) fn is_constant(ty: &ast::FullySpecifiedType) -> bool {
+    qualifiers(ty).any(|q| matches!(&**q, Spec::Storage(s) if **s == Storage::Const))
+}
+
 /// The components of a float or a vector of floats.
 pub(super) fn components(ty: &ast::TypeSpecifier) -> Option<usize> {
     match *ty.ty {

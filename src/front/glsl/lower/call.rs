@@ -13,6 +13,7 @@ use super::super::stage::{Signature, Storage, spelled, unsupported};
 use super::super::ty::{BlockEntry, Component, Length, MemoryLayout, Ty};
 use super::effect::{Argument, after};
 use super::expression::{Ex, level};
+use super::fold::Folds;
 use super::overload::{OverloadChoice, choose};
 use super::{BuiltinCall, Lower, builtin, texture};
 use crate::front::error::{Code, Error};
@@ -89,7 +90,8 @@ impl Lower<'_, '_> {
         let values = self.values(arguments)?;
         let types: Vec<Ty> = values.iter().map(|v| v.ty.clone()).collect();
         self.check_constructor(&ty, &types, place)?;
-        Ok(match (&ty, &values[..]) {
+        let folds = Folds::of_call(&ty.name(), &values);
+        let ex = match (&ty, &values[..]) {
             (Ty::Combined(name), [texture, sampler]) => {
                 let (texture, sampler) = (texture.text.clone(), sampler.text.clone());
                 let mut ex = Ex::primary(format!("{name}({texture}, {sampler})"), ty.clone());
@@ -104,7 +106,7 @@ impl Lower<'_, '_> {
                 let message = format!("`{name}` takes a texture and a sampler");
                 return Err(unsupported(message, place));
             }
-            (Ty::Struct(name), _) => return self.struct_constructor(name, values, place),
+            (Ty::Struct(name), _) => self.struct_constructor(name, values, place)?,
             (Ty::Array(of, n), _) => {
                 // `float[][](..)`: the elements have the inner length.
                 let of = match (&**of, types.first()) {
@@ -153,7 +155,8 @@ impl Lower<'_, '_> {
                 }
             }
             _ => constructed(&values, ty),
-        })
+        };
+        Ok(ex.folding(folds))
     }
 
     fn struct_constructor(
@@ -421,26 +424,33 @@ impl Lower<'_, '_> {
                 _ => v,
             })
             .collect();
+        let (mut first, folds) = self.arguments_to_fold(name, &mut values);
         // Evaluate values that are printed several times only once.
-        let mut first = Vec::new();
         let is_repeated = match name {
+            "mix" => result.kind() == Some(Component::Bool),
             "matrixCompMult" | "outerProduct" | "isnan" | "isinf" => true,
-            "reflect" => matches!(types.first(), Some(Ty::Scalar(_))),
+            "reflect" | "faceforward" => matches!(types.first(), Some(Ty::Scalar(_))),
             _ => false,
         };
         if is_repeated {
             for value in &mut values {
-                let (before, held) = self.once(value);
+                // naga would fold the products of a constant.
+                let (before, held) = match value.folds {
+                    Folds::No => self.once(value),
+                    _ => self.hidden(value.clone()),
+                };
                 first.extend(before);
                 *value = held;
             }
         }
         if let Some(text) = replacement(name, &values, types.first(), &result) {
-            return Ok(narrowed(after(first, Ex::primary(text, result))));
+            let ex = Ex::primary(text, result).folding(folds);
+            return Ok(narrowed(after(first, ex)));
         }
         check_supported(name, place)?;
         let all = values.iter().map(|v| v.at(level::ASSIGNMENT));
-        Ok(narrowed(called(name, all, result)))
+        let ex = called(name, all, result).folding(folds);
+        Ok(narrowed(after(first, ex)))
     }
 
     /// A subgroup function: calls a placeholder for each type of value.
@@ -754,10 +764,27 @@ fn replacement(name: &str, values: &[Ex], first: Option<&Ty>, result: &Ty) -> Op
             let [i, n] = [at(0, 14), at(1, 14)];
             format!("({i} - 2.0 * {n} * {n} * {i})")
         }
+        ("faceforward", Ty::Scalar(_)) => {
+            let [n, i, reference] = [at(0, level::UNARY), at(1, 14), at(2, 15)];
+            format!("({i} * {reference} < 0.0 ? {n} : -{n})")
+        }
         // Both as vectors of one component that matters.
         ("refract", Ty::Scalar(_)) => {
             let [i, n, eta] = [0, 1, 2].map(|i| at(i, level::ASSIGNMENT));
             format!("refract(vec2({i}, 0.0), vec2({n}, 0.0), {eta}).x")
+        }
+        // naga's functions count in the type of their argument.
+        ("bitCount" | "findLSB" | "findMSB", of) if of.kind() == Some(Component::Uint) => {
+            format!("{}({name}({}))", result.name(), text())
+        }
+        // naga has no such `mix`.
+        ("mix", Ty::Scalar(Component::Bool)) => {
+            format!("({} ? {} : {})", at(2, 4), at(1, 4), at(0, 4))
+        }
+        ("mix", Ty::Vector(Component::Bool, n)) => {
+            let part = |c: char| format!("{}.{c} ? {}.{c} : {}.{c}", post(2), post(1), post(0));
+            let parts: Vec<String> = "xyzw".chars().take(usize::from(*n)).map(part).collect();
+            format!("{}({})", result.name(), parts.join(", "))
         }
         // WGSL lacks both. Test the bits, which no compiler treats as a constant.
         ("isnan" | "isinf", of) => {

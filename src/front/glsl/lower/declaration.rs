@@ -11,6 +11,7 @@ use super::super::interface::{BindingSlot, Opened, SplitSampler, index, split_ty
 use super::super::source_marks::{Marks, unmarked};
 use super::super::stage::{Block, Global, Qualifiers, Storage, Variable, unsupported};
 use super::super::ty::{BlockEntry, Component, GlslMember, MemoryLayout, Rules, Ty, stored};
+use super::fold::Folds;
 use super::{Lower, RESERVED, Var};
 use crate::front::ClipSpace;
 use crate::front::error::Error;
@@ -307,6 +308,7 @@ impl Lower<'_, '_> {
                 lay: MemoryLayout::by(Rules::Std140),
                 path,
                 fixed: Some("a uniform"),
+                folds: Folds::No,
             };
             self.bind(&uniform.name, var);
         }
@@ -335,24 +337,14 @@ impl Lower<'_, '_> {
         let at = index(self.stage.kind);
         let mut out = String::new();
         for variable in self.stage.inputs.clone() {
-            let name = variable
-                .block
-                .as_ref()
-                .and_then(|b| b.1.clone())
-                .unwrap_or_else(|| variable.name.clone());
             let location = self.interface.inputs[at].get(&variable.key()).copied();
-            let used = self.stage.used.contains(&name);
+            let used = self.stage.used.contains(variable.used_as());
             self.varying(&variable, location.filter(|_| used), Storage::In, &mut out)?;
         }
         for variable in self.stage.outputs.clone() {
-            let name = variable
-                .block
-                .as_ref()
-                .and_then(|b| b.1.clone())
-                .unwrap_or_else(|| variable.name.clone());
             let location = self.interface.outputs[at].get(&variable.key()).copied();
             let read = self.interface.inputs[1].contains_key(&variable.key());
-            let used = self.stage.used.contains(&name) || at == 0 && read;
+            let used = self.stage.used.contains(variable.used_as()) || at == 0 && read;
             self.varying(&variable, location.filter(|_| used), Storage::Out, &mut out)?;
         }
         Ok(out)
@@ -485,9 +477,11 @@ impl Lower<'_, '_> {
     fn globals(&mut self) -> Result<String, Error> {
         let mut out = String::new();
         let globals = std::mem::take(&mut self.stage.globals);
+        self.temporaries = Some(Vec::new());
         for global in &globals {
             self.global(global, &mut out)?;
         }
+        self.temporaries_of_globals = self.temporaries.take().unwrap_or_default();
         Ok(out)
     }
 
@@ -495,7 +489,7 @@ impl Lower<'_, '_> {
         let author = global.name.as_str();
         let name = self.safe(author);
         let fixed = (global.qualifiers.storage == Some(Storage::Const)).then_some("a constant");
-        let var = Var::plain(name.clone(), global.ty.clone()).fixed(fixed);
+        let mut var = Var::plain(name.clone(), global.ty.clone()).fixed(fixed);
         if !self.stage.used.contains(author) && !global.qualifiers.says("constant_id") {
             self.bind(author, var);
             return Ok(());
@@ -505,14 +499,20 @@ impl Lower<'_, '_> {
         match global.init {
             None => *out += &format!("{mark}{declared};\n"),
             Some(init) => {
+                let temporaries = self.temporaries.as_ref().map_or(0, Vec::len);
                 let value = self.initial(init, &global.ty)?;
+                let is_whole = temporaries == self.temporaries.as_ref().map_or(0, Vec::len);
                 let id = global.qualifiers.number("constant_id");
                 if let Some(id) = id {
                     let layout = format!("layout(constant_id = {id})");
                     *out += &format!("{mark}{layout} const {declared} = {value};\n");
-                } else if self.is_simple(init) {
+                } else if is_whole && self.is_simple(init) {
                     let word = match global.qualifiers.storage {
-                        Some(Storage::Const) => "const ",
+                        Some(Storage::Const) => {
+                            let value = self.stage.constants.value(author);
+                            var.folds = value.map_or(Folds::Unknown, Folds::To);
+                            "const "
+                        }
                         _ => "",
                     };
                     *out += &format!("{mark}{word}{declared} = {value};\n");

@@ -376,7 +376,8 @@ pub(super) fn after(first: impl IntoIterator<Item = String>, ex: Ex) -> Ex {
         return ex;
     }
     all.push(ex.at(level::ASSIGNMENT));
-    Ex::primary(format!("({})", all.join(", ")), ex.ty)
+    let whole = Ex::primary(format!("({})", all.join(", ")), ex.ty);
+    whole.folding(ex.folds)
 }
 
 /// Whether a loop's body has its own `continue`.

@@ -5,13 +5,15 @@ use glsl_lang::ast::{
     AssignmentOpData as A, BinaryOpData as B, Expr, ExprData, InitializerData, UnaryOpData,
 };
 
+use super::super::constant::ConstantValue;
 use super::super::interface::SplitSampler;
 use super::super::source_marks::unmarked;
-use super::super::stage::{DIVIDED_BY_ZERO, initial_length, unsupported};
+use super::super::stage::{initial_length, unsupported};
 use super::super::ty::{Component, MemoryLayout, Ty};
 use super::super::{absent, built_ins, constant};
 use super::declaration::output_of;
 use super::effect::{after, is_literal};
+use super::fold::Folds;
 use super::{Lower, Var, check};
 use crate::front::error::{Code, Error};
 
@@ -39,6 +41,8 @@ pub(super) struct Ex {
     /// Assignment targets by component, where naga cannot assign to it: `m[1].xy`, a column of a
     /// row-major matrix.
     pub parts: Option<Vec<String>>,
+    /// The vector of which it is a swizzle, and the components.
+    pub swizzle: Option<(Box<Ex>, Vec<usize>)>,
     /// It is a column of a matrix.
     pub column: bool,
     /// The row-major matrix and the index of which it is a column.
@@ -49,6 +53,7 @@ pub(super) struct Ex {
     pub pair: Option<SplitSampler>,
     /// It is an element of a sampler array with a dynamic index.
     pub choice: Option<(Box<Ex>, Vec<SplitSampler>)>,
+    pub folds: Folds,
 }
 
 impl Ex {
@@ -59,12 +64,18 @@ impl Ex {
             level,
             lay: MemoryLayout::default(),
             parts: None,
+            swizzle: None,
             column: false,
             turned: None,
             path: None,
             pair: None,
             choice: None,
+            folds: Folds::No,
         }
+    }
+
+    pub(super) fn folding(self, folds: Folds) -> Self {
+        Self { folds, ..self }
     }
 
     pub(super) fn primary(text: impl Into<String>, ty: Ty) -> Self {
@@ -121,11 +132,23 @@ impl Lower<'_, '_> {
                 ex.text = mark + &ex.text;
                 ex
             }
-            ExprData::IntConst(i) if *i < 0 => Ex::primary(format!("int({}u)", *i as u32), Ty::INT),
-            ExprData::IntConst(i) => Ex::primary(i.to_string(), Ty::INT),
-            ExprData::UIntConst(u) => Ex::primary(format!("{u}u"), Ty::UINT),
-            ExprData::BoolConst(b) => Ex::primary(b.to_string(), Ty::BOOL),
-            ExprData::FloatConst(f) => Ex::primary(float(*f), Ty::FLOAT),
+            ExprData::IntConst(i) => {
+                let text = match *i < 0 {
+                    true => format!("int({}u)", *i as u32),
+                    false => i.to_string(),
+                };
+                Ex::primary(text, Ty::INT).folding(Folds::To(ConstantValue::Int(*i)))
+            }
+            ExprData::UIntConst(u) => {
+                Ex::primary(format!("{u}u"), Ty::UINT).folding(Folds::To(ConstantValue::Uint(*u)))
+            }
+            ExprData::BoolConst(b) => {
+                Ex::primary(b.to_string(), Ty::BOOL).folding(Folds::To(ConstantValue::Bool(*b)))
+            }
+            ExprData::FloatConst(f) => {
+                let folds = Folds::To(ConstantValue::Float(finite(*f)));
+                Ex::primary(float(*f), Ty::FLOAT).folding(folds)
+            }
             // naga's front end has no 64-bit literals.
             ExprData::DoubleConst(d) if f64::from(*d as f32) == *d => Ex::primary(
                 format!("double({})", float(*d as f32)),
@@ -195,7 +218,7 @@ impl Lower<'_, '_> {
                     .note("make it a statement of its own"));
                 }
                 let text = format!("{}, {}", a.text, b.at(level::ASSIGNMENT));
-                Ex::new(text, b.ty, level::COMMA)
+                Ex::new(text, b.ty, level::COMMA).folding(b.folds)
             }
         };
         ex.text.insert_str(0, &mark);
@@ -229,6 +252,7 @@ impl Lower<'_, '_> {
             false => level::PRIMARY,
         };
         let mut ex = Ex::new(var.text.clone(), var.ty.clone(), level);
+        ex.folds = var.folds.clone();
         ex.lay = var.lay;
         ex.path = var.path.clone();
         self.with_pair(ex)
@@ -353,11 +377,21 @@ impl Lower<'_, '_> {
         };
         let of = self.expr(of)?;
         self.check_sign(word, &of.ty, place)?;
+        let folds = of.folds.map(|v| constant::unary(&op.content, v));
+        if word == "-" && of.ty.kind() == Some(Component::Uint) {
+            // WGSL negates no unsigned numbers.
+            let zero = match &of.ty {
+                Ty::Scalar(_) => "0u".to_owned(),
+                vector => format!("{}(0u)", vector.name()),
+            };
+            let text = format!("{zero} - {}", of.at(14));
+            return Ok(Ex::new(text, of.ty, 13).folding(folds));
+        }
         let mut text = of.at(level::UNARY);
         if unmarked(&text).starts_with(['-', '+']) {
             text = format!("({text})");
         }
-        Ok(Ex::new(format!("{word}{text}"), of.ty, level::UNARY))
+        Ok(Ex::new(format!("{word}{text}"), of.ty, level::UNARY).folding(folds))
     }
 
     fn binary(
@@ -405,16 +439,6 @@ impl Lower<'_, '_> {
             B::Mod => (splat(a, &ty), splat(b, &ty)),
             _ => (a, b),
         };
-        if *op == B::Div
-            && let (Some(a), Some(0.0)) = (literal(&a.text), literal(&b.text))
-        {
-            self.stage.used.insert(DIVIDED_BY_ZERO.to_owned());
-            let text = match a {
-                0.0 => "0.0".to_owned(),
-                _ => format!("{:e}", f32::MAX.copysign(a)),
-            };
-            return Ok(Ex::primary(text, ty));
-        }
         if matches!(op, B::Equal | B::NonEqual)
             && self.stage.structs.count(&a.ty).elements > COMPARED
         {
@@ -434,11 +458,9 @@ impl Lower<'_, '_> {
             };
             return Ok(after(first, Ex::primary(format!("({text})"), Ty::BOOL)));
         }
-        Ok(Ex::new(
-            format!("{} {word} {}", a.at(level), b.at(level + 1)),
-            ty,
-            level,
-        ))
+        let (first, b, folds) = self.operand_to_fold(op, &a, b);
+        let text = format!("{} {word} {}", a.at(level), b.at(level + 1));
+        Ok(after(first, Ex::new(text, ty, level).folding(folds)))
     }
 
     /// Compares structs and arrays by parts: naga has no operator for them.
@@ -506,11 +528,16 @@ impl Lower<'_, '_> {
             )
             .note("assign the index to a variable first"));
         }
+        let folds = match (&base.folds, &index.folds) {
+            (Folds::No, _) | (_, Folds::No) => Folds::No,
+            (value, Folds::To(at)) => value.map(|v| constant::indexed(v, at)),
+            _ => Folds::Unknown,
+        };
         let index = match index.ty.kind() {
             Some(Component::Float | Component::Bool) => format!("int({})", index.text),
             _ => index.text,
         };
-        Ok(self.element_of(base, &index))
+        Ok(self.element_of(base, &index).folding(folds))
     }
 
     /// An element of an array that contains samplers.
@@ -580,7 +607,8 @@ impl Lower<'_, '_> {
             return self.own_variable(name, whole);
         }
         let (of_expr, base) = (of, self.raw(of)?);
-        match base.ty.clone() {
+        let folds = base.folds.map(|v| constant::swizzled(v, name));
+        let ex = match base.ty.clone() {
             Ty::Struct(of) => {
                 let member = self
                     .stage
@@ -601,26 +629,27 @@ impl Lower<'_, '_> {
                 );
                 ex.lay = self.stage.structs.member_lay(&of, base.lay);
                 ex.path = base.path.map(|p| format!("{p}.{name}"));
-                Ok(self.with_pair(ex))
+                self.with_pair(ex)
             }
             Ty::Scalar(kind) => {
                 let base = self.value(base);
                 let n = name.len().min(4) as u8;
-                Ok(match n {
+                match n {
                     1 => base,
                     _ => Ex::primary(
                         format!("{}({})", Ty::Vector(kind, n).name(), base.text),
                         Ty::Vector(kind, n),
                     ),
-                })
+                }
             }
-            Ty::Vector(..) => self.components_of(base, of_expr, name, self.place(whole.span)),
-            _ => Ok(Ex::new(
+            Ty::Vector(..) => self.components_of(base, of_expr, name, self.place(whole.span))?,
+            _ => Ex::new(
                 format!("{}.{name}", base.at(level::POSTFIX)),
                 Ty::Unknown,
                 level::POSTFIX,
-            )),
-        }
+            ),
+        };
+        Ok(ex.folding(folds))
     }
 
     /// Implicitly converts an expression to `to`.
@@ -647,10 +676,12 @@ impl Lower<'_, '_> {
             && to == Component::Float
             && bare.bytes().all(|b| b.is_ascii_digit())
         {
-            return Ex::primary(format!("{}.0", ex.text), Ty::FLOAT);
+            let folds = ex.folds.map(|v| constant::call("float", &[v]));
+            return Ex::primary(format!("{}.0", ex.text), Ty::FLOAT).folding(folds);
         }
         let ty = ex.ty.with_kind(to);
-        Ex::primary(format!("{}({})", ty.name(), ex.text), ty)
+        let folds = ex.folds.map(|v| constant::call(&ty.name(), &[v]));
+        Ex::primary(format!("{}({})", ty.name(), ex.text), ty).folding(folds)
     }
 
     /// An initialiser of type `ty`.
@@ -732,7 +763,8 @@ impl Lower<'_, '_> {
 pub(super) fn splat(ex: Ex, to: &Ty) -> Ex {
     match (&ex.ty, to) {
         (Ty::Scalar(_), Ty::Vector(..)) => {
-            Ex::primary(format!("{}({})", to.name(), ex.text), to.clone())
+            let folds = ex.folds.map(|v| constant::call(&to.name(), &[v]));
+            Ex::primary(format!("{}({})", to.name(), ex.text), to.clone()).folding(folds)
         }
         _ => ex,
     }
@@ -765,23 +797,18 @@ pub(super) fn element(base: &Ex, index: &str) -> Ex {
     ex
 }
 
+/// What a literal is that no float holds: the largest.
+fn finite(f: f32) -> f32 {
+    f.min(f32::MAX)
+}
+
 /// A GLSL literal with all digits.
 fn float(f: f32) -> String {
-    if f.is_infinite() {
-        return "3.40282347e38".to_owned();
-    }
-    let text = format!("{f:?}");
+    let text = format!("{:?}", finite(f));
     match text.contains(['.', 'e']) {
         true => text,
         false => text + ".0",
     }
-}
-
-/// The number of a literal of floats.
-fn literal(text: &str) -> Option<f32> {
-    let text = unmarked(text);
-    let digits = text.trim().trim_end_matches(['f', 'F']);
-    digits.contains('.').then(|| digits.parse().ok()).flatten()
 }
 
 fn operator(op: &B) -> (&'static str, u8) {

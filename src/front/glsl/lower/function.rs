@@ -100,7 +100,11 @@ impl<'u> Lower<'_, 'u> {
         let statements = &function.statement.statement_list;
         self.temporaries = Some(Vec::new());
         let body = self.block_of(statements)?;
-        for held in self.temporaries.take().unwrap_or_default() {
+        let mut temporaries = self.temporaries.take().unwrap_or_default();
+        if main {
+            temporaries.append(&mut self.temporaries_of_globals);
+        }
+        for held in temporaries {
             out += &held;
         }
         if main {

@@ -2,7 +2,7 @@
 //!
 //! `declaration` prints globals, `statement` and `expression` function bodies. They use `call`,
 //! `overload` for overload resolution, `texture` for texture functions, `check` for type checks,
-//! `store` for block layouts, and `effect` for the order of evaluation.
+//! `store` for block layouts, `effect` for the order of evaluation, and `fold` for constants.
 
 mod builtin;
 mod call;
@@ -10,6 +10,7 @@ mod check;
 mod declaration;
 mod effect;
 mod expression;
+mod fold;
 mod function;
 mod overload;
 mod statement;
@@ -21,6 +22,7 @@ use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 use glsl_lang::ast::NodeSpan;
 use naga::{ShaderStage, Span};
 
+use self::fold::Folds;
 use super::interface::{Interface, SplitSampler};
 use super::placeholders::Placeholders;
 use super::source_marks::Marks;
@@ -83,6 +85,7 @@ struct Var {
     path: Option<String>,
     /// Why it cannot be assigned to.
     fixed: Option<&'static str>,
+    folds: Folds,
 }
 
 impl Var {
@@ -100,6 +103,7 @@ impl Var {
             lay: MemoryLayout::default(),
             path: None,
             fixed: None,
+            folds: Folds::No,
         }
     }
 }
@@ -141,8 +145,10 @@ pub(super) struct Lower<'a, 'u> {
     helper_names: HashMap<String, String>,
     /// Functions whose bodies are replaced in the module.
     placeholders: Placeholders,
-    /// Temporaries of the current function; `None` outside of functions.
+    /// Temporaries of the current function; for globals, of `main`.
     temporaries: Option<Vec<String>>,
+    /// Those of `prologue`.
+    temporaries_of_globals: Vec<String>,
     /// Expressions held in temporaries, by position.
     held: HashMap<(u32, u32), expression::Ex>,
     /// Their positions, in order.
@@ -215,6 +221,7 @@ pub(super) fn lower(
         helper_names: HashMap::new(),
         placeholders: HashMap::new(),
         temporaries: None,
+        temporaries_of_globals: Vec::new(),
         held: HashMap::new(),
         held_keys: Vec::new(),
         looked: HashMap::new(),
@@ -259,9 +266,10 @@ impl Lower<'_, '_> {
         }
     }
 
-    /// The author's name, with an underscore if naga reserves it.
+    /// The author's name, with an underscore if naga reserves it or takes it for a struct.
     fn safe(&mut self, name: &str) -> String {
-        match RESERVED.contains(&name) || name.contains("__") {
+        let is_struct = self.stage.structs.get(name).is_some();
+        match is_struct || RESERVED.contains(&name) || name.contains("__") {
             true => {
                 let wanted = format!("{}_", name.replace("__", "_"));
                 self.fresh(&wanted)

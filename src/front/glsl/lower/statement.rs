@@ -175,8 +175,13 @@ impl Lower<'_, '_> {
                 let value = self.stage.fixed_integer(e).ok_or_else(|| {
                     unsupported("a case must be an integer constant", self.place(e.span))
                 })?;
-                let ending = if unsigned { "u" } else { "" };
-                Ok(self.line(&format!("case {value}{ending}:")))
+                let value = match value {
+                    // naga reads the sign apart.
+                    _ if unsigned => format!("{value}u"),
+                    -2_147_483_648 => "-2147483647 - 1".to_owned(),
+                    _ => value.to_string(),
+                };
+                Ok(self.line(&format!("case {value}:")))
             }
         }
     }
@@ -218,10 +223,15 @@ impl Lower<'_, '_> {
     fn iteration(&mut self, i: &ast::IterationStatement, mark: &str) -> Result<String, Error> {
         Ok(match &i.content {
             IterationStatementData::While(condition, body) => {
+                self.scopes.push(Default::default());
+                let constants = self.stage.constants.clone();
                 let condition = self.condition(condition)?;
-                self.line(&format!("{mark}while ({condition}) {{"))
+                let out = self.line(&format!("{mark}while ({condition}) {{"))
                     + &self.body(body)?
-                    + &self.line("}")
+                    + &self.line("}");
+                self.stage.constants = constants;
+                self.scopes.pop();
+                out
             }
             // naga tests the condition at the end of the body, which `continue` skips.
             IterationStatementData::DoWhile(body, condition) if effect::continues(body) => {
@@ -333,11 +343,17 @@ impl Lower<'_, '_> {
                     _ => format!("({text})"),
                 })
             }
-            ConditionData::Assignment(..) => Err(unsupported(
-                "a variable declared in a loop's condition is not supported",
-                self.place(condition.span),
-            )
-            .note("declare it before the loop")),
+            // Declared with the temporaries, and assigned each time.
+            ConditionData::Assignment(of, name, init) => {
+                let place = self.place(condition.span);
+                let ty = self.stage.ty(&of.ty, None, place)?;
+                let value = self.initial(init, &ty)?;
+                let held = Ex::primary(self.needed(&ty, place)?, ty.clone());
+                self.check_condition(&held, place)?;
+                constant::declare(&mut self.stage.constants, name.as_str(), &ty, None, None);
+                self.bind(name.as_str(), Var::plain(held.text.clone(), ty));
+                Ok(format!("({} = {value}, {})", held.text, held.text))
+            }
         }
     }
 

@@ -11,6 +11,7 @@ use super::super::ty::{BlockEntry, Component, GlslMember, MemoryLayout, Struct, 
 use super::Lower;
 use super::effect::after;
 use super::expression::{Ex, element, level, splat};
+use super::fold::Folds;
 use crate::front::error::{Code, Error};
 
 /// Whether it is a name or a number, so that reading it twice is safe.
@@ -439,13 +440,27 @@ impl Lower<'_, '_> {
             "%=" => splat(self.coerce_kind(from, target.ty.kind()), &target.ty),
             _ => self.coerce_kind(from, target.ty.kind()),
         };
+        let (hidden, from) = match compound(word) {
+            Some(op) => {
+                let of = Ex::new("", target.ty.clone(), level::PRIMARY);
+                let (hidden, from, _) = self.operand_to_fold(&op, &of, from);
+                (hidden, from)
+            }
+            None => (None, from),
+        };
+        all.extend(hidden);
         if plain {
+            let folds = match word {
+                "=" => from.folds.clone(),
+                _ => Folds::No,
+            };
             let text = format!(
                 "{} {word} {}",
                 target.at(level::UNARY),
                 from.at(level::ASSIGNMENT)
             );
-            return Ok(after(all, Ex::new(text, target.ty, level::ASSIGNMENT)));
+            let ex = Ex::new(text, target.ty, level::ASSIGNMENT);
+            return Ok(after(all, ex.folding(folds)));
         }
         let value = match word {
             "=" => from,
@@ -501,6 +516,17 @@ impl Lower<'_, '_> {
     /// An element of an array, a column, or a component.
     pub(super) fn element_of(&self, base: Ex, index: &str) -> Ex {
         let scalar = || Ty::Scalar(base.ty.kind().unwrap_or(Component::Float));
+        if let Some((of, numbers)) = base.swizzle {
+            let number = unmarked(index).trim().parse().ok();
+            let index = match number.and_then(|n: usize| numbers.get(n)) {
+                Some(n) => n.to_string(),
+                None => {
+                    let all: Vec<String> = numbers.iter().map(usize::to_string).collect();
+                    format!("ivec{}({})[{index}]", all.len(), all.join(", "))
+                }
+            };
+            return self.element_of(*of, &index);
+        }
         if let Some((matrix, column)) = &base.turned {
             let text = format!("{matrix}[{index}][{column}]");
             return Ex::new(text, scalar(), level::POSTFIX);
@@ -542,6 +568,13 @@ impl Lower<'_, '_> {
             )
             .label_if(place)
         })?;
+        if let (Some((inner, chosen)), ExprData::Dot(of, _)) = (&base.swizzle, &of.content) {
+            let letters = numbers
+                .iter()
+                .filter_map(|n| "xyzw".chars().nth(*chosen.get(*n)?));
+            let name: String = letters.collect();
+            return self.components_of((**inner).clone(), of, &name, place);
+        }
         let lay = match kind {
             Component::Bool => base.lay,
             _ => MemoryLayout::default(),
@@ -566,6 +599,9 @@ impl Lower<'_, '_> {
             ex.parts = Some(numbers.iter().map(part).collect());
         }
         ex.lay = lay;
+        if numbers.len() > 1 {
+            ex.swizzle = Some((Box::new(base), numbers));
+        }
         Ok(ex)
     }
 }

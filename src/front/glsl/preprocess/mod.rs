@@ -88,6 +88,17 @@ struct Reading {
     folder: PathBuf,
     /// Its path; `None` for the first.
     found: Option<PathBuf>,
+    /// What `#line` changed.
+    numbering: Numbering,
+}
+
+/// How `__LINE__` and `__FILE__` number a file. Messages always have the file's own lines.
+#[derive(Clone, Copy, Default)]
+struct Numbering {
+    /// `__LINE__` minus the file's own line.
+    shift: i64,
+    /// `__FILE__`.
+    file: i64,
 }
 
 /// An open `#if`.
@@ -167,6 +178,7 @@ pub(super) fn preprocess(
             at: 0,
             folder: input.folder.to_owned(),
             found: None,
+            numbering: Numbering::default(),
         }],
         conditions: Vec::new(),
         elsewhere: false,
@@ -283,14 +295,50 @@ impl Preprocessor<'_> {
 
     /// The value of `__LINE__` and the other computed macros.
     fn own_value(&self, token: &Token) -> Option<String> {
-        match self.computed.iter().position(|n| *n == token.name)? {
-            0 => {
-                let at = self.map.locate(Span::new(token.start, token.start));
-                Some(at.map_or(0, |l| l.line).to_string())
-            }
-            1 => Some("0".to_owned()),
-            _ => Some(self.dialect.version.to_string()),
+        let numbering = self.open.last().map(|r| r.numbering).unwrap_or_default();
+        Some(match self.computed.iter().position(|n| *n == token.name)? {
+            0 => (self.own_line(token.start) + numbering.shift).to_string(),
+            1 => numbering.file.to_string(),
+            _ => self.dialect.version.to_string(),
+        })
+    }
+
+    /// The file's own line at an offset.
+    fn own_line(&self, at: u32) -> i64 {
+        let at = self.map.locate(Span::new(at, at));
+        at.map_or(0, |l| i64::from(l.line))
+    }
+
+    /// `#line LINE` and `#line LINE FILE`, both constant expressions. The next line has the number
+    /// LINE, and before GLSL 3.30 the number behind it.
+    fn line(&mut self, rest: Vec<Token>, place: (u32, u32)) -> Result<(), Stop> {
+        let own = self.own_line(place.1.saturating_sub(1));
+        let mut expanded = self.expanded(rest, 0)?;
+        // GL_GOOGLE_cpp_style_line_directive names a file, which has no number.
+        expanded.pop_if(|t| t.kind == TokenKind::Quoted);
+        let words = self.words(&expanded, place)?;
+        let both = (1..=words.len()).rev().find_map(|n| {
+            let line = evaluate(&words[..n], true).ok()?;
+            let file = match &words[n..] {
+                [] => None,
+                file => Some(evaluate(file, true).ok()?),
+            };
+            Some((line, file))
+        });
+        let numbers = both.filter(|(line, file)| {
+            let fits = |n: &i64| u32::try_from(*n).is_ok();
+            fits(line) && file.as_ref().is_none_or(fits)
+        });
+        let Some((line, file)) = numbers else {
+            return Err(self.stop("`#line` takes the number of a line, and of a file", place));
+        };
+        let Dialect { version, es } = self.dialect;
+        let next = line + i64::from(!es && version < 330);
+        if let Some(reading) = self.open.last_mut() {
+            reading.numbering.shift = next - (own + 1);
+            reading.numbering.file = file.unwrap_or(reading.numbering.file);
         }
+        Ok(())
     }
 
     fn is_active(&self) -> bool {
@@ -401,7 +449,7 @@ impl Preprocessor<'_> {
                 self.elsewhere = !rest.get(1).is_some_and(|t| self.is(t, own));
             }
             _ if !active => {}
-            "define" | "undef" | "error" if self.elsewhere => {}
+            "define" | "undef" | "error" | "line" if self.elsewhere => {}
             "define" => self.define(&rest, place)?,
             "undef" => {
                 let name = self.named(&rest, "undef", place)?;
@@ -437,7 +485,7 @@ impl Preprocessor<'_> {
                     self.out.extensions.insert(name.to_string());
                 }
             }
-            "line" => {}
+            "line" => self.line(rest, place)?,
             _ => return Err(self.stop(format!("unknown directive `#{word}`"), place)),
         }
         Ok(())
@@ -609,20 +657,7 @@ impl Preprocessor<'_> {
                 expanded.push(token);
             }
         }
-        let mut words = Vec::new();
-        for (i, token) in expanded.iter().enumerate() {
-            let text = self.names.text(token.name);
-            words.push(match token.kind {
-                TokenKind::Number => Word::Number(integer(&text).ok_or_else(|| {
-                    self.stop(
-                        format!("`{text}` is not an integer, which `#if` needs"),
-                        place,
-                    )
-                })?),
-                TokenKind::Word => Word::Undefined(i),
-                _ => Word::Operator(text.to_string()),
-            });
-        }
+        let words = self.words(&expanded, place)?;
         let strict = self.dialect.es;
         evaluate(&words, strict).map(|v| v != 0).map_err(|wrong| {
             let token = |at: usize| expanded.get(at);
@@ -648,6 +683,22 @@ impl Preprocessor<'_> {
                 Wrong::TooDeep => self.too_deep(place),
             }
         })
+    }
+
+    /// The words of an expanded expression.
+    fn words(&self, expanded: &[Token], place: (u32, u32)) -> Result<Vec<Word>, Stop> {
+        let word = |(i, token): (usize, &Token)| {
+            let text = self.names.text(token.name);
+            Ok(match token.kind {
+                TokenKind::Number => Word::Number(integer(&text).ok_or_else(|| {
+                    let message = format!("`{text}` is not an integer, which a directive needs");
+                    self.stop(message, place)
+                })?),
+                TokenKind::Word => Word::Undefined(i),
+                _ => Word::Operator(text.to_string()),
+            })
+        };
+        expanded.iter().enumerate().map(word).collect()
     }
 
     fn include(&mut self, line: Vec<Token>, place: (u32, u32)) -> Result<(), Stop> {
@@ -746,6 +797,7 @@ impl Preprocessor<'_> {
             at: 0,
             folder: asked.parent().unwrap_or(Path::new("")).to_owned(),
             found: Some(found),
+            numbering: Numbering::default(),
         });
         Ok(())
     }

@@ -21,7 +21,7 @@ pub(super) mod side_effects;
 mod types;
 
 pub(super) use qualifiers::{Qualifiers, Storage};
-pub(super) use reachable::{DIVIDED_BY_ZERO, FRAG_COORD_Y, PRECISE};
+pub(super) use reachable::{FRAG_COORD_Y, PRECISE};
 pub(super) use types::spelled;
 
 use types::APART;
@@ -43,6 +43,14 @@ impl Variable {
         match &self.block {
             Some((block, _)) => format!("{block}.{}", self.name),
             None => self.name.clone(),
+        }
+    }
+
+    /// The name by which its stage uses it: its own, or its block's instance.
+    pub(super) fn used_as(&self) -> &str {
+        match &self.block {
+            Some((_, Some(instance))) => instance,
+            _ => &self.name,
         }
     }
 

@@ -2,12 +2,16 @@
 
 use std::collections::{HashMap, HashSet};
 
-use glsl_lang::ast::{self, ExprData};
+use glsl_lang::ast::{
+    self, ConditionData, DeclarationData, ExprData, ForInitStatementData, IterationStatementData,
+    SelectionRestStatementData, Statement, StatementData,
+};
 use glsl_lang::visitor::{Host as _, Visit, Visitor};
 
 use super::GlslStage;
 use super::side_effects;
 use crate::front::error::{Code, Error};
+use crate::front::foreign;
 
 impl<'u> GlslStage<'u> {
     /// Orders reachable functions with callees first, and records the names they use.
@@ -15,7 +19,7 @@ impl<'u> GlslStage<'u> {
         &mut self,
         definitions: &[&'u ast::FunctionDefinition],
     ) -> Result<(), Error> {
-        let names: Vec<HashSet<String>> = definitions.iter().map(|f| words(f)).collect();
+        let names: Vec<Words> = definitions.iter().map(|f| Words::of(f)).collect();
         let mut by_name: HashMap<&str, Vec<usize>> = HashMap::new();
         for (i, f) in definitions.iter().enumerate() {
             by_name
@@ -24,34 +28,40 @@ impl<'u> GlslStage<'u> {
                 .push(i);
         }
         let Some(main) = by_name.get("main").map(|all| all[0]) else {
-            return Err(Error::new(
-                Code::NoEntryPoint,
-                "there is no function `main`",
-            ));
+            return Err(Error::new(Code::NoEntryPoint, foreign::NO_MAIN));
         };
         let mut done = vec![false; definitions.len()];
         let mut order = Vec::new();
         visit(main, &names, &by_name, &mut done, &mut order);
-        // A global's initialiser may call functions too.
-        for global in &self.globals {
-            let mut found = Words::default();
-            if let Some(init) = global.init {
-                init.visit(&mut found);
+        let mut used = HashSet::new();
+        order.iter().for_each(|i| names[*i].add_to(&mut used));
+        // The initialiser of a global that is used may name others, and call functions.
+        let mut globals: Vec<_> = self.globals.iter().collect();
+        loop {
+            let is_used = |g: &super::Global<'_>| {
+                used.contains(g.name.as_str()) || g.qualifiers.says("constant_id")
+            };
+            let (found, rest): (Vec<_>, Vec<_>) = globals.into_iter().partition(|g| is_used(g));
+            globals = rest;
+            if found.is_empty() {
+                break;
             }
-            for i in found
-                .0
-                .iter()
-                .flat_map(|w| by_name.get(w.as_str()).into_iter().flatten())
-            {
-                visit(*i, &names, &by_name, &mut done, &mut order);
+            for init in found.iter().filter_map(|g| g.init) {
+                let mut words = Words::default();
+                init.visit(&mut words);
+                words.add_to(&mut used);
+                let before = order.len();
+                for i in words.callees(&by_name) {
+                    visit(i, &names, &by_name, &mut done, &mut order);
+                }
+                order[before..]
+                    .iter()
+                    .for_each(|i| names[*i].add_to(&mut used));
             }
-            self.used.extend(found.0);
         }
+        self.used = used;
         order.retain(|i| *i != main);
         order.push(main);
-        for i in &order {
-            self.used.extend(names[*i].iter().cloned());
-        }
         self.functions = order.into_iter().map(|i| definitions[i]).collect();
         self.writers = side_effects::writers(&self.functions, &self.signatures);
         Ok(())
@@ -61,7 +71,7 @@ impl<'u> GlslStage<'u> {
 /// Depth first, callees first.
 fn visit(
     at: usize,
-    names: &[HashSet<String>],
+    names: &[Words],
     by_name: &HashMap<&str, Vec<usize>>,
     done: &mut [bool],
     order: &mut Vec<usize>,
@@ -69,13 +79,7 @@ fn visit(
     if std::mem::replace(&mut done[at], true) {
         return;
     }
-    // Sort: a set has no stable order.
-    let mut callees: Vec<usize> = names[at]
-        .iter()
-        .flat_map(|w| by_name.get(w.as_str()).into_iter().flatten().copied())
-        .collect();
-    callees.sort_unstable();
-    for callee in callees {
+    for callee in names[at].callees(by_name) {
         visit(callee, names, by_name, done, order);
     }
     order.push(at);
@@ -84,26 +88,157 @@ fn visit(
 /// A pseudo name in `GlslStage::used`: the fragment coordinate's y is read.
 pub(in crate::front::glsl) const FRAG_COORD_Y: &str = "gl_FragCoord.y";
 
-/// A use that lowering finds: no name in GLSL has a space.
-pub(in crate::front::glsl) const DIVIDED_BY_ZERO: &str = "/ 0.0";
-
 /// A pseudo name in `GlslStage::used`: a local variable is `precise`.
 pub(in crate::front::glsl) const PRECISE: &str = "precise";
 
-/// The variables and functions that a function names, [`FRAG_COORD_Y`] and [`PRECISE`].
-fn words(function: &ast::FunctionDefinition) -> HashSet<String> {
-    let mut found = Words::default();
-    function.statement.visit(&mut found);
-    found.0
+/// The global variables and the functions that a function names.
+#[derive(Default)]
+struct Words {
+    /// With [`FRAG_COORD_Y`] and [`PRECISE`].
+    variables: HashSet<String>,
+    functions: HashSet<String>,
+    /// The parameters and local variables in scope, innermost last. They hide globals.
+    scopes: Vec<HashSet<String>>,
 }
 
-#[derive(Default)]
-struct Words(HashSet<String>);
+impl Words {
+    fn of(function: &ast::FunctionDefinition) -> Self {
+        let mut words = Self::default();
+        words.scopes.push(HashSet::new());
+        for parameter in &function.prototype.parameters {
+            if let ast::FunctionParameterDeclarationData::Named(_, d) = &parameter.content {
+                words.declare(&d.ident.ident);
+            }
+        }
+        words.block(&function.statement.statement_list);
+        words
+    }
+
+    fn add_to(&self, used: &mut HashSet<String>) {
+        used.extend(self.variables.iter().chain(&self.functions).cloned());
+    }
+
+    /// The functions it calls, in a stable order.
+    fn callees(&self, by_name: &HashMap<&str, Vec<usize>>) -> Vec<usize> {
+        let named = |w: &String| by_name.get(w.as_str());
+        let called = self.functions.iter().filter_map(named).flatten();
+        let mut callees: Vec<usize> = called.copied().collect();
+        callees.sort_unstable();
+        callees
+    }
+
+    fn declare(&mut self, name: &ast::Identifier) {
+        if let Some(scope) = self.scopes.last_mut() {
+            scope.insert(name.as_str().to_owned());
+        }
+    }
+
+    fn name(&mut self, name: &str) {
+        if !self.scopes.iter().any(|s| s.contains(name)) {
+            self.variables.insert(name.to_owned());
+        }
+    }
+
+    fn block(&mut self, statements: &[Statement]) {
+        self.scopes.push(HashSet::new());
+        statements.iter().for_each(|s| self.statement(s));
+        self.scopes.pop();
+    }
+
+    fn statement(&mut self, statement: &Statement) {
+        match &statement.content {
+            StatementData::Declaration(d) => self.declaration(d),
+            StatementData::Compound(c) => self.block(&c.statement_list),
+            StatementData::Selection(s) => {
+                s.cond.visit(self);
+                match &s.rest.content {
+                    SelectionRestStatementData::Statement(then) => self.alone(then),
+                    SelectionRestStatementData::Else(then, other) => {
+                        self.alone(then);
+                        self.alone(other);
+                    }
+                }
+            }
+            StatementData::Switch(s) => {
+                s.head.visit(self);
+                self.block(&s.body);
+            }
+            StatementData::Iteration(i) => self.iteration(i),
+            StatementData::Expression(e) => e.visit(self),
+            StatementData::CaseLabel(label) => label.visit(self),
+            StatementData::Jump(jump) => jump.visit(self),
+        }
+    }
+
+    /// The body of an `if` or of a loop.
+    fn alone(&mut self, body: &Statement) {
+        self.block(std::slice::from_ref(body));
+    }
+
+    fn iteration(&mut self, iteration: &ast::IterationStatement) {
+        self.scopes.push(HashSet::new());
+        match &iteration.content {
+            IterationStatementData::While(condition, body) => {
+                self.condition(condition);
+                self.alone(body);
+            }
+            IterationStatementData::DoWhile(body, condition) => {
+                self.alone(body);
+                condition.visit(self);
+            }
+            IterationStatementData::For(init, rest, body) => {
+                match &init.content {
+                    ForInitStatementData::Declaration(d) => self.declaration(d),
+                    ForInitStatementData::Expression(e) => {
+                        if let Some(e) = e {
+                            e.visit(self);
+                        }
+                    }
+                }
+                if let Some(condition) = &rest.condition {
+                    self.condition(condition);
+                }
+                if let Some(step) = &rest.post_expr {
+                    step.visit(self);
+                }
+                self.alone(body);
+            }
+        }
+        self.scopes.pop();
+    }
+
+    fn condition(&mut self, condition: &ast::Condition) {
+        match &condition.content {
+            ConditionData::Expr(e) => e.visit(self),
+            ConditionData::Assignment(ty, name, init) => {
+                ty.visit(self);
+                init.visit(self);
+                self.declare(name);
+            }
+        }
+    }
+
+    /// A variable is visible behind its initialiser.
+    fn declaration(&mut self, declaration: &ast::Declaration) {
+        let DeclarationData::InitDeclaratorList(list) = &declaration.content else {
+            declaration.visit(self);
+            return;
+        };
+        list.head.visit(self);
+        if let Some(name) = &list.head.name {
+            self.declare(name);
+        }
+        for other in &list.tail {
+            other.visit(self);
+            self.declare(&other.ident.ident);
+        }
+    }
+}
 
 impl Visitor for Words {
     fn visit_type_qualifier_spec(&mut self, spec: &ast::TypeQualifierSpec) -> Visit {
         if matches!(spec.content, ast::TypeQualifierSpecData::Precise) {
-            self.0.insert(PRECISE.to_owned());
+            self.variables.insert(PRECISE.to_owned());
         }
         Visit::Children
     }
@@ -114,21 +249,21 @@ impl Visitor for Words {
             // Only here is it known which components are read.
             ExprData::Dot(of, components) if matches!(&of.content, ExprData::Variable(name) if is_coord(name)) =>
             {
-                self.0.insert("gl_FragCoord".to_owned());
+                self.name("gl_FragCoord");
                 if components.as_str().contains(['y', 'g', 't']) {
-                    self.0.insert(FRAG_COORD_Y.to_owned());
+                    self.name(FRAG_COORD_Y);
                 }
                 return Visit::Parent;
             }
             ExprData::Variable(name) => {
                 if is_coord(name) {
-                    self.0.insert(FRAG_COORD_Y.to_owned());
+                    self.name(FRAG_COORD_Y);
                 }
-                self.0.insert(name.as_str().to_owned());
+                self.name(name.as_str());
             }
             ExprData::FunCall(name, _) => {
                 if let Some(name) = name.as_ident() {
-                    self.0.insert(name.as_str().to_owned());
+                    self.functions.insert(name.as_str().to_owned());
                 }
             }
             _ => {}

@@ -8,15 +8,19 @@
 //! | `OpLogicalAnd`, `OpLogicalOr` of vectors | `OpBitwiseAnd`, `OpBitwiseOr` |
 //! | `OpSMod`, which naga divides as floats | `OpSRem` |
 //! | `OpFUnordLessThan` and its like | the negated opposite |
+//! | `OpFOrdNotEqual`, `OpFUnordEqual` | whether one is less than the other, or not |
 //! | `OpCopyLogical`, `OpSelect` of matrices, arrays and structs | the members, one by one |
 //! | `OpUndef` | zero |
 //! | `OpIsNan`, `OpIsInf` | tests of the bits |
-//! | `OpIAddCarry`, `OpISubBorrow`, `Modf`, `ModfStruct` | arithmetic |
+//! | `OpIAddCarry`, `OpISubBorrow`, `OpOuterProduct`, `Modf`, `ModfStruct` | arithmetic |
+//! | `NMin`, `NMax`, `NClamp` | `FMin` and its like, and a choice by the bits of what may be NaN |
+//! | `Normalize`, `Reflect`, `Refract`, `FaceForward` of scalars | arithmetic |
 //! | an instruction on integers of the other sign than its name's | the same between `OpBitcast`s |
 //! | the layer of a sampled array texture | rounded to the nearest even (Vulkan 17.5.3) |
 //! | the number of layers in `OpImageQuerySize` | `OpImageQuerySamples`, see [`layers`] |
 //! | offsets of `OpImageFetch` | added to the coordinates |
 
+mod functions;
 mod reads;
 mod settled;
 mod signs;
@@ -314,6 +318,10 @@ impl Writer<'_> {
                 let is = self.push_ids(opposite, ty, &[*a, *b]);
                 self.keep_ids(&instruction, Op::LogicalNot, &[is]);
             }
+            (Op::FOrdNotEqual | Op::FUnordEqual, Some(_), [a, b]) => {
+                self.write_order(&instruction, [*a, *b]);
+            }
+            (Op::OuterProduct, Some(_), [a, b]) => self.write_outer(&instruction, [*a, *b]),
             (Op::CopyLogical, Some((ty, _)), [from]) => {
                 let copy = self.by_parts(ty, &[*from], &|_, _, parts| parts[0])?;
                 self.keep_ids(&instruction, Op::CopyObject, &[copy]);
@@ -325,10 +333,9 @@ impl Writer<'_> {
                 })?;
                 self.keep_ids(&instruction, Op::CopyObject, &[made]);
             }
-            (Op::IsNan | Op::IsInf, Some((ty, _)), [value])
-                if self.types.width(*value) == Some(32) =>
-            {
-                self.write_test(&instruction, ty, *value);
+            (Op::IsNan | Op::IsInf, Some(_), [value]) if self.types.width(*value) == Some(32) => {
+                let (compare, bits) = self.test_bits(instruction.class.opcode, *value);
+                self.keep_ids(&instruction, compare, &bits);
             }
             (op @ (Op::IAddCarry | Op::ISubBorrow), Some((ty, _)), [a, b]) => {
                 let members = self.types.ty(ty).map(|i| ids(i).collect::<Vec<_>>());
@@ -348,8 +355,8 @@ impl Writer<'_> {
                 self.keep_ids(&instruction, Op::CompositeConstruct, &[value, carry]);
             }
             (Op::ExtInst, Some(_), [set, value, rest @ ..]) if Some(*set) == self.types.glsl => {
-                let (value, pointer) = (*value, rest.first().copied());
-                self.write_glsl(instruction, value, pointer);
+                let arguments = [&[*value], rest].concat();
+                self.write_function(instruction, &arguments);
             }
             (Op::ImageQuerySize | Op::ImageQuerySizeLod, Some((ty, _)), [image, ..])
                 if self.types.image(*image).is_some_and(is_arrayed) =>
@@ -375,25 +382,6 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// Tests the bits of floats: WGSL has neither `isnan` nor `isinf`, and no compiler takes the bits
-    /// for a constant.
-    fn write_test(&mut self, instruction: &Instruction, ty: Word, value: Word) {
-        let uint = self.module.type_int(32, 0);
-        let of = match self.types.size(ty) {
-            1 => uint,
-            n => self.module.type_vector(uint, n),
-        };
-        self.learn([uint, of]);
-        let [magnitude, infinity] = [0x7fff_ffff, 0x7f80_0000].map(|n| self.number(of, n));
-        let bits = self.push_ids(Op::Bitcast, of, &[value]);
-        let bits = self.push_ids(Op::BitwiseAnd, of, &[bits, magnitude]);
-        let compare = match instruction.class.opcode {
-            Op::IsNan => Op::UGreaterThan,
-            _ => Op::IEqual,
-        };
-        self.keep_ids(instruction, compare, &[bits, infinity]);
-    }
-
     /// The type of booleans with as many components as `ty`.
     fn bools(&mut self, ty: Word) -> Word {
         let bool = self.module.type_bool();
@@ -410,29 +398,6 @@ impl Writer<'_> {
         match self.types.size(ty) {
             1 => one,
             size => self.module.constant_composite(ty, vec![one; size as usize]),
-        }
-    }
-
-    fn write_glsl(&mut self, instruction: Instruction, value: Word, pointer: Option<Word>) {
-        let function = match instruction.operands.get(1) {
-            Some(Operand::LiteralExtInstInteger(n)) => GlslStd450Op::from_u32(*n),
-            _ => None,
-        };
-        let ty = self.types.values.get(&value).copied();
-        match (function, pointer, ty) {
-            (Some(GlslStd450Op::Modf), Some(pointer), Some(ty)) => {
-                let whole = self.glsl(GlslStd450Op::Trunc, ty, &[value]);
-                let store = [pointer, whole].map(Operand::IdRef).to_vec();
-                self.block
-                    .push(Instruction::new(Op::Store, None, None, store));
-                self.keep_ids(&instruction, Op::FSub, &[value, whole]);
-            }
-            (Some(GlslStd450Op::ModfStruct), _, Some(ty)) => {
-                let whole = self.glsl(GlslStd450Op::Trunc, ty, &[value]);
-                let rest = self.push_ids(Op::FSub, ty, &[value, whole]);
-                self.keep_ids(&instruction, Op::CompositeConstruct, &[rest, whole]);
-            }
-            _ => self.block.push(instruction),
         }
     }
 

@@ -122,6 +122,7 @@ impl Signs {
                     | GlslStd450Op::SClamp
                     | GlslStd450Op::SAbs
                     | GlslStd450Op::SSign => both(2..all, true),
+                    GlslStd450Op::Ldexp => both(3..4, true),
                     GlslStd450Op::FindUMsb => both(2..3, false),
                     GlslStd450Op::FindSMsb => both(2..3, true),
                     GlslStd450Op::FindILsb => own(2..3),

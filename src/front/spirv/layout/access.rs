@@ -20,8 +20,17 @@ struct Place {
     memory: Rc<Memory>,
     /// The type of the value there.
     value: Word,
-    /// The column of a transposed matrix: its components lie apart.
-    column: Option<Word>,
+    /// The vector in it whose components lie apart, if that is the place.
+    apart: Option<Apart>,
+}
+
+/// A vector whose components lie apart.
+#[derive(Clone, Copy)]
+enum Apart {
+    /// A column of a transposed matrix.
+    Column(Word),
+    /// Members of a struct from this one on, or the one of them that an index chooses.
+    Members { first: u32, chosen: Option<Word> },
 }
 
 /// What cannot be written, in words.
@@ -39,7 +48,7 @@ impl Places {
             class,
             memory,
             value,
-            column: None,
+            apart: None,
         };
         self.0.insert(id, place);
     }
@@ -135,14 +144,25 @@ impl Accesses<'_> {
     }
 
     fn chain(&mut self, place: &Place, i: &Instruction, id: Word) {
-        let mut indices: Vec<Word> = place.column.into_iter().chain(ids(i).skip(1)).collect();
+        let mut indices: Vec<Word> = ids(i).skip(1).collect();
         indices.reverse();
         let mut path: Vec<Word> = Vec::new();
         let mut memory = Rc::clone(&place.memory);
         let mut value = place.value;
-        let mut column = None;
+        let mut apart = None;
+        match place.apart {
+            Some(Apart::Column(column)) => indices.push(column),
+            Some(Apart::Members { first, .. }) => {
+                (path, apart, value) = self.component(first, value, &mut indices);
+                if apart.is_none() {
+                    memory = Rc::new(Memory::Same(value));
+                }
+            }
+            None => {}
+        }
         while let Some(index) = indices.pop() {
             let next = match &*memory {
+                Memory::Components { .. } => break,
                 Memory::Same(_) => {
                     path.push(index);
                     continue;
@@ -153,8 +173,17 @@ impl Accesses<'_> {
                     let Some((at, member)) = members.get(n) else {
                         break;
                     };
-                    path.push(self.constant(*at));
                     value = self.part(value, n);
+                    if let Memory::Components { .. } = **member {
+                        let (more, of, part) = self.component(*at, value, &mut indices);
+                        (apart, value) = (of, part);
+                        if apart.is_none() {
+                            path.extend(more);
+                            memory = Rc::new(Memory::Same(value));
+                        }
+                        break;
+                    }
+                    path.push(self.constant(*at));
                     Rc::clone(member)
                 }
                 Memory::Array {
@@ -179,7 +208,7 @@ impl Accesses<'_> {
                         false => None,
                     };
                     if *is_transposed && row.is_none() {
-                        column = Some(index);
+                        apart = Some(Apart::Column(index));
                         break;
                     }
                     path.push(row.unwrap_or(index));
@@ -211,20 +240,46 @@ impl Accesses<'_> {
                 id
             }
         };
-        if !memory.is_same() || column.is_some() {
+        if !memory.is_same() || apart.is_some() {
             let place = Place {
                 pointer,
                 class,
                 memory,
                 value,
-                column,
+                apart,
             };
             self.places.insert(id, place);
         }
     }
 
-    /// The pointers to the components of a column, and their type.
-    fn components(&mut self, place: &Place, column: Word) -> (Vec<Word>, Word) {
+    /// The path to the component of a vector that the next index names, from the struct that has its
+    /// components as members; or what lies apart, if no index is left or none is constant. With the
+    /// type of the value.
+    fn component(
+        &mut self,
+        first: u32,
+        vector: Word,
+        indices: &mut Vec<Word>,
+    ) -> (Vec<Word>, Option<Apart>, Word) {
+        let index = indices.pop();
+        match index.and_then(|id| self.layouts.number(id)) {
+            Some(n) => (vec![self.constant(first + n)], None, self.part(vector, 0)),
+            None => {
+                let apart = Apart::Members {
+                    first,
+                    chosen: index,
+                };
+                (Vec::new(), Some(apart), vector)
+            }
+        }
+    }
+
+    /// The pointers to the components of a vector, and its type.
+    fn components(&mut self, place: &Place, apart: Apart) -> (Vec<Word>, Word) {
+        let column = match apart {
+            Apart::Column(column) => column,
+            Apart::Members { first, .. } => return self.members(place, first),
+        };
         let vector = self.part(place.value, 0);
         let scalar = self.part(vector, 0);
         let pointer = self.module.type_pointer(None, place.class, scalar);
@@ -244,19 +299,40 @@ impl Accesses<'_> {
             let path = path.into_iter().map(Operand::IdRef);
             self.push(Op::AccessChain, pointer, path)
         });
-        (all.collect(), scalar)
+        (all.collect(), vector)
+    }
+
+    /// The pointers to members that are the components of a vector, and its type.
+    fn members(&mut self, place: &Place, first: u32) -> (Vec<Word>, Word) {
+        let vector = place.value;
+        let scalar = self.part(vector, 0);
+        let pointer = self.module.type_pointer(None, place.class, scalar);
+        let all = (0..self.layouts.count(vector)).map(|n| {
+            let path = [place.pointer, self.constant(first + n)].map(Operand::IdRef);
+            self.push(Op::AccessChain, pointer, path)
+        });
+        (all.collect(), vector)
     }
 
     fn load(&mut self, place: &Place) -> Written<Word> {
         let load = |own: &mut Self, pointer: Word, ty: Word| {
             own.push(Op::Load, ty, [Operand::IdRef(pointer)])
         };
-        if let Some(column) = place.column {
-            let (pointers, scalar) = self.components(place, column);
+        if let Some(apart) = place.apart {
+            let (pointers, vector) = self.components(place, apart);
+            let scalar = self.part(vector, 0);
             let parts = pointers.into_iter().map(|p| load(self, p, scalar));
             let parts = parts.collect();
-            let vector = self.part(place.value, 0);
-            return Ok(self.construct(vector, parts));
+            let whole = self.construct(vector, parts);
+            return Ok(match apart {
+                Apart::Members {
+                    chosen: Some(n), ..
+                } => {
+                    let operands = [whole, n].map(Operand::IdRef);
+                    self.push(Op::VectorExtractDynamic, scalar, operands)
+                }
+                _ => whole,
+            });
         }
         self.check_size(place)?;
         let memory = load(self, place.pointer, place.memory.ty());
@@ -269,8 +345,15 @@ impl Accesses<'_> {
             let store = Instruction::new(Op::Store, None, None, operands);
             own.block.push(store);
         };
-        if let Some(column) = place.column {
-            let (pointers, scalar) = self.components(place, column);
+        if let Some(apart) = place.apart {
+            if let Apart::Members {
+                chosen: Some(_), ..
+            } = apart
+            {
+                return Err("a component that a variable index chooses is written".to_owned());
+            }
+            let (pointers, vector) = self.components(place, apart);
+            let scalar = self.part(vector, 0);
             for (n, pointer) in pointers.into_iter().enumerate() {
                 let part = self.extract(scalar, value, &[n as u32]);
                 store(self, pointer, part);
@@ -296,15 +379,32 @@ impl Accesses<'_> {
     fn convert(&mut self, (id, ty): (Word, Word), memory: &Memory, is_load: bool) -> Word {
         let target = if is_load { ty } else { memory.ty() };
         match memory {
-            Memory::Same(_) => id,
+            // The struct around takes components apart.
+            Memory::Same(_) | Memory::Components { .. } => id,
             Memory::Struct { ty: own, members } => {
                 let mut parts: Vec<Option<Word>> = match is_load {
                     true => vec![None; members.len()],
                     false => vec![None; self.layouts.members_of(*own)],
                 };
                 for (n, (at, member)) in members.iter().enumerate() {
-                    let at = *at as usize;
                     let value = self.part(ty, n);
+                    if let Memory::Components { vector, count } = **member {
+                        let scalar = self.part(vector, 0);
+                        let own = (0..count).map(|k| match is_load {
+                            true => self.extract(scalar, id, &[at + k]),
+                            false => self.extract(scalar, id, &[n as u32, k]),
+                        });
+                        let own: Vec<Word> = own.collect();
+                        match is_load {
+                            true => parts[n] = Some(self.construct(vector, own)),
+                            false => {
+                                let into = parts[*at as usize..].iter_mut();
+                                into.zip(own).for_each(|(part, own)| *part = Some(own));
+                            }
+                        }
+                        continue;
+                    }
+                    let at = *at as usize;
                     let (from, index, to) = match is_load {
                         true => (member.ty(), at, n),
                         false => (value, n, at),

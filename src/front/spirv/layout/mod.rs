@@ -7,10 +7,12 @@
 //! | an array whose stride is larger than its elements | an array of structs with padding |
 //! | members that are not in the order of their offsets | the same in that order |
 //! | a matrix whose stride is larger than its columns, as `mat2` in std140 | the same, of its columns |
+//! | a vector that begins where WGSL has none, as a `float3` at byte 4 of a cbuffer | a member for each component |
 //!
 //! Only memory changes: a loaded value has the author's type. The bytes stay where they are.
 
 mod access;
+mod components;
 
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
@@ -51,6 +53,8 @@ enum Memory {
         /// The matrix of the columns in memory.
         matrix: Word,
     },
+    /// A vector whose components are members of the struct around it.
+    Components { vector: Word, count: u32 },
 }
 
 impl Memory {
@@ -59,7 +63,16 @@ impl Memory {
             Self::Same(ty)
             | Self::Struct { ty, .. }
             | Self::Array { ty, .. }
-            | Self::Matrix { ty, .. } => *ty,
+            | Self::Matrix { ty, .. }
+            | Self::Components { vector: ty, .. } => *ty,
+        }
+    }
+
+    /// The number of members that it takes of the struct around it.
+    fn width(&self) -> u32 {
+        match self {
+            Self::Components { count, .. } => *count,
+            _ => 1,
         }
     }
 
@@ -395,7 +408,8 @@ impl Layouts {
         let types: Vec<Word> = self.globals.get(&ty).into_iter().flat_map(ids).collect();
         for (n, member) in types.iter().enumerate() {
             let held = self.held(ty, n as u32);
-            members.push(self.memory(module, *member, held)?);
+            let memory = self.memory(module, *member, held)?;
+            members.push(self.aligned(ty, n as u32, memory)?);
         }
         let mut order: Vec<usize> = (0..members.len()).collect();
         order.sort_by_key(|n| self.offset(ty, *n as u32));
@@ -409,26 +423,30 @@ impl Layouts {
         check_size(ty, gap.max(size.unwrap_or(0)))?;
         let before = self.fill(module, 0, gap);
         let after = self.fill(module, end, size.unwrap_or(end));
-        let own = order.iter().map(|n| members[*n].ty());
+        let own = order.iter().flat_map(|n| self.member_types(&members[*n]));
         let all = before.iter().map(|(ty, _)| *ty).chain(own);
         let all = all.chain(after.iter().map(|(ty, _)| *ty));
         let operands = all.map(Operand::IdRef).collect();
         let new = self.declare(module, Op::TypeStruct, operands);
         let name = self.name(ty);
         let pads = before.len() as u32;
-        let behind = pads + members.len() as u32;
+        let mut indices = vec![0; members.len()];
+        let mut behind = pads;
+        for n in order {
+            indices[n] = behind;
+            behind += members[n].width();
+        }
         let fills = (0..).zip(&before).chain((behind..).zip(&after));
         for (n, (_, at)) in fills {
             module.member_name(new, n, padding(&name, at));
             self.place_member(module, new, n, *at);
         }
         module.name(new, name.clone());
-        let mut indices = vec![0; members.len()];
-        for (at, n) in order.into_iter().enumerate() {
-            indices[n] = pads + at as u32;
-        }
         self.move_names(module, (ty, new), &name, &indices);
         self.move_decorations(module, (ty, new), &indices);
+        for (n, (at, member)) in indices.iter().zip(&members).enumerate() {
+            self.part_components(module, (ty, n as u32), (new, *at), member);
+        }
         self.changed.insert(ty);
         Ok(Memory::Struct {
             ty: new,

@@ -1,0 +1,244 @@
+//! Names and scopes of GLSL, `#line`, and statements that are lowered: each text means what the
+//! plainer one beside it does.
+#![cfg(feature = "glsl")]
+
+use preshade::unstable::front::{self, Code, Color, Options, Source};
+use preshade::unstable::passes::plan::Plan;
+use preshade::unstable::passes::state::MaterialState;
+use preshade::unstable::passes::validate::Effort;
+use preshade::unstable::passes::validate::agree::{Relation, agree};
+
+const VERTEX: &str = "#version 430
+in vec3 position; out vec2 uv;
+void main() { uv = position.xy; gl_Position = vec4(position, 1.0); }
+";
+
+fn parsed(vertex: &str, fragment: &str) -> Result<Plan, front::Error> {
+    let sources = [
+        Source::new("m.vert", vertex),
+        Source::new("m.frag", fragment),
+    ];
+    let parsed = front::parse(&sources, &Options::default())?;
+    Ok(parsed.plan("m", &MaterialState::default()))
+}
+
+/// Each has declarations and the body of `main`, or a whole text that begins with `#version`.
+fn mean_the_same(pairs: &[[&str; 2]]) {
+    let whole = |text: &str| match text.starts_with("#version") {
+        true => text.to_owned(),
+        false => {
+            let (declared, body) = text.split_once("main:").unwrap();
+            format!(
+                "#version 430\nin vec2 uv; out vec4 c;\nstruct Light {{ vec3 p; float x; }};\n\
+                 {declared}\nvoid main() {{ float r = 0.0; {body} c = vec4(r, uv, 1.0); }}\n"
+            )
+        }
+    };
+    for texts in pairs {
+        let [text, plain] = texts.map(|t| {
+            parsed(VERTEX, &whole(t)).unwrap_or_else(|e| panic!("{t}: {}", e.render(Color::Never)))
+        });
+        let effort = Effort {
+            inputs: 24,
+            ..Effort::default()
+        };
+        let held = agree(&text, &plain, Relation::Same.into(), &effort).unwrap();
+        assert!(held.holds(), "{texts:?}: {:#?}", held.findings);
+    }
+}
+
+/// GLSL 4.60, 4.2.2: a variable hides a struct of its name to the end of its scope.
+#[test]
+fn a_name_may_be_that_of_a_struct() {
+    mean_the_same(&[
+        [
+            "struct Scene { float k; Light Light; }; main: Scene s; s.Light.x = uv.x; s.k = 0.1; r = s.Light.x + s.k;",
+            "main: r = uv.x + 0.1;",
+        ],
+        [
+            "struct Scene { Light Light[2], Other; float k, Scene; }; main: Scene s; s.Light[1].x = uv.x; s.Other.x = uv.y; s.Scene = 2.0; r = s.Light[1].x + s.Other.x * s.Scene;",
+            "main: r = uv.x + uv.y * 2.0;",
+        ],
+        [
+            "main: Light Light = Light(vec3(0.1), uv.x); r = Light.x + Light.p.y;",
+            "main: r = uv.x + 0.1;",
+        ],
+        [
+            "main: { float a = 0.5, Light = uv.x + a, b = Light * 2.0; r = b - Light; } Light l = Light(vec3(1.0), 2.0); r += l.x;",
+            "main: r = (uv.x + 0.5) * 2.0 - (uv.x + 0.5); r += 2.0;",
+        ],
+        [
+            "float f(Light Light, float k) { return Light.x * k; } float g(Light l); float g(Light l) { return l.x; } main: r = f(Light(vec3(0.0), uv.x), 3.0) + g(Light(vec3(0.0), uv.y));",
+            "main: r = uv.x * 3.0 + uv.y;",
+        ],
+        [
+            "float f(const in float Light, Light l) { return Light * l.x; } main: r = f(uv.x, Light(vec3(0.0), 3.0));",
+            "main: r = uv.x * 3.0;",
+        ],
+        [
+            "main: for (int Light = 0; Light < 3; Light++) r += float(Light) * uv.x; Light l = Light(vec3(0.0), uv.y); r += l.x;",
+            "main: r += 0.0 * uv.x; r += 1.0 * uv.x; r += 2.0 * uv.x; r += uv.y;",
+        ],
+        [
+            "main: for (int i = 0; i < 2; i++) { vec2 Light = uv * float(i); r += Light.y; } r += Light(vec3(0.0), uv.y).x;",
+            "main: r += (uv * 0.0).y; r += (uv * 1.0).y; r += uv.y;",
+        ],
+        [
+            "main: Light a = Light(vec3(1.0), uv.x); { struct Light { float y; }; Light b = Light(uv.y); r = b.y; } Light d = a; r += d.x;",
+            "main: r = uv.y; r += uv.x;",
+        ],
+        [
+            "float f(float x) { struct Inner { float a; }; Inner i = Inner(x); return i.a; } float g(float x) { struct Inner { vec2 b; }; Inner i = Inner(vec2(x)); return i.b.y; } main: r = f(uv.x) + g(uv.y);",
+            "main: r = uv.x + uv.y;",
+        ],
+        [
+            "main: float S = uv.x; { struct S { float a; }; S s = S(2.0); r = s.a; } r += S;",
+            "main: r = 2.0; r += uv.x;",
+        ],
+        [
+            "float f(float S) { return S; } main: struct S { float a; }; S s = S(uv.y); r = f(s.a);",
+            "main: r = uv.y;",
+        ],
+        [
+            "main: int n = 0; while (bool Light = n < 3) { n++; r += Light ? uv.x : 0.0; } Light l = Light(vec3(0.0), uv.y); r += l.x;",
+            "main: for (int n = 0; n < 3; n++) r += uv.x; r += uv.y;",
+        ],
+        [
+            "main: Light Light[2] = Light[2](Light(vec3(0.0), uv.x), Light(vec3(0.0), uv.y)); r = Light[0].x + Light[1].x;",
+            "main: r = uv.x + uv.y;",
+        ],
+        [
+            "main: float a[2]; a[0] = uv.x; if (uv.x > 0.5) { float Light = a[0]; r = Light; } else { Light Light; Light.x = 2.0; r = Light.x; }",
+            "main: if (uv.x > 0.5) { r = uv.x; } else { r = 2.0; }",
+        ],
+        [
+            "main: switch (int(uv.x * 4.0)) { case 0: float Light = uv.y; r = Light; break; default: r = 1.0; } r += Light(vec3(0.0), 1.0).x;",
+            "main: if (int(uv.x * 4.0) == 0) { r = uv.y; } else { r = 1.0; } r += 1.0;",
+        ],
+    ]);
+}
+
+/// The next line has the number, and before GLSL 3.30 the one behind it (as glslang has it).
+#[test]
+fn line_numbers_follow_line() {
+    for (head, line, file) in [
+        ("#version 430\nin vec2 uv; out vec4 c;\n#line 100", 100, 0),
+        ("#version 330\nin vec2 uv; out vec4 c;\n#line 100 7", 100, 7),
+        (
+            "#version 300 es\nprecision highp float; in vec2 uv; out vec4 c;\n#line 40 + 2",
+            42,
+            0,
+        ),
+        (
+            "#version 430\nin vec2 uv; out vec4 c;\n#define AT 5\n#line AT AT + 1",
+            5,
+            6,
+        ),
+        (
+            "#version 430\nin vec2 uv; out vec4 c;\n#line 9 \"a.glsl\"",
+            9,
+            0,
+        ),
+        (
+            "#version 430\nin vec2 uv; out vec4 c;\n#if 0\n#line 7\n#endif\n#line 3\n\n\n",
+            6,
+            0,
+        ),
+        ("#version 150\nin vec2 uv; out vec4 c;\n#line 100", 101, 0),
+    ] {
+        let body = "void main() { c = vec4(float(LINE), float(FILE), uv); }\n";
+        let text = format!("{head}\n{body}");
+        let of = text.replace("LINE", "__LINE__").replace("FILE", "__FILE__");
+        let plain = text
+            .replace("LINE", &line.to_string())
+            .replace("FILE", &file.to_string());
+        mean_the_same(&[[of.as_str(), plain.as_str()]]);
+    }
+    let text =
+        "#version 430\nin vec2 uv; out vec4 c;\n#line 100\nvoid main() { c = vec3(uv, 1.0); }\n";
+    let error = parsed(VERTEX, text).unwrap_err();
+    assert_eq!(error.location().unwrap().line, 4, "the file's own line");
+    for wrong in ["#line", "#line x", "#line 1 2 3", "#line -1"] {
+        let text = format!("#version 430\n{wrong}\nvoid main() {{}}\n");
+        let error = parsed(VERTEX, &text).unwrap_err();
+        assert_eq!(error.code(), Code::Parse, "{wrong}");
+    }
+}
+
+/// What a local variable or a parameter hides is not used.
+#[test]
+fn a_varying_that_is_hidden_is_not_read() {
+    let vertex =
+        "attribute vec3 p; varying vec4 v; void main() { v = vec4(p, 1.0); gl_Position = v; }";
+    let fragment = |declared: &str, body: &str| {
+        format!(
+            "precision mediump float; varying vec2 uv; varying vec4 v; {declared}\n\
+             void main() {{ float r = 0.0; {body} gl_FragColor = vec4(r) + v; }}"
+        )
+    };
+    for (declared, body) in [
+        ("", "vec2 uv = v.xy; r = uv.x;"),
+        ("", "for (float uv = 0.0; uv < 2.0; uv += 1.0) r += uv;"),
+        ("", "{ float a = 1.0, uv = a; r = uv; }"),
+        ("", "if (v.x > 0.0) { vec2 uv = v.xy; r = uv.y; }"),
+        ("float f(float uv) { return uv; }", "r = f(2.0);"),
+        ("struct S { vec2 uv; };", "S s; s.uv = v.xy; r = s.uv.x;"),
+        (
+            "vec2 unused() { return uv; }",
+            "float unused = 1.0; r = unused;",
+        ),
+        (
+            "vec2 g = vec2(1.0); float f(vec2 uv) { vec2 g = uv; return g.x; }",
+            "r = f(g);",
+        ),
+    ] {
+        let read = parsed(vertex, &fragment(declared, body));
+        read.unwrap_or_else(|e| panic!("{body}: {}", e.render(Color::Never)));
+    }
+    for (declared, body) in [
+        ("", "r = uv.x;"),
+        ("", "vec2 uv = uv; r = uv.x;"),
+        ("", "{ float uv = 1.0; r = uv; } r += uv.x;"),
+        (
+            "float f(float k) { return uv.x * k; }",
+            "vec2 uv = v.xy; r = f(uv.x);",
+        ),
+        (
+            "float f() { return uv.x; }",
+            "for (int uv = 0; uv < 2; uv++) r += f();",
+        ),
+    ] {
+        let error = parsed(vertex, &fragment(declared, body)).unwrap_err();
+        assert_eq!(error.code(), Code::Interface, "{body}");
+    }
+}
+
+#[test]
+fn statements_and_operators_of_glsl_are_lowered() {
+    mean_the_same(&[
+        [
+            "main: int k = 0; while (bool go = k < int(uv.x * 5.0)) { r += go ? 0.1 : 0.0; k++; if (k == 2) continue; }",
+            "main: int k = 0; while (k < int(uv.x * 5.0)) { r += 0.1; k++; }",
+        ],
+        [
+            "main: bool go = uv.y > 0.5; for (int k = 0; bool go = k < 4; k++) { if (k == 1) continue; r += go ? uv.x : 9.0; } r += go ? 1.0 : 0.0;",
+            "main: for (int k = 0; k < 4; k++) { if (k == 1) continue; r += uv.x; } r += uv.y > 0.5 ? 1.0 : 0.0;",
+        ],
+        [
+            "main: vec4 q = vec4(uv, 3.0, 4.0); q.zyx[1] = 8.0; q.wz[0] += 1.0; q.xyzw.wz.x = q.w + uv.x; int i = uv.x > 0.5 ? 1 : 0; q.yx[i] = 5.0; r = q.x + q.y * 2.0 + q.z * 3.0 + q.w * 4.0;",
+            "main: vec4 q = vec4(uv, 3.0, 4.0); q.y = 8.0; q.w += 1.0; q.w = q.w + uv.x; int i = uv.x > 0.5 ? 1 : 0; if (i == 0) q.y = 5.0; else if (i == 1) q.x = 5.0; r = q.x + q.y * 2.0 + q.z * 3.0 + q.w * 4.0;",
+        ],
+        [
+            "main: mat3 m = mat3(uv.x); m[1].zyx[0] = uv.y; m[2].yx[1] += 4.0; r = m[1].z + m[2].x + vec3(uv, 2.0).zyx[1];",
+            "main: r = uv.y + 4.0 + uv.y;",
+        ],
+        [
+            "main: switch (int(uv.x * 4.0) << 31) { case 1 << 31: r = 1.0; break; case -1: r = 2.0; break; case 0: break; }",
+            "main: r = (int(uv.x * 4.0) & 1) == 1 ? 1.0 : 0.0;",
+        ],
+        [
+            "main: uint m = uint(uv.x * 9.0); uvec2 n = -uvec2(m, 3u); r = float((-m) & 255u) + float(n.y & 15u) + float(-1u & 7u);",
+            "main: uint m = uint(uv.x * 9.0); r = float((~m + 1u) & 255u) + 13.0 + 7.0;",
+        ],
+    ]);
+}
