@@ -53,7 +53,7 @@ pub enum Plain {
     /// Nothing: every material refuses it here.
     Refused,
     /// What promises that.
-    Drawn(Host, Contract),
+    Drawn(Box<Host>, Contract),
 }
 
 impl Mutation {
@@ -94,7 +94,7 @@ impl Mutation {
                     Self::Driver { recipe, does, .. } => edited(recipe, &variant.plans, does),
                     _ => Host::new(&variant.plans, ShaderForm::Text).unwrap(),
                 };
-                Plain::Drawn(host, contract)
+                Plain::Drawn(Box::new(host), contract)
             }
         }
     }

@@ -87,8 +87,8 @@ impl<'v, 'g, 'p> Zeros<'v, 'g, 'p> {
         }
     }
 
-    /// Whether a term that is 0 may be left out of the value `product` of a function, and what else that
-    /// may change. `of` is a factor that only its weight of 0 keeps out.
+    /// Whether a term that is 0 may be left out of the value `product` of a function, a product or a sum,
+    /// and what else that may change. `of` is a factor that only its weight of 0 keeps out.
     ///
     /// # Errors
     /// Why it must stay.
@@ -104,6 +104,9 @@ impl<'v, 'g, 'p> Zeros<'v, 'g, 'p> {
         for (context, _) in contexts {
             if let Some(factor) = of.and_then(|of| self.values.named(context, of)) {
                 self.is_finite(factor)?;
+            }
+            if self.is_other_than_zero(context, product) {
+                continue;
             }
             if let Some(product) = self.values.named(context, product) {
                 seen = seen.max(self.sign(product)?);
@@ -145,6 +148,19 @@ impl<'v, 'g, 'p> Zeros<'v, 'g, 'p> {
             work.extend(&values.values[id].operands);
         }
         Ok(())
+    }
+
+    /// Whether a sum has an addend that is not 0, so that it is no zero of either sign.
+    fn is_other_than_zero(&self, context: ContextId, sum: Handle<Expression>) -> bool {
+        match self.values.function(context).function.expressions[sum] {
+            Expression::Binary { op, left, right } => {
+                matches!(
+                    self.of_binary(context, op, left, right, |_| false),
+                    Tells::Never
+                )
+            }
+            _ => false,
+        }
     }
 
     /// Whether a texture may hold an infinite number or NaN.

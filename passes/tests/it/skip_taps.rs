@@ -159,7 +159,7 @@ fn a_zero_that_somebody_tells_stays() {
         ("return vec4(u.w.x / (s * 2.0));", true),
         ("return vec4(atan2(s, -1.0));", true),
         ("return vec4(inverseSqrt(s));", true),
-        ("return vec4(bitcast<u32>(s) >> 31u);", true),
+        ("return vec4(f32(bitcast<u32>(s) >> 31u));", true),
         (
             "let p = pack2x16float(vec2(s)); return vec4(unpack4x8unorm(p));",
             true,
@@ -222,7 +222,7 @@ fn a_term_that_may_be_infinite_stays() {
     let facts = |binding: u32| Facts {
         infinite_textures: vec![MaterialTexture {
             material: plan.material.clone(),
-            group: 0,
+            group: 1,
             binding,
         }],
         ..Facts::default()

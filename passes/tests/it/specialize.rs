@@ -188,13 +188,16 @@ fn a_weight_of_nothing_goes_where_floats_may_be_folded() {
 fn a_zero_stays_in_a_sum_whose_sign_somebody_tells() {
     let rows = [
         ("return vec4(1.0 / (-max(i.x, 0.0) + u.b));", false),
-        ("return vec4(atan2(u.b - max(i.x, 0.0), -1.0));", true),
+        ("return vec4(atan2(u.b - max(i.x, 0.0), -1.0));", false),
+        ("return vec4(atan2(u.b * i.x, -1.0));", false),
+        ("let q = -(i * u.b); return vec4(1.0 / q.y);", false),
+        ("return vec4(0.3 + i.x * u.b);", true),
         (
             "return vec4(atan2(max(i.x, 0.0) * -2.0 - u.b, -1.0));",
             false,
         ),
         ("return vec4(i.x + u.b);", true),
-        ("return vec4(1.0 / (i.x * i.x + 1.0 + u.b));", true),
+        ("return vec4(1.0 / (abs(i.x) + 1.0 + u.b));", true),
         ("return vec4(mix(0.3, 1.0 / i.x, u.b));", false),
         ("return vec4(mix(0.3, i.x, u.b));", true),
     ];
@@ -273,10 +276,7 @@ fn code_that_no_draw_runs_saves_nothing() {
             "{said}"
         );
         let saved = done.change.cost.slice;
-        assert!(
-            saved >= 0.0 && saved < 0.2 * drawn,
-            "{mode}, {steps}: {saved} of {drawn}"
-        );
+        assert!((saved - (drawn - left)).abs() < 1e-9, "{said}: {saved}");
     }
 }
 

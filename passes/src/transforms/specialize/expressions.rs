@@ -389,7 +389,7 @@ impl<'p> Folder<'p> {
                 };
                 match is_matrix(*left) || is_matrix(*right) {
                     true => AbstractValue::Unknown,
-                    false => self.product(frame, *op, *left, *right),
+                    false => self.product(frame, e, (*op, *left, *right)),
                 }
             }
             Expression::Select {
@@ -456,12 +456,12 @@ impl<'p> Folder<'p> {
     fn product(
         &self,
         frame: &FoldFrame<'p>,
-        op: BinaryOperator,
-        left: Handle<Expression>,
-        right: Handle<Expression>,
+        e: Handle<Expression>,
+        (op, left, right): (BinaryOperator, Handle<Expression>, Handle<Expression>),
     ) -> AbstractValue {
         let of = |e: Handle<Expression>| &frame.known[e.index()];
-        if self.fold == Fold::Rounding && op == BinaryOperator::Multiply {
+        let is_product = op == BinaryOperator::Multiply;
+        if self.fold == Fold::Rounding && is_product && (self.leaves)(frame.id, e, None) {
             let zero = [left, right]
                 .into_iter()
                 .find_map(|e| all_numbers(of(e), 0.0));
