@@ -182,10 +182,11 @@ impl<'a> Subject<'a> {
         Ok((error, broke))
     }
 
-    /// As [`Self::compare`], for the verdict alone.
+    /// Holds a picture against the reference: adds their difference, and decides the verdict.
     ///
     /// # Errors
-    /// As [`Self::compare`].
+    ///
+    /// Pictures of different kinds; what draws the materials' places cannot be drawn.
     pub fn judge(
         &mut self,
         view: (&View, &Frame),
