@@ -6,6 +6,7 @@ use preshade::unstable::measure::record::{Chosen, Report, Unfinished, VariantRep
 use preshade::unstable::passes::budget::Budget;
 use preshade::unstable::passes::contract::{Contract, Verdict};
 use preshade::unstable::recipe::Recipe;
+use preshade::unstable::render::NOT_MEASURED;
 
 use crate::keeper::Keeper;
 use crate::{Failure, worker};
@@ -20,8 +21,12 @@ pub fn apart(
     limits: &Limits,
     keeper: &mut Keeper,
 ) -> Result<Verified, Failure> {
-    let mut report = measured(0, limits)
-        .map_err(|why| Failure(format!("error: the original was not measured: {why}")))?;
+    let mut report = measured(0, limits).map_err(|why| {
+        Failure(match why.contains(NOT_MEASURED) {
+            true => why,
+            false => format!("error: the original was not measured: {why}"),
+        })
+    })?;
     for (i, recipe) in recipes.iter().enumerate() {
         let variant = variant(&mut report, i, recipe, limits);
         report

@@ -356,7 +356,8 @@ fn main() -> ExitCode {
         Ok(Ending::ContractBroken) => ExitCode::from(1),
         Ok(Ending::NotMeasured) => ExitCode::from(3),
         Err(Failure(message)) => {
-            let is_unmeasured = message.contains(NOT_MEASURED);
+            let mut parts = message.split(": ");
+            let is_unmeasured = parts.any(|part| part == NOT_MEASURED.trim_end_matches(": "));
             output::message(
                 message
                     .strip_prefix("error: ")

@@ -6,11 +6,11 @@ use std::path::Path;
 use std::process::{Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
-use crate::hostile_support::{SCENE, endless, folder, kill, preshade, run, stderr, wait};
+use crate::hostile_support::{SCENE, folder, kill, preshade, run, slow, stderr, wait};
 
 #[test]
-fn a_shader_that_never_ends_is_stopped() {
-    let here = folder("endless", SCENE, &endless());
+fn a_shader_that_takes_too_long_is_stopped() {
+    let here = folder("slow", SCENE, &slow());
     let args = [
         "verify",
         "a.toml",

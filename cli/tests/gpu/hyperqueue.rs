@@ -10,7 +10,7 @@ use std::process::{Child, Command, Stdio};
 
 use serde_json::Value;
 
-use crate::hostile_support::{accepted, ended, endless, preshade, stderr, wait};
+use crate::hostile_support::{accepted, ended, preshade, slow, stderr, wait};
 use crate::schedulers::{INSTALL, empty, list, program, python, results, scene, script, support};
 
 /// A process that ends with the test.
@@ -77,10 +77,10 @@ fn hyperqueue_runs_a_list_as_one_machine_does_though_a_worker_is_killed() {
     let jobs = "the 'jobs'.jsonl";
     list(&dir, jobs, &args);
     scene(&dir, "lost", "");
-    scene(&dir, "endless", &endless());
+    scene(&dir, "slow", &slow());
     list(&dir, jobs, &["--variant", "depth-prepass", "lost.toml"]);
     let limited = ["--limits", "seconds=6", "--variant", "depth-prepass"];
-    let count = list(&dir, jobs, &[&limited[..], &["endless.toml"]].concat());
+    let count = list(&dir, jobs, &[&limited[..], &["slow.toml"]].concat());
     assert_eq!(count, 200);
     let text = fs::read_to_string(dir.join(jobs)).unwrap();
     let key = |line: &str| serde_json::from_str::<Value>(line).unwrap()["key"].clone();
@@ -170,7 +170,7 @@ fn hyperqueue_runs_a_list_as_one_machine_does_though_a_worker_is_killed() {
     let ran: BTreeSet<&String> = times.keys().collect();
     assert_eq!(ran, keys.iter().collect());
     accepted(&dir, &["merge", "the results", "-o", "parts.json"]);
-    // On a machine that is busy, the endless job may be stopped before it draws its original.
+    // On a machine that is busy, the slow job may be stopped before it draws its original.
     let read = |name: &str| {
         let text = fs::read_to_string(dir.join(name)).unwrap();
         text.replace(
