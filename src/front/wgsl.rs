@@ -55,6 +55,7 @@ fn without_requirements(text: &str) -> Cow<'_, str> {
 
 /// A text that naga reads, with the way back to the author's.
 struct Prepared {
+    #[cfg(feature = "verify")]
     text: String,
     edits: Edits,
     module: Result<Module, ParseError>,
@@ -82,6 +83,7 @@ fn prepared(author: &str) -> Prepared {
         module = wgsl::parse_str(&text);
     }
     Prepared {
+        #[cfg(feature = "verify")]
         text,
         edits,
         module,
@@ -101,6 +103,7 @@ fn replacement(text: &str, error: &ParseError) -> Option<(std::ops::Range<usize>
 }
 
 /// The text for naga and wgpu, without what these do not know.
+#[cfg(feature = "verify")]
 pub(crate) fn for_naga(text: &str) -> String {
     prepared(text).text
 }

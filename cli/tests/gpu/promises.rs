@@ -217,6 +217,7 @@ const EDGES: [(&str, &[&str], &[&str]); 6] = [
             "visibility-buffer:budget=0.02",
             "visibility-buffer:select=tiles,budget=0.02",
             "visibility-buffer:form=binned,budget=0.02",
+            "visibility-buffer:form=compute,budget=0.02",
         ],
         &["within budget"],
     ),
@@ -230,6 +231,10 @@ fn promises_hold_at_the_edges() {
             let mut command = preshade(&cases);
             if is_second {
                 command.env(VARIABLE, swiftshader());
+            }
+            // SwiftShader numbers no triangles.
+            if is_second && input == "frame-viewport" {
+                continue;
             }
             let variants = variants.iter().flat_map(|v| ["--variant", v]);
             let command = command

@@ -49,45 +49,68 @@ const SOFTWARE: &[&str] = &[
 /// A running browser. It ends when this is dropped, and on Unix also when our program ends in any other way.
 pub struct Browser {
     child: Child,
-    guard: Option<Child>,
+    group: Option<Group>,
     profile: TempDir,
     program: std::path::PathBuf,
 }
 
+/// The group of the browser's processes. Leader and guard start first, so that no browser is without its guard.
+struct Group {
+    /// Does nothing: a group has an id only while a process of it lives.
+    leader: Child,
+    /// Ends the browser.
+    guard: Child,
+}
+
 /// Waits until its input ends, which is when our program does. Then it ends the browser, whose processes are the group
-/// of its first argument, and removes the profile, its second.
+/// of its first argument, and removes the profile, its second, and the folder of the socket that the profile links to.
 const GUARD: &str = r#"trap '' INT TERM HUP
 read -r _
 kill -9 "-$1"
+socket=$(readlink "$2/SingletonSocket")
+case "$socket" in */org.chromium.*/SingletonSocket) rm -rf "${socket%/*}" ;; esac
 for try in 1 2 3 4 5 6 7 8 9 10; do rm -rf "$2" && break; sleep 0.1; done"#;
 
-/// Starts the guard.
-#[cfg(unix)]
-fn guard(browser: &Child, profile: &Path) -> std::io::Result<Option<Child>> {
-    let mut shell = Command::new("/bin/sh");
-    shell
-        .args(["-c", GUARD, "preshade"])
-        .arg(browser.id().to_string())
-        .arg(profile);
-    shell
-        .stdin(Stdio::piped())
-        .stdout(Stdio::null())
-        .stderr(Stdio::null());
-    apart(&mut shell);
-    shell.spawn().map(Some)
-}
-
-#[cfg(not(unix))]
-fn guard(_: &Child, _: &Path) -> std::io::Result<Option<Child>> {
-    Ok(None)
-}
-
-/// Gives a process a group of its own: Ctrl-C in the terminal does not reach it.
-fn apart(command: &mut Command) {
+impl Group {
     #[cfg(unix)]
-    std::os::unix::process::CommandExt::process_group(command, 0);
+    fn start(profile: &Path) -> std::io::Result<Option<Self>> {
+        let shell = |script: &str, arguments: &[&std::ffi::OsStr]| {
+            let mut shell = Command::new("/bin/sh");
+            shell.args(["-c", script, "preshade"]).args(arguments);
+            shell
+                .stdin(Stdio::piped())
+                .stdout(Stdio::null())
+                .stderr(Stdio::null());
+            // Ctrl-C in the terminal does not reach a group of its own.
+            std::os::unix::process::CommandExt::process_group(&mut shell, 0);
+            shell.spawn()
+        };
+        let leader = shell("read -r _", &[])?;
+        let id = leader.id().to_string();
+        let guard = shell(GUARD, &[id.as_ref(), profile.as_os_str()])?;
+        Ok(Some(Self { leader, guard }))
+    }
+
     #[cfg(not(unix))]
-    let _ = command;
+    fn start(_: &Path) -> std::io::Result<Option<Self>> {
+        Ok(None)
+    }
+
+    /// Lets `command` start in the group.
+    fn adopt(&self, command: &mut Command) {
+        #[cfg(unix)]
+        std::os::unix::process::CommandExt::process_group(command, self.leader.id() as i32);
+        #[cfg(not(unix))]
+        let _ = command;
+    }
+}
+
+impl Drop for Group {
+    fn drop(&mut self) {
+        // The input of each ends with the wait.
+        let _ = self.guard.wait();
+        let _ = self.leader.wait();
+    }
 }
 
 impl Browser {
@@ -116,16 +139,17 @@ impl Browser {
             .stdin(Stdio::null())
             .stdout(Stdio::null())
             .stderr(log);
-        apart(&mut command);
+        let group = Group::start(profile.path()).map_err(failed)?;
+        if let Some(group) = &group {
+            group.adopt(&mut command);
+        }
         let child = command.spawn().map_err(failed)?;
-        let mut made = Self {
+        Ok(Self {
             child,
-            guard: None,
+            group,
             profile,
-            program: program.clone(),
-        };
-        made.guard = guard(&made.child, made.profile.path()).map_err(failed)?;
-        Ok(made)
+            program,
+        })
     }
 
     /// The port and the path where DevTools' protocol is spoken.
@@ -164,8 +188,7 @@ impl Drop for Browser {
         // Each may have ended by itself.
         let _ = self.child.kill();
         let _ = self.child.wait();
-        // Its input ends with the wait.
-        let _ = self.guard.as_mut().map(Child::wait);
+        drop(self.group.take());
     }
 }
 
