@@ -161,7 +161,7 @@ fn placed(plan: &Plan, declared: &Declared) -> Vec<Combined> {
 
 /// Index and length of `maps[2]`. `None` for what is no element of an array, or one of an array of
 /// arrays or structs.
-fn element(declared: &Declared, path: &str) -> Option<(u32, u32)> {
+pub(super) fn element(declared: &Declared, path: &str) -> Option<(u32, u32)> {
     let (root, index) = path.strip_suffix(']')?.split_once('[')?;
     let uniform = declared.uniforms.iter().find(|u| u.name == root)?;
     match &uniform.ty {

@@ -390,14 +390,6 @@ fn webgl_1_has_the_loops_of_its_appendix() {
     }
 }
 
-/// Faults that are not mended: fixture and language. `rewrite` writes none of them.
-const KNOWN: [(&str, &str); 2] = [
-    // naga's own `frexp` is wrong for negative numbers.
-    ("modf-frexp.wgsl", "glsl-es"),
-    // A member of a struct that is a sampler is declared by its path.
-    ("gl330-material.vert", "glsl-vulkan"),
-];
-
 /// Each fixture as written in every language, and one variant in one language.
 #[test]
 fn every_fixture_means_the_same_in_each_language() {
@@ -457,7 +449,6 @@ fn every_fixture_means_the_same_in_each_language() {
                 uncompared.push(format!("{name}, {target}: {}", lines.join(" ")));
                 "not compared"
             }
-            Err(_) if KNOWN.contains(&(name.as_str(), target.name())) => "known",
             Err(e) => {
                 differ.push(format!("{name}, {target}: {e}"));
                 "differs"

@@ -8,7 +8,7 @@
 //! | `atomicSub` | a minus sign ahead of the operand's text | `atomicAdd` of a difference |
 //! | `textureSampleBaseClampToEdge` | a plain sample | one whose coordinates are clamped |
 //! | `abs` of a `u32` | `abs` of the `int` of its bits | the value |
-//! | `countLeadingZeros` in ES, `unpack4x8snorm`, `unpack2x16snorm` where the version lacks them | rounded logarithms; quotients below -1 | exact steps; their maximum with -1 |
+//! | `countLeadingZeros` and `frexp` in ES, `unpack4x8snorm`, `unpack2x16snorm` where the version lacks them | rounded logarithms; quotients below -1 | exact steps; their maximum with -1 |
 //!
 //! The text is GLSL's, so a GLSL author's own arithmetic stays as it is.
 
@@ -251,6 +251,7 @@ impl<'a> Keep<'a> {
                 Some(copy)
             }
             M::Abs if scalar.kind == ScalarKind::Uint => Some(self.copy_of(arg)),
+            M::Frexp if is_es => self.fraction_and_exponent(e, shape, arg),
             M::CountLeadingZeros if is_es => Some(self.leading_zeros(shape, scalar, arg)),
             M::Unpack4x8snorm if is_es => {
                 Some(self.not_below_minus_one(fun, arg, VectorSize::Quad))

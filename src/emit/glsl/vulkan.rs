@@ -3,14 +3,14 @@
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use naga::{Handle, Module, ShaderStage, Type, TypeInner};
-use preshade_passes::declared;
+use naga::{Handle, Module, ResourceBinding, ShaderStage, Type, TypeInner};
+use preshade_passes::declared::{self, CombinedSampler};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 
 use super::apart::{self, Separate};
 use super::text::Unexpected;
-use crate::emit::combined::{CombinedSamplers, Place};
+use crate::emit::combined::{CombinedSamplers, Place, element};
 use crate::emit::overrides::{SpecIds, Variable};
 use crate::emit::plan_json::StageFile;
 use crate::wgsl::text::{self, TokenKind};
@@ -27,19 +27,59 @@ pub(in crate::emit) struct Vulkan {
 impl Vulkan {
     /// For `program`, a program of `plan`.
     pub(in crate::emit) fn of(plan: &Plan, program: &Program) -> Self {
-        let pairs = CombinedSamplers::of(plan, program);
         let mut declared = program.declared().clone();
         declared.loose = None;
         declared.previous = None;
         declared.host = None;
         declared.numbers.clear();
-        declared.uniforms.retain(|u| !u.ty.has_data());
+        // Nor has it structs of samplers. Each sampler that no numbered array has is declared by itself.
+        let module = program.module();
+        let numbers = program.declared().numbers.iter();
+        let numbered: HashSet<_> = numbers.map(|n| n.binding).collect();
+        for i in 0..declared.samplers.len() {
+            let CombinedSampler { path, texture, .. } = &declared.samplers[i];
+            let is_element = element(&declared, path).is_some() && numbered.contains(texture);
+            if path.contains(['.', '[']) && !is_element {
+                let flat = path.replace(']', "").replace(['.', '['], "_");
+                declared.samplers[i].path = free(module, &declared.samplers, (*texture, flat));
+            }
+        }
+        let paths = declared.samplers.iter().map(|s| s.path.as_str());
+        let roots: HashSet<&str> = paths.filter_map(|p| p.split('[').next()).collect();
+        declared
+            .uniforms
+            .retain(|u| roots.contains(u.name.as_str()));
+        let program = program.clone().with_declared(declared);
+        let pairs = CombinedSamplers::of(plan, &program);
         Self {
-            program: program.clone().with_declared(declared),
+            program,
             pairs,
             ids: SpecIds::of(plan),
         }
     }
+}
+
+/// The name, or a longer one that nothing but this texture has.
+fn free(
+    module: &Module,
+    samplers: &[CombinedSampler],
+    (texture, mut name): (ResourceBinding, String),
+) -> String {
+    let globals = module.global_variables.iter().map(|(_, g)| g);
+    let others = globals.filter(|g| g.binding != Some(texture));
+    let mut taken: HashSet<&str> = others.filter_map(|g| g.name.as_deref()).collect();
+    taken.extend(
+        module
+            .functions
+            .iter()
+            .filter_map(|(_, f)| f.name.as_deref()),
+    );
+    taken.extend(module.types.iter().filter_map(|(_, t)| t.name.as_deref()));
+    taken.extend(samplers.iter().map(|s| s.path.as_str()));
+    while taken.contains(name.as_str()) {
+        name.push_str("_x");
+    }
+    name
 }
 
 /// What the text of a stage needs.

@@ -168,4 +168,49 @@ impl Keep<'_> {
             _ => zeros,
         }
     }
+
+    /// What `frexp` returns, by the bits of its argument: GLSL ES 3.00 has no `frexp`.
+    pub(super) fn fraction_and_exponent(
+        &mut self,
+        e: Handle<Expression>,
+        shape: Option<VectorSize>,
+        arg: Handle<Expression>,
+    ) -> Option<Handle<Expression>> {
+        use BinaryOperator as B;
+        let ty = self.info[e].ty.handle()?;
+        let value = self.copy_of(arg);
+        let bits = self.bits_as(value, ScalarKind::Uint);
+        let width = self.number(shape, Literal::U32(23));
+        let field = self.binary(B::ShiftRight, bits, width);
+        let mask = self.number(shape, Literal::U32(0xff));
+        let field = self.binary(B::And, field, mask);
+        // 0, and what a GPU may take for it.
+        let none = self.number(shape, Literal::U32(0));
+        let is_normal = self.binary(B::NotEqual, field, none);
+        let one = self.convert(is_normal, ScalarKind::Sint);
+        let bias = self.number(shape, Literal::I32(126));
+        let exponent = self.convert(field, ScalarKind::Sint);
+        let exponent = self.binary(B::Subtract, exponent, bias);
+        let exponent = self.binary(B::Multiply, exponent, one);
+        let others = self.number(shape, Literal::U32(0x807f_ffff));
+        let fraction = self.binary(B::And, bits, others);
+        let half = self.number(shape, Literal::U32(0x3f00_0000));
+        let fraction = self.binary(B::InclusiveOr, fraction, half);
+        let fraction = self.bits_as(fraction, ScalarKind::Float);
+        let fraction = self.write(Expression::Select {
+            condition: is_normal,
+            accept: fraction,
+            reject: value,
+        });
+        let components = vec![fraction, exponent];
+        Some(self.write(Expression::Compose { ty, components }))
+    }
+
+    fn bits_as(&mut self, expr: Handle<Expression>, kind: ScalarKind) -> Handle<Expression> {
+        self.write(Expression::As {
+            expr,
+            kind,
+            convert: None,
+        })
+    }
 }
