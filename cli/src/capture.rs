@@ -10,7 +10,9 @@ use preshade::unstable::capture::browser::{self, Site, Visit};
 use preshade::unstable::capture::file::{Api, Refused};
 use preshade::unstable::capture::page::{RECORDER, bookmarklet};
 use preshade::unstable::capture::trace::{self, Found, Wanted};
-use preshade::unstable::capture::{Capture, file_of, is_folder, passes};
+use preshade::unstable::capture::{
+    Capture, UnknownDepth, file_of, is_folder, passes, unknown_depths,
+};
 use preshade::unstable::limits::Limits;
 use serde_json::Value;
 
@@ -360,6 +362,23 @@ impl Place {
     }
 }
 
+/// Which draws show something else if an unknown depth is not what it was.
+fn told_unknown(depth: &UnknownDepth, frames: usize) -> String {
+    let passes: Vec<String> = depth.passes.iter().map(usize::to_string).collect();
+    let what = if depth.is_stencil { "stencil" } else { "depth" };
+    let frame = match frames {
+        1 => String::new(),
+        _ => format!(" of frame {}", depth.frame),
+    };
+    format!(
+        "  the {what} of texture {} is unknown when {} of render pass {}{frame} test or read it: they may show something \
+         else than the page\n",
+        depth.texture,
+        output::count(depth.draws, "draw"),
+        passes.join(", "),
+    )
+}
+
 /// What was recorded, and what was not.
 fn summary(folder: &Path, limits: &Limits) -> Result<String, Failure> {
     let capture = Capture::open(folder, limits)?;
@@ -397,11 +416,15 @@ fn summary(folder: &Path, limits: &Limits) -> Result<String, Failure> {
         text.push_str(&format!("  left out: {what} ({count}): {why}\n"));
     }
     let mut unknown: BTreeMap<&str, usize> = BTreeMap::new();
-    for entry in &file.unknown {
+    // A stencil is told where a draw tests it: most are cleared, or nobody's.
+    for entry in file.unknown.iter().filter(|entry| !entry.is_stencil()) {
         *unknown.entry(&entry.why).or_default() += 1;
     }
     for (why, count) in unknown {
         text.push_str(&format!("  unknown content ({count}): {why}\n"));
+    }
+    for depth in unknown_depths(&capture)? {
+        text.push_str(&told_unknown(&depth, file.frames.len()));
     }
     let whose = match file.source.api {
         Api::Wgpu => "app",

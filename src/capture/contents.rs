@@ -121,7 +121,8 @@ impl Contents {
         match command {
             Command::WriteTexture { destination, .. }
             | Command::CopyBufferToTexture { destination, .. }
-            | Command::CopyTextureToTexture { destination, .. } => {
+            | Command::CopyTextureToTexture { destination, .. }
+            | Command::CopyDepth { destination, .. } => {
                 self.changed_textures.insert(destination.texture);
             }
             Command::CopyTextureToBuffer { destination, .. } => {

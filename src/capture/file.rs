@@ -1041,13 +1041,25 @@ pub struct StartTexture {
     pub data: DataName,
 }
 
-/// Content that could not be read.
+/// Content that could not be read, or that the page computed and the replay does not.
 #[derive(Clone, Debug, Deserialize, Serialize)]
+#[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
 pub struct Unknown {
     pub buffer: Option<usize>,
     pub texture: Option<usize>,
+    pub aspect: Option<wgpu::TextureAspect>,
+    /// Whether the content is there, as the page computed it.
+    #[serde(default)]
+    pub as_captured: bool,
     pub why: String,
+}
+
+impl Unknown {
+    /// Whether it is a stencil alone.
+    pub fn is_stencil(&self) -> bool {
+        self.aspect == Some(wgpu::TextureAspect::StencilOnly)
+    }
 }
 
 /// Something that the writer left out.
@@ -1181,6 +1193,12 @@ pub enum Command {
         size: Extent,
     },
     CopyTextureToTexture {
+        source: TexelPlace,
+        destination: TexelPlace,
+        size: Extent,
+    },
+    /// WebGL's blit of depth alone, or from several samples: the first counts. A stencil stays as it is.
+    CopyDepth {
         source: TexelPlace,
         destination: TexelPlace,
         size: Extent,

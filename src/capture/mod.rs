@@ -29,6 +29,7 @@ mod start;
 mod texels;
 #[cfg(feature = "capture")]
 pub mod trace;
+mod unknown;
 mod webgl;
 #[cfg(feature = "capture")]
 mod writer;
@@ -38,6 +39,7 @@ pub use folder::{Capture, file_of, is_file, is_folder};
 pub use pass::{Kind, Pass, passes};
 pub use scene::{Choice, scene};
 pub use share::Share;
+pub use unknown::{UnknownDepth, unknown_depths};
 
 use crate::limits::Exceeded;
 use crate::{front, regular, render};

@@ -356,7 +356,8 @@ pub(super) fn sampled(capture: &Capture, draw: &PassDraw) -> BTreeSet<usize> {
 pub(super) fn read_otherwise(capture: &Capture, command: &Command) -> Vec<usize> {
     match command {
         Command::CopyTextureToBuffer { source, .. }
-        | Command::CopyTextureToTexture { source, .. } => vec![source.texture],
+        | Command::CopyTextureToTexture { source, .. }
+        | Command::CopyDepth { source, .. } => vec![source.texture],
         Command::RenderPass { descriptor, .. } => {
             let colors = descriptor.color_attachments.iter().flatten();
             let resolved = colors.filter(|c| c.resolve_target.is_some());

@@ -104,7 +104,9 @@ pub(super) fn at_start(capture: &Capture, view: &View) -> Result<Image, Error> {
         let bytes = shown.layer_bytes(texture, level);
         let mut content = vec![0; bytes * shown.layers.len()];
         let starts = capture.file.start.textures.iter();
-        for start in starts.filter(|s| s.texture == view.texture && s.mip_level == level) {
+        let starts = starts.filter(|s| s.texture == view.texture && s.mip_level == level);
+        let is_shown = |aspect| [shown.aspect, wgpu::TextureAspect::All].contains(&aspect);
+        for start in starts.filter(|s| s.aspect.is_none_or(is_shown)) {
             let data = capture.data(&start.data)?;
             for (to, layer) in shown.layers.clone().enumerate() {
                 let from = match start.layer {

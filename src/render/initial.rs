@@ -4,7 +4,7 @@ use wgpu::{Extent3d, TextureDimension, TextureUsages, TextureViewDimension};
 
 use super::gpu::Gpu;
 use super::targets::Targets;
-use super::{Error, state, textures};
+use super::{Error, depths, state, textures};
 use crate::scene::{Image, Scene};
 
 /// The textures that are copied to the attachments at the start of each frame.
@@ -58,7 +58,7 @@ impl Initial {
                     view_formats: &[],
                 });
                 if let Some(image) = &of.depth {
-                    textures::draw_depths(gpu, image, &texture)?;
+                    depths::draw(gpu, image, &texture, 0)?;
                 }
                 if let Some(image) = &of.stencil {
                     write_stencil(gpu, image, &texture, size)?;

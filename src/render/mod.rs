@@ -17,6 +17,7 @@ mod bounded;
 pub mod codes;
 mod compiled;
 mod compute;
+pub(crate) mod depths;
 mod drawn;
 pub mod frame;
 pub mod gpu;

@@ -1,6 +1,5 @@
 //! The textures of a scene's draws: images of any format, uploaded as they are.
 
-use preshade_passes::checks::Checks;
 use std::sync::Arc;
 
 use wgpu::{
@@ -8,8 +7,8 @@ use wgpu::{
     TextureViewDimension,
 };
 
-use super::Error;
 use super::gpu::Gpu;
+use super::{Error, depths};
 use crate::scene::Image;
 use crate::scene::bind::{TextureBinding, TextureContent};
 
@@ -75,7 +74,7 @@ impl Textures {
                     }
                 }
                 let texture = match format.is_depth_stencil_format() {
-                    true => depths(gpu, image, binding.view),
+                    true => depths::texture(gpu, image, binding.view),
                     false => upload(gpu, image, binding.view, format),
                 };
                 (texture.map_err(failed)?, sample_type)
@@ -156,7 +155,7 @@ fn fitting(
 
 /// The size of a texture for an image that is read as `view`. A cube with fewer layers repeats
 /// them.
-fn size(image: &Image, view: TextureViewDimension) -> Result<Extent3d, String> {
+pub(super) fn size(image: &Image, view: TextureViewDimension) -> Result<Extent3d, String> {
     let dimension = view.compatible_texture_dimension();
     if image.dimension == TextureDimension::D3 && dimension != TextureDimension::D3 {
         return Err(format!(
@@ -270,118 +269,7 @@ pub(super) fn upload(
     Ok(texture)
 }
 
-/// A texture of an image's depths. No format of depth can be copied to on all adapters, so a pass
-/// draws each layer.
-fn depths(gpu: &Gpu, image: &Image, view: TextureViewDimension) -> Result<wgpu::Texture, String> {
-    let texture = gpu.device.create_texture(&wgpu::TextureDescriptor {
-        label: None,
-        size: size(image, view)?,
-        mip_level_count: image.levels.len() as u32,
-        sample_count: 1,
-        dimension: TextureDimension::D2,
-        format: TextureFormat::Depth32Float,
-        usage: TextureUsages::TEXTURE_BINDING | TextureUsages::RENDER_ATTACHMENT,
-        view_formats: &[],
-    });
-    draw_depths(gpu, image, &texture)?;
-    Ok(texture)
-}
-
-/// Draws an image's depths to a texture of any depth format, which has its levels and layers.
-///
-/// # Errors
-/// A message: the image has no depths that can be read.
-pub(crate) fn draw_depths(gpu: &Gpu, image: &Image, texture: &wgpu::Texture) -> Result<(), String> {
-    let texels = image
-        .texels()
-        .ok_or_else(|| format!("{:?} stores no depths that can be read", image.format))?;
-    let mut bytes = Image {
-        format: TextureFormat::R32Float,
-        levels: Vec::new(),
-        ..image.clone()
-    };
-    for level in 0..image.levels.len() as u32 {
-        let [width, height, layers] = image.extent(level);
-        let places = (0..layers).flat_map(|z| (0..height).map(move |y| (y, z)));
-        let places = places.flat_map(|(y, z)| (0..width).map(move |x| [x, y, z]));
-        let numbers = places.map(|place| texels.at(level, place).map_or(1.0, |t| t[0]));
-        let numbers = numbers.flat_map(f32::to_le_bytes).collect();
-        bytes.levels.push(numbers);
-    }
-    let from = upload(
-        gpu,
-        &bytes,
-        TextureViewDimension::D2Array,
-        TextureFormat::R32Float,
-    )?;
-    let pipeline = depth_pipeline(gpu, texture.format());
-    let mut encoder = gpu.device.create_command_encoder(&Default::default());
-    for level in 0..texture.mip_level_count() {
-        for layer in 0..texture.depth_or_array_layers() {
-            let from = one_layer(&from, level, layer % image.layers.max(1));
-            let group = gpu.device.create_bind_group(&wgpu::BindGroupDescriptor {
-                label: None,
-                layout: &pipeline.get_bind_group_layout(0),
-                entries: &[wgpu::BindGroupEntry {
-                    binding: 0,
-                    resource: wgpu::BindingResource::TextureView(&from),
-                }],
-            });
-            let to = one_layer(texture, level, layer);
-            let mut pass = encoder.begin_render_pass(&wgpu::RenderPassDescriptor {
-                label: None,
-                color_attachments: &[],
-                depth_stencil_attachment: Some(depth_cleared(&to, 1.0)),
-                ..Default::default()
-            });
-            pass.set_pipeline(&pipeline);
-            pass.set_bind_group(0, &group, &[]);
-            pass.draw(0..3, 0..1);
-        }
-    }
-    gpu.queue.submit([encoder.finish()]);
-    Ok(())
-}
-
-fn depth_pipeline(gpu: &Gpu, format: TextureFormat) -> wgpu::RenderPipeline {
-    let module = gpu.shader(
-        Checks::default(),
-        wgpu::ShaderModuleDescriptor {
-            label: None,
-            source: wgpu::ShaderSource::Wgsl(include_str!("depths.wgsl").into()),
-        },
-    );
-    gpu.device
-        .create_render_pipeline(&wgpu::RenderPipelineDescriptor {
-            label: None,
-            layout: None,
-            vertex: wgpu::VertexState {
-                module: &module,
-                entry_point: Some("everywhere"),
-                compilation_options: Default::default(),
-                buffers: &[],
-            },
-            primitive: wgpu::PrimitiveState::default(),
-            depth_stencil: Some(wgpu::DepthStencilState {
-                format,
-                depth_write_enabled: Some(true),
-                depth_compare: Some(wgpu::CompareFunction::Always),
-                stencil: wgpu::StencilState::default(),
-                bias: wgpu::DepthBiasState::default(),
-            }),
-            multisample: wgpu::MultisampleState::default(),
-            fragment: Some(wgpu::FragmentState {
-                module: &module,
-                entry_point: Some("stored"),
-                compilation_options: Default::default(),
-                targets: &[],
-            }),
-            multiview_mask: None,
-            cache: None,
-        })
-}
-
-fn one_layer(texture: &wgpu::Texture, level: u32, layer: u32) -> wgpu::TextureView {
+pub(super) fn one_layer(texture: &wgpu::Texture, level: u32, layer: u32) -> wgpu::TextureView {
     texture.create_view(&wgpu::TextureViewDescriptor {
         dimension: Some(TextureViewDimension::D2),
         base_mip_level: level,
@@ -392,7 +280,7 @@ fn one_layer(texture: &wgpu::Texture, level: u32, layer: u32) -> wgpu::TextureVi
     })
 }
 
-fn depth_cleared(
+pub(super) fn depth_cleared(
     view: &wgpu::TextureView,
     depth: f32,
 ) -> wgpu::RenderPassDepthStencilAttachment<'_> {

@@ -78,7 +78,13 @@ globalThis.replay = async (json, files) => {
         check(`texture ${i} ${format}`);
         return made;
     });
-    const typed = (type, content) => {
+    const typed = (type, content, format) => {
+        if (format.startsWith('depth24')) {
+            const depths = new Float32Array(content.buffer);
+            // The highest 24 of 32 bits, or of a depth with a stencil.
+            const [most, shift] = format.includes('stencil') ? [0xffffff, 256] : [0xffffffff, 1];
+            return Uint32Array.from(depths, (depth) => Math.round(depth * most) * shift);
+        }
         if (type === gl.FLOAT) return new Float32Array(content.buffer);
         if (type === gl.HALF_FLOAT || type === gl.UNSIGNED_SHORT) return new Uint16Array(content.buffer);
         if (type === gl.INT) return new Int32Array(content.buffer);
@@ -93,11 +99,11 @@ globalThis.replay = async (json, files) => {
         gl.activeTexture(gl.TEXTURE0);
         gl.bindTexture(to, textures[i]);
         if (to === gl.TEXTURE_2D) {
-            gl.texSubImage2D(to, level, 0, 0, width, height, order, kind, typed(kind, content));
+            gl.texSubImage2D(to, level, 0, 0, width, height, order, kind, typed(kind, content, format));
         } else if (to === gl.TEXTURE_CUBE_MAP) {
             const part = content.length / 6;
             for (let face = 0; face < 6; face++) {
-                const texels = typed(kind, content.slice(face * part, (face + 1) * part));
+                const texels = typed(kind, content.slice(face * part, (face + 1) * part), format);
                 gl.texSubImage2D(
                     gl.TEXTURE_CUBE_MAP_POSITIVE_X + face,
                     level,
@@ -110,7 +116,9 @@ globalThis.replay = async (json, files) => {
                     texels,
                 );
             }
-        } else gl.texSubImage3D(to, level, 0, 0, 0, width, height, layers, order, kind, typed(kind, content));
+        } else {
+            gl.texSubImage3D(to, level, 0, 0, 0, width, height, layers, order, kind, typed(kind, content, format));
+        }
         check(`upload of texture ${i} ${format}`);
     };
     for (const { texture, mipLevel, data } of json.start.textures) upload(texture, mipLevel, bytes(data));
@@ -510,7 +518,7 @@ globalThis.replay = async (json, files) => {
             else if (command.do === 'writeBuffer') writeBuffer(command.buffer, command.offset, bytes(command.data));
             else if (command.do === 'writeTexture') {
                 upload(command.destination.texture, command.destination.mipLevel, bytes(command.data));
-            } else if (command.do === 'copyTextureToTexture') copy(command);
+            } else if (['copyTextureToTexture', 'copyDepth'].includes(command.do)) copy(command);
             else errors.push(`command ${command.do}`);
         }
         const [width, height] = picture.size;

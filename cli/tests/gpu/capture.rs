@@ -5,6 +5,7 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 use std::process::Command;
+use std::sync::atomic::{AtomicUsize, Ordering};
 
 use preshade::unstable::capture::Capture;
 use preshade::unstable::limits::Limits;
@@ -118,8 +119,11 @@ fn preshade(arguments: &[&str], folder: &Path) -> (Option<i32>, String) {
 fn case(name: &str) -> (String, PathBuf) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().unwrap();
     let page = root.join("fixtures/cases/newcomer").join(name);
+    // Several tests take one page.
+    static CASES: AtomicUsize = AtomicUsize::new(0);
     let folder = Path::new(env!("CARGO_TARGET_TMPDIR"))
         .join("capture-cases")
+        .join(CASES.fetch_add(1, Ordering::Relaxed).to_string())
         .join(name);
     let _ = fs::remove_dir_all(&folder);
     fs::create_dir_all(folder.parent().unwrap()).unwrap();
@@ -172,6 +176,7 @@ fn cases_of_pages_are_captured_and_take_variants() {
         );
         assert!(said.contains(told), "{name}: {said}");
         let out = folder.with_extension("out");
+        let _ = fs::remove_dir_all(&out);
         let out = out.to_str().unwrap();
         let rewrite = [
             "rewrite",
@@ -186,6 +191,32 @@ fn cases_of_pages_are_captured_and_take_variants() {
         assert_eq!(status, Some(0), "{name}: {said}");
         assert!(said.contains("prepass"), "{name}: {said}");
     }
+}
+
+/// WebGPU copies to few formats of depth and resolves none, so the replay draws them.
+#[test]
+fn depths_that_webgpu_does_not_write_are_drawn() {
+    let (page, folder) = case("depth-resolve.html");
+    let (status, said) = preshade(&["capture", &page, "-o"], &folder);
+    assert_eq!(status, Some(0), "{said}");
+    assert!(!said.contains("test or read it"), "{said}");
+    let text = fs::read_to_string(folder.join("frame.json")).unwrap();
+    assert_eq!(text.matches("\"copyDepth\"").count(), 2, "{text}");
+    let (_, said) = preshade(
+        &["verify", "--time", "no", "--variant", "depth-prepass"],
+        &folder,
+    );
+    assert!(
+        said.contains("the replayed frame is the page's, in all 14400 pixels"),
+        "{said}"
+    );
+    let (page, folder) = case("unknown-depth.html");
+    let (status, said) = preshade(&["capture", &page, "-o"], &folder);
+    assert_eq!(status, Some(0), "{said}");
+    assert!(
+        said.contains("is unknown when 1 draw of render pass 0 test or read it"),
+        "{said}"
+    );
 }
 
 /// An error, a signal: the earlier capture stays, the page's own words are told, and nothing of the browser is left.

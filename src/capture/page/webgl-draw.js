@@ -369,11 +369,11 @@ Object.assign(GlTaking.prototype, {
         const pairs = [];
         if (mask & GL.COLOR_BUFFER_BIT)
             for (const color of target.colors) if (color) pairs.push([source.colors[0], color]);
-        if (mask & (GL.DEPTH_BUFFER_BIT | GL.STENCIL_BUFFER_BIT) && source.depth && target.depth) {
-            pairs.push([source.depth, target.depth]);
-        }
+        const { depth, stencil } = aspectsIn(source.depth && target.depth, mask);
+        if (depth || stencil) pairs.push([source.depth, target.depth]);
         for (const [from, to] of pairs) {
-            if (!from || !this.blitOne(from, to, { same, x: x0, y: y0, x1, y1 })) this.blitAsCaptured(to);
+            const box = { same, x: x0, y: y0, x1, y1, depth, stencil };
+            if (!from || !this.blitOne(from, to, box)) this.blitAsCaptured(to);
         }
     },
 
@@ -420,7 +420,7 @@ Object.assign(GlTaking.prototype, {
         const key = `${what} ${number}`;
         if (this.noted.has(key)) return;
         this.noted.add(key);
-        this.resources.unknown({ texture: number, why: `${what} is written as captured` });
+        this.resources.unknown({ texture: number, asCaptured: true, why: `${what} is written as captured` });
     },
 
     readTarget() {
@@ -433,12 +433,15 @@ Object.assign(GlTaking.prototype, {
         };
     },
 
-    blitOne(from, to, { same, x, y, x1, y1 }) {
-        const all = x === 0 && y === 0 && x1 === from.size[0] && y1 === from.size[1];
+    blitOne(from, to, box) {
+        const { same, x, y, x1, y1 } = box;
+        const covers = x === 0 && y === 0 && x1 === from.size[0] && y1 === from.size[1];
+        const all = covers && `${from.size}` === `${to.size}`;
         const { resources, list } = this;
         if (!same || from.format !== to.format || x1 <= x || y1 <= y) return false;
-        if (from.samples > 1 && to.samples === 1) {
-            if (!all || from.kind === 'depth' || `${from.size}` !== `${to.size}`) return false;
+        const isPart = this.isPart(from, to, { ...box, all });
+        if (from.samples > 1 && to.samples === 1 && !isPart) {
+            if (!all) return false;
             const view = this.view(from, false);
             const resolveTarget = this.view(to, true);
             const color = { view, resolveTarget, loadOp: 'load', storeOp: 'store' };
@@ -449,20 +452,28 @@ Object.assign(GlTaking.prototype, {
             });
             return true;
         }
-        if (from.samples !== to.samples || (from.kind === 'depth' && !all)) return false;
-        const place = (attachment) => ({
-            texture: resources.attach(attachment, false),
+        if (isPart ? to.samples > 1 || !box.depth : from.samples !== to.samples) return false;
+        const place = (attachment, replaced) => ({
+            texture: resources.attach(attachment, replaced),
             mipLevel: attachment.level ?? 0,
             origin: [x, y, attachment.layer ?? 0],
             aspect: 'all',
         });
-        list.push({
-            do: 'copyTextureToTexture',
-            source: place(from),
-            destination: place(to),
-            size: [x1 - x, y1 - y, 1],
-        });
+        const command = isPart ? 'copyDepth' : 'copyTextureToTexture';
+        const [source, destination] = [place(from, false), place(to, all)];
+        list.push({ do: command, source, destination, size: [x1 - x, y1 - y, 1] });
+        if (isPart && to.format.includes('-stencil')) {
+            const why = 'WebGL reads no stencil back, and WebGPU copies none alone';
+            resources.unknown({ texture: destination.texture, aspect: 'stencil-only', why });
+        }
         return true;
+    },
+
+    /** WebGPU copies depth and stencil together, as a whole, and resolves neither. Else depth is drawn. */
+    isPart(from, to, { all, depth, stencil }) {
+        const has = aspectsIn(to, GL.DEPTH_BUFFER_BIT | GL.STENCIL_BUFFER_BIT);
+        if (!has.depth && !has.stencil) return false;
+        return !all || from.samples !== to.samples || depth !== has.depth || stencil !== has.stencil;
     },
 
     blitAsCaptured(to) {
@@ -474,6 +485,15 @@ Object.assign(GlTaking.prototype, {
         this.asCaptured(number, 'blitFramebuffer that scales or converts');
     },
 });
+
+/** What of a depth attachment is in a mask of GL. */
+function aspectsIn(attachment, mask) {
+    const format = attachment?.format ?? '';
+    return {
+        depth: Boolean(mask & GL.DEPTH_BUFFER_BIT) && format.startsWith('depth'),
+        stencil: Boolean(mask & GL.STENCIL_BUFFER_BIT) && format.includes('stencil'),
+    };
+}
 
 /** A draw's arguments by name. */
 function drawCall(name, args) {

@@ -115,7 +115,8 @@ function encode(pixels, format, kind) {
     }
     if (format === 'rgb10a2uint') return packed(pixels, (r, g, b, a) => r | (g << 10) | (b << 20) | (a << 30));
     if (format.startsWith('depth16')) return spread(pixels, 1, Uint16Array, (value) => Math.round(value * 65535));
-    if (format.startsWith('depth32')) return spread(pixels, 1, Float32Array, (value) => value);
+    // The reader draws depths of 24 bits, since WebGPU copies none.
+    if (format.startsWith('depth')) return spread(pixels, 1, Float32Array, (value) => value);
     const [, letters, bits] = /^(rgba|rg|r)(8|16|32)/.exec(format);
     const channels = CHANNELS[letters];
     const same = (value) => value;

@@ -64,16 +64,18 @@ class GlResources {
     /** Reads a level back: as content at the start, or as a write where the frame changed it. */
     level(info, level, changed) {
         const { number } = info.taken;
-        const { format } = info.format;
         const { width, height, depth } = info.levels[level];
         let bytes;
         try {
-            if (!blockOf(format)) throw new Error(`WebGPU does not write ${format}`);
             bytes = this.reader.level(info.texture, info, level);
             if (changed && info.taken.drawn) this.take.asCaptured(number, 'an upload to a texture that the frame draws');
         } catch (error) {
             this.unknown({ texture: number, mipLevel: level, why: error.message });
             return;
+        }
+        if (info.format.format.includes('-stencil')) {
+            const why = 'WebGL reads no stencil back';
+            this.unknown({ texture: number, mipLevel: level, aspect: 'stencil-only', why });
         }
         if (!changed) {
             if (bytes.some((byte) => byte)) {

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use super::Replay;
+use super::{Replay, depths};
 use crate::capture::Error;
 use crate::capture::file::{DataName, Extent, TexelLayout, TexelPlace};
 use crate::capture::folder::get;
@@ -29,7 +29,8 @@ impl Replay<'_> {
         self.flush()?;
         let texture = self.texture(destination.texture, place)?.clone();
         let bytes = self.capture.data(data)?;
-        if texture.format() == wgpu::TextureFormat::Depth32Float {
+        let is_stencil = destination.aspect == Some(wgpu::TextureAspect::StencilOnly);
+        if depths::is_drawn(texture.format()) && !is_stencil {
             return self.write_depths(&texture, destination, &bytes, place);
         }
         let of = get(

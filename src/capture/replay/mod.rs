@@ -6,6 +6,7 @@
 mod clears;
 mod clock;
 mod compressed;
+mod depths;
 mod objects;
 mod passes;
 mod read;
@@ -19,7 +20,6 @@ use super::contents::Contents;
 use super::file::{Command, DataName, TexelPlace};
 use super::folder::{Capture, get};
 use crate::render::{ColorImage, Gpu};
-use crate::scene::Image;
 use clock::Clock;
 use objects::Objects;
 pub(in crate::capture) use objects::topology;
@@ -187,40 +187,6 @@ impl<'a> Replay<'a> {
         }
     }
 
-    /// WebGPU copies no floats into depths, so a whole texture's are drawn: WebGL computed them by what
-    /// WebGPU lacks.
-    fn write_depths(
-        &mut self,
-        texture: &wgpu::Texture,
-        destination: &TexelPlace,
-        bytes: &[u8],
-        place: &str,
-    ) -> Result<(), Error> {
-        let size = texture.size();
-        let texels =
-            u64::from(size.width) * u64::from(size.height) * u64::from(size.depth_or_array_layers);
-        if destination.mip_level != 0
-            || texture.mip_level_count() != 1
-            || bytes.len() as u64 != texels * 4
-        {
-            let why = "WebGPU writes no part of a texture of this format";
-            self.leave_out("a write of depths".to_owned(), why.to_owned());
-            return Ok(());
-        }
-        let image = Image {
-            size: [size.width, size.height],
-            layers: size.depth_or_array_layers,
-            dimension: texture.dimension(),
-            format: texture.format(),
-            levels: vec![bytes.to_vec()],
-        };
-        let gpu = self.gpu;
-        let drawn = gpu.checked(place, || {
-            crate::render::textures::draw_depths(gpu, &image, texture)
-        })?;
-        drawn.map_err(|why| Error::broken(place, why))
-    }
-
     fn write_buffer(
         &mut self,
         buffer: usize,
@@ -291,6 +257,11 @@ impl<'a> Replay<'a> {
                 let (from, to) = (texel_copy(&from, source), texel_copy(&to, destination));
                 self.encode(|e| e.copy_texture_to_texture(from, to, size.wgpu()));
             }
+            Command::CopyDepth {
+                source,
+                destination,
+                size,
+            } => self.copy_depth(source, destination, *size, place)?,
             Command::ClearBuffer {
                 buffer,
                 offset,

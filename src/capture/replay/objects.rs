@@ -10,8 +10,8 @@ use crate::capture::Error;
 use crate::capture::contents::whole;
 use crate::capture::file::{
     BindGroup, Cull, DepthStencil, GroupLayout, IndexFormat, LayoutChoice, LayoutEntry,
-    RenderPipeline, Resource, Sampler, ShaderLanguage, Stage, StencilFace, Texture, Topology, View,
-    ViewDescriptor,
+    RenderPipeline, Resource, Sampler, ShaderLanguage, Stage, StartTexture, StencilFace, Texture,
+    Topology, View, ViewDescriptor,
 };
 use crate::capture::folder::get;
 use crate::capture::texels;
@@ -110,12 +110,14 @@ impl Replay<'_> {
             descriptor.format = self.readable(of.format);
             self.gpu.device.create_texture(&descriptor)
         })?;
-        let mut starts = file.start.textures.iter().filter(|t| t.texture == index);
-        if of.format.has_depth_aspect() && of.sample_count == 1 && starts.next().is_some() {
+        let starts = || file.start.textures.iter().filter(|t| t.texture == index);
+        let is_depth = |start: &&StartTexture| {
+            of.format.has_depth_aspect() && start.aspect != Some(wgpu::TextureAspect::StencilOnly)
+        };
+        if of.sample_count == 1 && starts().any(|start| is_depth(&start)) {
             self.start_depths(index, &texture)?;
-            return Ok(texture);
         }
-        for start in file.start.textures.iter().filter(|t| t.texture == index) {
+        for start in starts().filter(|start| !is_depth(start)) {
             let bytes = self.capture.data(&start.data)?;
             let aspect = start.aspect.unwrap_or_default();
             let size = level_size(of, start.mip_level, start.layer.is_some());
@@ -158,7 +160,7 @@ impl Replay<'_> {
         let image = texels::at_start(self.capture, &view)?;
         let label = format!("texture {index}");
         let drawn = self.gpu.checked(&label, || {
-            crate::render::textures::draw_depths(self.gpu, &image, texture)
+            crate::render::depths::draw(self.gpu, &image, texture, 0)
         })?;
         drawn.map_err(|why| Error::broken(label, why))
     }

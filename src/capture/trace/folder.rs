@@ -98,6 +98,11 @@ impl Numbers {
                 source,
                 destination,
                 ..
+            }
+            | Command::CopyDepth {
+                source,
+                destination,
+                ..
             } => {
                 self.set(List::Textures, &mut source.texture);
                 self.set(List::Textures, &mut destination.texture);

@@ -352,6 +352,8 @@ fn write(
     let unknown = before.unwritten.into_iter().map(|buffer| Unknown {
         buffer: Some(buffer),
         texture: None,
+        aspect: None,
+        as_captured: false,
         why: UNWRITTEN.to_owned(),
     });
     let mut made = folder::compact(&file, setup, frames, unknown.collect());

@@ -246,6 +246,11 @@ impl Found<'_> {
                 source,
                 destination,
                 size,
+            }
+            | Command::CopyDepth {
+                source,
+                destination,
+                size,
             } => {
                 self.access.reads.extend(self.place(source, *size).0);
                 self.write_texels(destination, *size);
