@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use serde::Serialize;
+use serde::{Deserialize, Serialize};
 
 use super::Error;
 use super::folder::{Capture, get};
@@ -11,7 +11,7 @@ use crate::render::{ColorImage, Gpu};
 use crate::scene::Image;
 
 /// A replayed frame beside the page's picture.
-#[derive(Clone, Debug, PartialEq, Eq, Serialize)]
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Compared {
     /// Frame, from 0.
     pub frame: usize,

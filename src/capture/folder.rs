@@ -44,6 +44,8 @@ pub fn is_file(path: &Path) -> bool {
 pub struct Capture {
     folder: PathBuf,
     limits: Limits,
+    /// The hash of `frame.json`.
+    hash: String,
     /// `frame.json`.
     pub file: CaptureFile,
     /// The files read so far. Content is kept up to [`KEPT_BYTES`].
@@ -75,6 +77,7 @@ impl Capture {
         Ok(Self {
             folder: folder.to_owned(),
             limits: *limits,
+            hash: blake3::hash(text.as_bytes()).to_hex().to_string(),
             file,
             data: RefCell::default(),
             has_whole_depth_range: OnceCell::new(),
@@ -87,6 +90,28 @@ impl Capture {
         let folder = whole.as_deref().unwrap_or(&self.folder);
         let name = folder.file_name().map(|n| n.to_string_lossy().into_owned());
         name.unwrap_or_else(|| "frame".to_owned())
+    }
+
+    pub(super) fn folder(&self) -> &Path {
+        &self.folder
+    }
+
+    /// The hash of `frame.json`.
+    pub(super) fn hash(&self) -> &str {
+        &self.hash
+    }
+
+    /// The hashes of the data that was read so far.
+    ///
+    /// # Errors
+    /// As [`Self::data`].
+    pub(super) fn hashed(&self) -> Result<BTreeMap<DataName, String>, Error> {
+        let names: Vec<DataName> = self.data.borrow().keys().cloned().collect();
+        let hash = |name: DataName| {
+            let hash = blake3::hash(&self.data(&name)?).to_hex().to_string();
+            Ok((name, hash))
+        };
+        names.into_iter().map(hash).collect()
     }
 
     /// The limits that it was opened with.

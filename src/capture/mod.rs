@@ -17,6 +17,7 @@ mod contents;
 pub mod file;
 pub mod folder;
 mod material;
+mod measured;
 mod noise;
 pub mod page;
 mod pass;

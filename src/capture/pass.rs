@@ -2,6 +2,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use serde::{Deserialize, Serialize};
+
 use super::Error;
 use super::file::{
     Clear, Command, ComputeCommand, DrawCommand, IndexFormat, Load, RenderPassDescriptor, Resource,
@@ -39,7 +41,7 @@ impl Pass<'_> {
 }
 
 /// What a pass is for, by its attachments and draws.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Kind {
     /// It draws materials to a colour target.
     Main,

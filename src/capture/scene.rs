@@ -14,9 +14,10 @@ use super::contents::{Contents, cut};
 use super::file::{self, RenderPipeline, Resource, View};
 use super::folder::{Capture, get};
 use super::material::{self, Left, Reader};
+use super::measured::Measured;
 use super::pass::{self, Kind, Part, Pass, PassDraw, passes};
 use super::replay::{Replay, Until};
-use super::share::{Share, Timer};
+use super::share::Share;
 use super::{Error, noise, texels, webgl};
 use crate::render::Gpu;
 use crate::scene::bind::{
@@ -58,10 +59,10 @@ pub struct Choice {
 /// read.
 pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Scene, Error> {
     let all = passes(capture, choice.frame)?;
-    let mut timer = gpu
-        .map(|gpu| Timer::new(capture, gpu, choice.frame))
+    let measured = gpu
+        .map(|gpu| Measured::new(capture, gpu, choice.frame))
         .transpose()?;
-    let shares = timer.as_ref().map(Timer::passes).transpose()?;
+    let shares = measured.as_ref().map(|m| m.of.shares.clone());
     let index = chosen(&all, choice, shares.as_deref())?;
     let pass = &all[index];
     let contents = Contents::before(capture, choice.frame, pass.command)?;
@@ -87,7 +88,7 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
     };
     let mut scene = made.scene()?;
     scene.notes = std::mem::take(&mut made.notes).into_iter().collect();
-    if let (Some(gpu), Some(timer), Some(shares)) = (gpu, &mut timer, shares) {
+    if let (Some(gpu), Some(mut measured), Some(shares)) = (gpu, measured, shares) {
         if all.len() > 1 {
             let part = 100.0 * shares[index].part;
             scene.part = Some(format!("render pass {index} ({part:.0} % of the frame)"));
@@ -108,7 +109,8 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
         scene.notes.insert(0, line);
         let timed = made.by_time();
         let pipelines: Vec<usize> = timed.iter().map(|(pipeline, _)| *pipeline).collect();
-        let parts = timer.without(&pipelines)?;
+        let parts = measured.without(choice.frame, &pipelines)?;
+        let replayed = measured.keep();
         let names = timed.iter().map(|(_, materials)| {
             let names = materials
                 .iter()
@@ -118,13 +120,13 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
         let parts = names.zip(parts).collect();
         let left = scene.materials.len() - timed.iter().map(|(_, m)| m.len()).sum::<usize>();
         scene.notes.insert(1, told_materials(parts, left));
-        for (left, count) in timer.left_out() {
+        for (left, count) in &replayed.left_out {
             scene.notes.push(format!(
                 "the replay of the frame leaves out {count} of {}: {}",
                 left.what, left.why
             ));
         }
-        let Some(compared) = &timer.compared else {
+        let Some(compared) = &replayed.compared else {
             let why = "the capture has no picture of the frame, so the replay was not compared";
             scene.notes.push(why.to_owned());
             return Ok(scene);

@@ -2,6 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use serde::{Deserialize, Serialize};
+
 use super::Error;
 use super::check::{Compared, shown};
 use super::folder::Capture;
@@ -13,7 +15,7 @@ use crate::render::Gpu;
 const TIMED: usize = 3;
 
 /// A render pass and its part of the frame's time.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Share {
     /// What the pass is for.
     pub kind: Kind,

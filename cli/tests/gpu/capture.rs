@@ -219,6 +219,37 @@ fn depths_that_webgpu_does_not_write_are_drawn() {
     );
 }
 
+/// What a replay measured is kept beside the frame, and no longer believed once a file that it read differs.
+#[test]
+fn a_frame_is_measured_once_and_again_when_a_file_changes() {
+    let (page, folder) = case("reversed-z-webgl.html");
+    let (status, said) = preshade(&["capture", &page, "-o"], &folder);
+    assert_eq!(status, Some(0), "{said}");
+    let measured = || {
+        let verify = ["verify", "--time", "no", "--variant", "depth-prepass"];
+        let (status, said) = preshade(&verify, &folder);
+        assert_eq!(status, Some(0), "{said}");
+        (said, fs::read(folder.join("replay.json")).unwrap())
+    };
+    let (first, kept) = measured();
+    assert!(
+        first.contains("the replayed frame is the page's"),
+        "{first}"
+    );
+    // Times vary, so that a second measurement would be another file.
+    assert_eq!(measured(), (first, kept.clone()));
+    let file: serde_json::Value =
+        serde_json::from_slice(&fs::read(folder.join("frame.json")).unwrap()).unwrap();
+    let picture = file["frames"][0]["picture"]["data"].as_str().unwrap();
+    let picture = folder.join(format!("data/{picture}.bin"));
+    let mut texels = fs::read(&picture).unwrap();
+    texels[0] ^= 128;
+    fs::write(&picture, texels).unwrap();
+    let (changed, again) = measured();
+    assert!(changed.contains("in 1 of 14400 pixels"), "{changed}");
+    assert_ne!(again, kept);
+}
+
 /// An error, a signal: the earlier capture stays, the page's own words are told, and nothing of the browser is left.
 #[test]
 fn what_ends_a_capture_ends_the_browser_and_keeps_the_earlier_one() {

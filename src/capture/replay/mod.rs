@@ -15,6 +15,8 @@ mod webgl;
 use std::collections::BTreeMap;
 use std::time::Instant;
 
+use serde::{Deserialize, Serialize};
+
 use super::Error;
 use super::contents::Contents;
 use super::file::{Command, DataName, TexelPlace};
@@ -26,7 +28,7 @@ pub(in crate::capture) use objects::topology;
 use webgl::Programs;
 
 /// Something that the replay left out.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
+#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct LeftOut {
     /// The object: `render pipeline 3`.
     pub what: String,
