@@ -46,6 +46,7 @@ mod texels;
 pub mod timing;
 pub mod truth;
 pub mod undrawn;
+pub(crate) mod unsteady;
 pub mod variant;
 pub mod verdict;
 pub mod verify;

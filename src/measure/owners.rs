@@ -200,7 +200,7 @@ fn leave_out_nearer(
 
 /// The picture where samples are owned, and the reference elsewhere. A pixel is owned if all of its
 /// samples are.
-fn only(owned: &[bool], [reference, picture]: [&Rendered; 2]) -> Rendered {
+pub(super) fn only(owned: &[bool], [reference, picture]: [&Rendered; 2]) -> Rendered {
     let mut own = picture.clone();
     for (image, original) in own.colors.iter_mut().zip(&reference.colors) {
         let (Some(image), Some(original)) = (image, original) else {

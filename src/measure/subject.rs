@@ -156,18 +156,8 @@ impl<'a> Subject<'a> {
         reference: &Rendered,
         picture: &Rendered,
     ) -> Result<(ErrorLadder, Option<Broke>), Error> {
-        let error = compare(reference, picture)?;
+        let (error, broke) = self.held((view, frame), reference, picture)?;
         self.add(&error);
-        let mut broke = self.promise.broken(&error).map(|how| Broke {
-            how,
-            promise: self.promise.clone(),
-            picture: None,
-        });
-        for group in &mut self.groups {
-            if broke.is_none() && !error.is_exact() {
-                broke = group.broken(self.session, (frame, view.order), [reference, picture])?;
-            }
-        }
         if !matches!(self.verdict, Verdict::Broken { .. }) {
             self.verdict = match &broke {
                 None => Verdict::Holds,
@@ -180,6 +170,41 @@ impl<'a> Subject<'a> {
             };
         }
         Ok((error, broke))
+    }
+
+    /// The difference of a picture, and how it breaks the promise of all materials together or one of their own.
+    fn held(
+        &mut self,
+        (view, frame): (&View, &Frame),
+        reference: &Rendered,
+        picture: &Rendered,
+    ) -> Result<(ErrorLadder, Option<Broke>), Error> {
+        let error = compare(reference, picture)?;
+        let mut broke = self.promise.broken(&error).map(|how| Broke {
+            how,
+            promise: self.promise.clone(),
+            picture: None,
+        });
+        for group in &mut self.groups {
+            if broke.is_none() && !error.is_exact() {
+                broke = group.broken(self.session, (frame, view.order), [reference, picture])?;
+            }
+        }
+        Ok((error, broke))
+    }
+
+    /// Whether a picture breaks the contract. The verdict stays as it is.
+    ///
+    /// # Errors
+    ///
+    /// As [`Self::judge`].
+    pub(crate) fn breaks(
+        &mut self,
+        view: (&View, &Frame),
+        reference: &Rendered,
+        picture: &Rendered,
+    ) -> Result<bool, Error> {
+        Ok(self.held(view, reference, picture)?.1.is_some())
     }
 
     /// Holds a picture against the reference: adds their difference, and decides the verdict.

@@ -9,6 +9,7 @@ use preshade_passes::pass::Undrawn;
 use preshade_passes::plan::{GpuPass, Phase, Plan, Role};
 use preshade_passes::state::{CompareFunction, CullMode};
 
+use super::error::counted;
 use super::{CountProgram, Counter, Error, Session, counting};
 use crate::command::rewrite::{discards, removed_discard};
 use crate::render::Rendered;
@@ -155,6 +156,16 @@ pub(crate) fn untested(materials: &[&str]) -> String {
         "no fragment of {} is discarded in any view, so that its discard is untested",
         names.join(", ")
     )
+}
+
+/// How many pixels of a captured frame were left out, as two pictures of the original differ in them.
+pub(crate) fn unsteady(pixels: u64) -> Option<String> {
+    (pixels > 0).then(|| {
+        format!(
+            "{} of the original differ when it is drawn again: no variant is judged by them",
+            counted(pixels, "pixel")
+        )
+    })
 }
 
 /// Most branches that a message names.

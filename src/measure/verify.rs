@@ -105,6 +105,8 @@ struct Run<'a, 'p> {
     clock: Option<Clock>,
     depth_ties: u64,
     colours: Colours,
+    /// Pixels that are left out, in the view with most.
+    unsteady: u64,
     /// Why the run ended early.
     lost: Option<String>,
 }
@@ -150,6 +152,7 @@ pub fn verify(
         clock: None,
         depth_ties: 0,
         colours: Colours::default(),
+        unsteady: 0,
         lost,
     };
     if run.lost.is_none() {
@@ -196,7 +199,10 @@ impl Run<'_, '_> {
         }
         let headline = &self.views[0].0;
         let reference = measurement::compare_view(&mut self.subjects, (&view, frame), headline)?;
-        reference.iter().for_each(|r| self.colours.look(r));
+        if let Some(first) = &reference {
+            self.colours.look(&first.picture);
+            self.unsteady = self.unsteady.max(first.unsteady());
+        }
         measurement::count_view(&mut self.subjects, (&view, frame), index == 0)?;
         if index == 0 {
             for subject in &mut self.subjects {
@@ -259,6 +265,7 @@ impl Run<'_, '_> {
         let mut warnings: Vec<String> = telling::missing_attributes(&assumed).into_iter().collect();
         // If the pictures are empty, the verdicts say so.
         warnings.extend(self.colours.warning().filter(|_| !nothing));
+        warnings.extend(telling::unsteady(self.unsteady));
         let frames: Vec<_> = self.views.iter().map(|(v, f)| (*f, v.order)).collect();
         // Of an empty picture the verdicts speak.
         let undiscarded = match nothing || self.lost.is_some() {

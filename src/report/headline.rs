@@ -578,10 +578,16 @@ mod tests {
     #[test]
     fn a_report_without_a_measured_variant_says_so() {
         let why = "every material refuses it".to_owned();
-        let refused = variant("a", &[], Verdict::NotMeasured { why });
+        let refused = || variant("a", &[], Verdict::NotMeasured { why: why.clone() });
         assert_eq!(
-            said(vec![refused]),
+            said(vec![refused()]),
             "Not measured: every material refuses it."
+        );
+        // What is said of one is not said of all.
+        let holds = variant("b", &[("wall", 1.5)], Verdict::Holds);
+        assert_eq!(
+            said(vec![refused(), holds]),
+            "b: same picture, 1.50x faster."
         );
     }
 

@@ -12,6 +12,7 @@ use crate::measure::record::{
     Worst,
 };
 use crate::measure::statistics::invocations;
+use crate::measure::unsteady::Original;
 use crate::measure::variant::EVERY_REFUSES;
 use crate::measure::verdict::nothing_drawn;
 use crate::measure::{
@@ -20,9 +21,6 @@ use crate::measure::{
 };
 use crate::render::{Gpu, Rendered, SelfTestResult, self_test};
 use crate::scene::{Draw, Frame};
-
-/// How often the original is drawn again before a variant is called broken.
-const REDRAWS: usize = 8;
 
 /// The original or a variant.
 pub(super) struct Measurement<'a> {
@@ -47,19 +45,19 @@ pub(super) struct Measurement<'a> {
     pub(super) unmet: Option<String>,
 }
 
-/// Draws a view with every subject and compares each with the first. Returns the first one's
-/// picture.
+/// Draws a view with every subject and compares each with the first. Returns what the first one shows.
 pub(super) fn compare_view(
     subjects: &mut [Measurement<'_>],
     (view, frame): (&View, &Frame),
     headline: &View,
-) -> Result<Option<Rendered>, Error> {
+) -> Result<Option<Original>, Error> {
     let [original, variants @ ..] = subjects else {
         return Ok(None);
     };
     let Some(reference) = original.subject.draw(frame, view.order)? else {
         return Ok(None);
     };
+    let mut first = Original::new(reference, original.subject.session().scene());
     // The original's picture, which all that show this view share.
     let shown = OnceCell::new();
     fn seen<'v>(
@@ -75,36 +73,27 @@ pub(super) fn compare_view(
     }
     // The original again: an adapter that does not repeat itself proves nothing.
     if let Some(again) = original.subject.draw(frame, view.order)? {
-        original.compare((view, frame), headline, seen(&reference, &shown, &again))?;
+        let again = first.repeated(again);
+        let seen = seen(&first.picture, &shown, &again);
+        original.compare((view, frame), headline, seen)?;
     }
-    let mut is_blamed = false;
+    let at = (view, frame);
     for variant in variants {
         let drawn = variant.subject.draw(frame, view.order);
         variant.note_unguarded(view);
-        let stood = !variant.is_broken();
-        let compared = drawn.and_then(|picture| match picture {
-            Some(picture) => {
-                variant.compare((view, frame), headline, seen(&reference, &shown, &picture))
-            }
-            None => Ok(()),
+        let compared = drawn.and_then(|picture| {
+            let Some(picture) = picture else {
+                return Ok(());
+            };
+            let (blamed, own) = (&mut variant.subject, &mut original.subject);
+            let picture = first.of_variant(own, blamed, at, picture)?;
+            variant.compare(at, headline, seen(&first.picture, &shown, &picture))
         });
         if let Err(error) = compared {
             variant.give_up(error)?;
         }
-        is_blamed |= stood && variant.is_broken();
     }
-    // Before a variant is blamed: an original that repeats itself only most of the time proves
-    // nothing either.
-    for _ in 0..if is_blamed { REDRAWS } else { 0 } {
-        let Some(again) = original.subject.draw(frame, view.order)? else {
-            break;
-        };
-        let error = original.subject.judge((view, frame), &reference, &again)?;
-        if !error.is_exact() {
-            break;
-        }
-    }
-    Ok(Some(reference))
+    Ok(Some(first))
 }
 
 /// Counts the fragments of every subject in a view.

@@ -131,6 +131,8 @@ pub(super) struct Measured {
     pub(super) times: Vec<Vec<Option<Estimate>>>,
     pub(super) table: Table,
     colours: Colours,
+    /// Pixels that are left out, in the view with most.
+    unsteady: u64,
     so_far: SceneSoFar,
 }
 
@@ -301,8 +303,9 @@ fn measure_all(
     for (done, (view, frame)) in views.iter().enumerate() {
         let part = |views_done: usize| views_done as f64 / views.len() as f64;
         progress(PlanProgress::at(part(done), view.to_string()));
-        if let Some(reference) = stage::compare(session, subjects, view, frame)? {
-            measured.colours.look(&reference);
+        if let Some(first) = stage::compare(session, subjects, view, frame)? {
+            measured.colours.look(&first.picture);
+            measured.unsteady = measured.unsteady.max(first.unsteady());
         }
         let of = (frame, view.order);
         let (clock, timings) = stage::time(session, subjects, of, &settings.timing)?;
@@ -451,6 +454,7 @@ fn measure_more<'a>(
     let mut more = Measured {
         so_far: std::mem::take(&mut measured.so_far),
         colours: std::mem::take(&mut measured.colours),
+        unsteady: measured.unsteady,
         ..Measured::default()
     };
     measure_all(session, &mut lot, scouted, settings, &mut more, progress)?;
@@ -463,6 +467,7 @@ fn measure_more<'a>(
     }
     measured.so_far = more.so_far;
     measured.colours = more.colours;
+    measured.unsteady = more.unsteady;
     measured.clock = measured.clock.or(more.clock);
     frames.extend(new);
     subjects.extend(lot.into_iter().skip(again));
@@ -551,6 +556,7 @@ fn report(
         warnings: telling::missing_attributes(&bind::guessed(scene))
             .into_iter()
             .chain(measured.colours.warning())
+            .chain(telling::unsteady(measured.unsteady))
             .chain(warnings)
             .chain(scene.is_made_up.then(|| MADE_UP.to_owned()))
             .collect(),

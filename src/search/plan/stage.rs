@@ -6,8 +6,8 @@ use super::PlanError;
 use super::assign::Considered;
 use super::choices::Choices;
 use super::decision::PlanCost;
+use crate::measure::unsteady::Original;
 use crate::measure::{self, Clock, Session, Subject, Timing, TimingSettings, View};
-use crate::render::Rendered;
 use crate::scene::{DrawOrder, Frame};
 
 /// A plan of the frame that is measured.
@@ -71,7 +71,7 @@ pub fn compare(
     runners: &mut [Runner<'_>],
     view: &View,
     frame: &Frame,
-) -> Result<Option<Rendered>, PlanError> {
+) -> Result<Option<Original>, PlanError> {
     session.inputs().set_frame(frame)?;
     let [original, others @ ..] = runners else {
         return Ok(None);
@@ -79,18 +79,23 @@ pub fn compare(
     let Some(reference) = original.subject.draw(frame, view.order)? else {
         return Ok(None);
     };
-    original.subject.verdict = Verdict::Holds;
+    let is_captured = session.scene().is_captured();
+    let mut first = Original::new(reference, session.scene());
     for runner in others.iter_mut().filter(|r| r.subject.is_standing()) {
         match runner.subject.draw(frame, view.order) {
-            Ok(Some(picture)) => {
-                let subject = &mut runner.subject;
-                subject.judge((view, frame), &reference, &picture)?;
+            Ok(Some(mut picture)) => {
+                let (own, subject) = (&mut original.subject, &mut runner.subject);
+                if is_captured {
+                    picture = first.of_variant(own, subject, (view, frame), picture)?;
+                }
+                subject.judge((view, frame), &first.picture, &picture)?;
             }
             Ok(None) => {}
             Err(error) => runner.give_up(error)?,
         }
     }
-    Ok(Some(reference))
+    original.subject.verdict = Verdict::Holds;
+    Ok(Some(first))
 }
 
 /// Times one view with every standing runner. `None` for the others. The first runner is the
