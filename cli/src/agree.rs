@@ -248,10 +248,16 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
     if args.drawing.scene.is_some() && !is_one {
         return Err(Failure("error: --scene is for one pair".to_owned()));
     }
-    let results: Vec<Result<Checked, Failure>> = asked
-        .par_iter()
-        .map(|asked| checked(args, asked, is_one, &named))
-        .collect();
+    let compare = || -> Vec<Result<Checked, Failure>> {
+        let pairs = asked.par_iter();
+        pairs
+            .map(|asked| checked(args, asked, is_one, &named))
+            .collect()
+    };
+    let results = output::working(
+        format!("comparing {}", output::count(asked.len(), "pair")),
+        compare,
+    );
     let mut report = Report::default();
     report.alone = alone;
     let mut names = BTreeMap::new();

@@ -193,7 +193,8 @@ pub fn run(args: &CaptureArgs) -> Result<Ending, Failure> {
                 flags: &args.flag,
                 patience: args.patience.map(Duration::from_secs),
             };
-            let recorded = browser::record(&visit, &args.out, &limits);
+            let record = || browser::record(&visit, &args.out, &limits);
+            let recorded = output::working(format!("recording {}", place.address()), record);
             place.tell_missing();
             recorded.map_err(Failure::from)
         }

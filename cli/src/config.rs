@@ -21,7 +21,7 @@ use preshade::unstable::nearest::nearest;
 use preshade::unstable::regular;
 use toml::{Table, Value};
 
-use crate::{Failure, unknown, worker};
+use crate::{Failure, output, unknown, worker};
 
 /// The file that is read if it exists.
 pub const FILE: &str = "preshade.toml";
@@ -405,8 +405,8 @@ pub fn unknown_variables(command: &Command, names: impl Iterator<Item = OsString
         .flat_map(keys)
         .chain(keys(command));
     let mut known: Vec<String> = flags.map(|(long, _)| variable(long)).collect();
-    let of_workers = [worker::VARIABLE, worker::LOCK].map(str::to_owned);
-    known.extend(of_workers.into_iter().chain([variable("config")]));
+    let others = [worker::VARIABLE, worker::LOCK, output::PROGRESS].map(str::to_owned);
+    known.extend(others.into_iter().chain([variable("config")]));
     let names = names.map(|name| name.to_string_lossy().into_owned());
     let mut unknown: Vec<String> = names
         .filter(|name| name.starts_with(PREFIX) && !known.contains(name))

@@ -25,7 +25,7 @@ use preshade::unstable::scene::{self, Material, Scene, Variable, Variables};
 use crate::limits::LimitArgs;
 use crate::many;
 use crate::state::StateArgs;
-use crate::{Failure, worker};
+use crate::{Failure, output, worker};
 
 /// A shader and its pipeline state, or a scene.
 #[derive(Clone, Default, clap::Args)]
@@ -360,17 +360,24 @@ impl ShaderArgs {
             }
             Some(path) if self.files.len() == 1 => {
                 self.check_scene_flags()?;
-                if let Some(folder) = captured(path) {
-                    let scene = self.captured(folder, purpose)?;
-                    return Ok(Input::Scene(Box::new(scene)));
-                }
                 let access = self.limits.access();
-                let scene = match is_gltf(path) {
-                    true => scene::load_gltf(path, &self.shading(), &variables, access),
-                    false => scene::load_within(path, &variables, access),
+                let read = || match captured(path) {
+                    Some(folder) => self.captured(folder, purpose),
+                    None => {
+                        let scene = match is_gltf(path) {
+                            true => scene::load_gltf(path, &self.shading(), &variables, access),
+                            false => scene::load_within(path, &variables, access),
+                        };
+                        let scene = scene.map_err(|e| Failure(e.render()))?;
+                        Ok(self.state.set_up(scene))
+                    }
                 };
-                let scene = scene.map_err(|e| Failure(e.render()))?;
-                Ok(Input::Scene(Box::new(self.state.set_up(scene))))
+                let verb = match captured(path) {
+                    Some(_) if purpose == Purpose::Draw => "replaying",
+                    _ => "reading",
+                };
+                let scene = output::working(format!("{verb} {}", path.display()), read)?;
+                Ok(Input::Scene(Box::new(scene)))
             }
             Some(_) => Err(Failure(
                 "error: a scene file stands alone: its materials name their shaders".to_owned(),
@@ -466,8 +473,10 @@ impl ShaderArgs {
             return Ok(());
         };
         let capture = Capture::open(folder, &self.limits.limits())?;
-        let Some(shown) = capture::pictures(&capture, &self.replay_gpu()?, self.capture.frame)?
-        else {
+        let gpu = self.replay_gpu()?;
+        let pictures = || capture::pictures(&capture, &gpu, self.capture.frame);
+        let what = "replaying the frame for its pictures";
+        let Some(shown) = output::working(what, pictures)? else {
             return Ok(());
         };
         let [page, replay] = shown.map(|image| Rendered {

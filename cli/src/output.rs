@@ -1,9 +1,9 @@
 //! Output: data to stdout, messages and progress to stderr.
 
-use std::cell::{Cell, RefCell};
 use std::io::{self, ErrorKind, IsTerminal, Write};
 use std::path::Path;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
@@ -111,17 +111,26 @@ pub fn message(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{}", plain(text.trim_end()));
 }
 
-/// Interval of progress messages without a bar.
-const SILENCE: Duration = Duration::from_secs(10);
+/// The variable by which somebody asks for `no` progress.
+pub const PROGRESS: &str = "PRESHADE_PROGRESS";
+
+/// Longest time without a line of progress.
+const SILENCE: Duration = Duration::from_secs(5);
 
 /// Progress of a command: a bar or a spinner on a terminal, otherwise a line from time to time.
 pub struct ProgressLine {
     bar: Option<ProgressBar>,
+    /// What the lines say; `None`: there are none.
+    said: Option<Arc<Mutex<Said>>>,
+}
+
+/// What a line of progress says.
+struct Said {
     began: Instant,
-    told: Cell<Instant>,
-    what: RefCell<String>,
+    told: Instant,
+    what: String,
     /// Steps done, of 1000; `None` if nobody knows how many there are.
-    done: Cell<Option<u64>>,
+    done: Option<u64>,
 }
 
 /// Starts progress of 1000 steps.
@@ -134,7 +143,17 @@ pub fn spinner() -> ProgressLine {
     progress(None, "{spinner} {elapsed} {wide_msg}")
 }
 
+/// Runs `work`, with progress if it takes long.
+pub fn working<T>(what: impl Into<String>, work: impl FnOnce() -> T) -> T {
+    let line = spinner();
+    line.set_message(what);
+    let done = work();
+    line.finish_and_clear();
+    done
+}
+
 fn progress(done: Option<u64>, template: &str) -> ProgressLine {
+    let is_asked = std::env::var_os(PROGRESS).is_none_or(|v| v != "no");
     let bar = io::stderr().is_terminal().then(|| {
         let bar = match done {
             Some(_) => ProgressBar::new(1000),
@@ -143,27 +162,60 @@ fn progress(done: Option<u64>, template: &str) -> ProgressLine {
         if let Ok(style) = ProgressStyle::with_template(template) {
             bar.set_style(style);
         }
+        bar.enable_steady_tick(Duration::from_secs(1));
         bar
     });
-    ProgressLine {
-        bar,
-        began: Instant::now(),
-        told: Cell::new(Instant::now()),
-        what: RefCell::default(),
-        done: Cell::new(done),
+    // A worker process prints none.
+    let tells = bar.is_none() && is_asked && worker::mine().is_none();
+    let said = tells.then(|| {
+        let now = Instant::now();
+        let said = Arc::new(Mutex::new(Said {
+            began: now,
+            told: now,
+            what: String::new(),
+            done,
+        }));
+        let line = Arc::downgrade(&said);
+        // It ends with the line.
+        std::thread::spawn(move || {
+            loop {
+                std::thread::sleep(SILENCE / 10);
+                let Some(said) = line.upgrade() else { break };
+                said.lock().unwrap_or_else(PoisonError::into_inner).tell();
+            }
+        });
+        said
+    });
+    ProgressLine { bar, said }
+}
+
+impl Said {
+    /// Prints a line if the last one is long ago.
+    fn tell(&mut self) {
+        if self.told.elapsed() < SILENCE || self.what.is_empty() {
+            return;
+        }
+        self.told = Instant::now();
+        let seconds = self.began.elapsed().as_secs();
+        let done = self.done.map(|done| format!(", {} %", done / 10));
+        let done = done.unwrap_or_default();
+        message(&format!("{seconds} s: {}{done}", self.what));
     }
 }
 
 impl ProgressLine {
+    fn say(&self, change: impl FnOnce(&mut Said)) {
+        if let Some(said) = &self.said {
+            change(&mut said.lock().unwrap_or_else(PoisonError::into_inner));
+        }
+    }
+
     /// Sets the current activity.
     pub fn set_message(&self, what: impl Into<String>) {
         let what = what.into();
         match &self.bar {
             Some(bar) => bar.set_message(what),
-            None => {
-                *self.what.borrow_mut() = what;
-                self.tell();
-            }
+            None => self.say(|said| said.what = what),
         }
     }
 
@@ -172,10 +224,7 @@ impl ProgressLine {
         bounded::step();
         match &self.bar {
             Some(bar) => bar.set_position(done),
-            None => {
-                self.done.set(Some(done));
-                self.tell();
-            }
+            None => self.say(|said| said.done = Some(done)),
         }
     }
 
@@ -183,7 +232,7 @@ impl ProgressLine {
     pub fn reset(&self) {
         match &self.bar {
             Some(bar) => bar.reset(),
-            None => self.done.set(self.done.get().map(|_| 0)),
+            None => self.say(|said| said.done = said.done.map(|_| 0)),
         }
     }
 
@@ -195,23 +244,12 @@ impl ProgressLine {
         }
     }
 
-    /// Removes the bar.
+    /// Removes the bar, and ends the lines.
     pub fn finish_and_clear(&self) {
         if let Some(bar) = &self.bar {
             bar.finish_and_clear();
         }
-    }
-
-    /// Prints a line if the last one is long ago. A worker process prints none.
-    fn tell(&self) {
-        if self.told.get().elapsed() < SILENCE || worker::mine().is_some() {
-            return;
-        }
-        self.told.set(Instant::now());
-        let seconds = self.began.elapsed().as_secs();
-        let done = self.done.get().map(|done| format!(", {} %", done / 10));
-        let done = done.unwrap_or_default();
-        message(&format!("{seconds} s: {}{done}", self.what.borrow()));
+        self.say(|said| said.what.clear());
     }
 }
 

@@ -54,7 +54,8 @@ pub fn run(args: &ProfileArgs) -> Result<Ending, Failure> {
         budget: Duration::from_secs_f64(args.seconds),
         ..TimingSettings::default()
     };
-    let found = profile::profile(&gpu, &scene, &timing, &command())?;
+    let profiled = || profile::profile(&gpu, &scene, &timing, &command());
+    let found = output::working(format!("profiling {}", scene.name), profiled)?;
     match args.format {
         Table::Human => output::table(&report::profile::render(&found))?,
         Table::Json => output::json(&found)?,

@@ -14,6 +14,7 @@ fn transcripts() {
     trycmd::TestCases::new()
         .env("COLUMNS", "100")
         .env("NO_COLOR", "1")
+        .env("PRESHADE_PROGRESS", "no")
         .case("tests/cmd/gpu/*.md");
 }
 

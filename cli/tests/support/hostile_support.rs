@@ -9,7 +9,10 @@ use std::time::{Duration, Instant};
 /// The binary, run in a folder.
 pub fn preshade(folder: &Path) -> Command {
     let mut command = Command::new(env!("CARGO_BIN_EXE_preshade"));
-    command.current_dir(folder).stdin(Stdio::null());
+    command
+        .current_dir(folder)
+        .env("PRESHADE_PROGRESS", "no")
+        .stdin(Stdio::null());
     command
 }
 
