@@ -7,6 +7,7 @@ use preshade_passes::contract::Contract;
 use preshade_passes::graph::{FunctionId, Graph};
 use preshade_passes::pass::{AnyPass, Facts, Refusal};
 use preshade_passes::plan::{GpuPass, Plan};
+use preshade_passes::program::Program;
 use preshade_passes::validate::{Check, Verdict};
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
@@ -292,7 +293,11 @@ fn may_discard(plan: &Plan, pass: &GpuPass) -> bool {
     let Some(program) = plan.program(pass) else {
         return false;
     };
-    let fragment = pass.fragment.as_deref();
+    stage_may_discard(program, pass.fragment.as_deref())
+}
+
+/// Whether the fragment stage of this name may discard.
+pub(crate) fn stage_may_discard(program: &Program, fragment: Option<&str>) -> bool {
     let entry = fragment.and_then(|f| program.entry_point(naga::ShaderStage::Fragment, f));
     entry.is_some_and(|(index, _)| Graph::build(program).may_discard(FunctionId::EntryPoint(index)))
 }

@@ -59,7 +59,7 @@ pub(super) fn constants_beside(
 }
 
 /// Scalars that are bounded in both, with bounds that include both.
-fn both(
+pub(super) fn both(
     before: BTreeMap<Place, Assumed>,
     now: &BTreeMap<Place, Assumed>,
 ) -> BTreeMap<Place, Assumed> {

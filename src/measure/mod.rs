@@ -18,6 +18,7 @@ pub mod bounds;
 pub mod changing;
 pub mod constants;
 pub mod crossover;
+mod discardable;
 pub mod effects;
 mod elsewhere;
 pub mod error;

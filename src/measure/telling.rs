@@ -9,6 +9,7 @@ use preshade_passes::pass::Undrawn;
 use preshade_passes::plan::{GpuPass, Phase, Plan, Role};
 use preshade_passes::state::{CompareFunction, CullMode};
 
+use super::discardable::can_discard;
 use super::error::counted;
 use super::{CountProgram, Counter, Error, Session, counting};
 use crate::command::rewrite::{discards, removed_discard};
@@ -120,8 +121,8 @@ pub(crate) fn faces_away(
     Ok(false)
 }
 
-/// The opaque materials that may discard, and of which no fragment is discarded in any of `frames`.
-/// Materials of one shader count together.
+/// The opaque materials that may discard with the scene's values, and of which no fragment is discarded
+/// in any of `frames`. Materials of one shader count together.
 pub(crate) fn undiscarded<'s>(
     session: &'s Session<'_>,
     frames: &[(&Frame, DrawOrder)],
@@ -142,7 +143,7 @@ pub(crate) fn undiscarded<'s>(
         for plan in plans {
             is_tested = is_tested || discards_in(session, plan, frames)?;
         }
-        if !is_tested {
+        if !is_tested && plans.iter().any(|plan| can_discard(session.scene(), plan)) {
             found.push(plans.iter().map(|p| p.material.as_str()).collect());
         }
     }

@@ -2,6 +2,7 @@
 //! each by name.
 
 use std::path::Path;
+use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
 use preshade::unstable::measure::record::{Report, VariantReport};
@@ -265,12 +266,19 @@ fn a_step_of_a_target_of_halves_is_theirs() {
 
 /// The report on a square whose fragments are discarded under a condition.
 fn discarding(condition: &str, recipe: &str) -> Report {
+    let scene = discarding_scene(condition);
+    run(&scene, made_by(&scene, recipe))
+}
+
+fn discarding_scene(condition: &str) -> Scene {
     let source = format!(
         "
 struct Camera {{ view_proj: mat4x4<f32> }}
 struct Object {{ model: mat4x4<f32>, tint: vec4<f32> }}
 @group(0) @binding(0) var<uniform> camera: Camera;
 @group(1) @binding(0) var<uniform> object: Object;
+@group(1) @binding(1) var map: texture_2d<f32>;
+override CUT: f32 = 0.0;
 @vertex fn vs(@location(0) position: vec3<f32>) -> @builtin(position) vec4<f32> {{
     return camera.view_proj * object.model * vec4(position, 1.0);
 }}
@@ -281,8 +289,55 @@ struct Object {{ model: mat4x4<f32>, tint: vec4<f32> }}
     );
     let there = Mat4::from_translation(Vec3::new(0.0, 0.0, 0.5));
     let drawn = draw("square", there, [1.0; 4]);
-    let scene = scene([32, 32], vec![material("leaf", &source)], vec![drawn]);
-    run(&scene, made_by(&scene, recipe))
+    scene([32, 32], vec![material("leaf", &source)], vec![drawn])
+}
+
+/// An override or a uniform makes the discard impossible: no fragment is asked for that takes it.
+#[test]
+fn a_discard_that_the_values_make_impossible_is_not_asked_for() {
+    let texel = "textureLoad(map, vec2<i32>(at.xy), 0).a";
+    let told = |condition: &str, format: Option<wgpu::TextureFormat>| {
+        let mut scene = discarding_scene(condition);
+        if let Some(format) = format {
+            let size = usize::from(format == wgpu::TextureFormat::Rgba32Float) * 12 + 4;
+            let image = Arc::new(scene::Image {
+                size: [1, 1],
+                layers: 1,
+                dimension: wgpu::TextureDimension::D2,
+                format,
+                levels: vec![vec![0; size]],
+            });
+            let textures = &mut scene.materials[0].textures;
+            textures.insert("map".to_owned(), image);
+        }
+        let variant = made_by(&scene, "depth-prepass");
+        let report = run(&scene, variant);
+        let is_told = |list: &[String]| list.iter().any(|w| w.contains("its discard is untested"));
+        assert!(!is_told(&report.warnings), "{:?}", report.warnings);
+        is_told(&report.untested)
+    };
+    let unorm = Some(wgpu::TextureFormat::Rgba8Unorm);
+    let float = Some(wgpu::TextureFormat::Rgba32Float);
+    let cases = [
+        ("object.tint.a < CUT", None, false),
+        ("object.tint.a < CUT + 0.5", None, false),
+        // The texture is made up: a real one may have any texel.
+        ("TEXEL < CUT", None, true),
+        ("TEXEL < CUT", unorm, false),
+        ("TEXEL < CUT - 0.5", unorm, false),
+        ("TEXEL - 0.5 > object.tint.r", unorm, false),
+        // All texels of this one are 0, and another's need not be.
+        ("TEXEL > 0.5", unorm, true),
+        ("TEXEL < CUT", float, true),
+    ];
+    for (condition, format, expected) in cases {
+        let condition = condition.replace("TEXEL", texel);
+        assert_eq!(
+            told(&condition, format),
+            expected,
+            "{condition}, {format:?}"
+        );
+    }
 }
 
 #[test]

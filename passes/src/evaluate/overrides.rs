@@ -113,6 +113,21 @@ pub fn integer_default(module: &Module, of: Handle<Override>) -> Option<i64> {
     }
 }
 
+/// The overrides that have a default, as assumptions: what a pipeline has that sets none.
+pub fn defaults(module: &Module) -> Vec<Assumed> {
+    let default = |(_, constant): (Handle<Override>, &Override)| {
+        let name = constant.name.clone()?;
+        let value = evaluate::default_constant::<f32>(module, constant.init?).ok()?;
+        Some(Assumed {
+            place: Place::Override { name: name.clone() },
+            name,
+            ty: scalar_type(module, constant.ty)?,
+            bounds: Bounds::one(number(&value)?),
+        })
+    };
+    module.overrides.iter().filter_map(default).collect()
+}
+
 /// The defaults of other overrides that depend only on `given` ones.
 pub(crate) fn derived(module: &Module, given: &[Assumed]) -> Vec<Assumed> {
     let mut values: BTreeMap<Handle<Override>, Value> = BTreeMap::new();
