@@ -216,15 +216,11 @@ impl Saved {
             .steps
             .last()
             .is_some_and(|s| s.pass == Hoist::INFO.name);
-        let cost = done.change.cost;
-        Some(match is_hoist {
-            true => Self {
-                ops: cost.slice,
-                of: cost.whole,
-                ..saved
-            },
-            false => saved,
-        })
+        let ops = match is_hoist {
+            true => done.change.cost.slice,
+            false => saved.ops,
+        };
+        Some(Self { ops, ..saved })
     }
 
     /// The share of the stage.

@@ -444,7 +444,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             location: first,
             cost: SiteCost {
                 slice: self.choice.before - self.choice.after,
-                whole: self.choice.before,
+                whole: self.values.graph.entry_cost(self.values.entry),
             },
         }
     }
@@ -467,12 +467,11 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             })
             .collect();
         format!(
-            "{}carries {}; with interpolation, a fragment costs {:.0} ops instead of {:.0}, a vertex \
+            "{}carries {}; a fragment costs {:.0} ops less, its interpolation counted, and a vertex \
              {:.0} more",
             Guard::condition(self.guard.as_ref()),
             carried.join(", "),
-            self.choice.after,
-            self.choice.before,
+            self.choice.before - self.choice.after,
             self.choice.vertex
         )
     }
