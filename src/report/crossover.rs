@@ -102,12 +102,17 @@ fn sentence(variable: &str, c: &Crossover) -> String {
         let end =
             |end: Option<f64>, open: &str| end.map_or(open.to_owned(), |v| format!("{:.0}", v));
         ratio = 1.0 / ratio;
+        let interval = match (crossing.low, crossing.high) {
+            (None, None) => "noise hides where".to_owned(),
+            (low, high) => {
+                let low = end(low, "below the series");
+                format!("{low}, {}", end(high, "past the series"))
+            }
+        };
         let _ = write!(
             text,
-            " up to {variable} = {:.0} [{}, {}], {} beyond",
+            " up to {variable} = {:.0} [{interval}], {} beyond",
             crossing.value,
-            end(crossing.low, "below the series"),
-            end(crossing.high, "past the series"),
             faster(ratio)
         );
     }

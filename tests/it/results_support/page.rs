@@ -357,7 +357,17 @@ fn told_of_bench(bench: &Bench) -> String {
 fn scene_and_command(report: &Report) -> String {
     let [width, height] = report.resolution;
     // Recorded while several --pass were several variants.
+    // As today's program takes it: the pass has got a budget since.
+    let today = |word: &str| match word.strip_prefix("visibility-buffer") {
+        Some(rest) if !word.contains("budget=") => {
+            let joint = if rest.is_empty() { ":" } else { "," };
+            format!("{word}{joint}budget=1")
+        }
+        _ => word.to_owned(),
+    };
     let command = report.command.replace(" --pass ", " --variant ");
+    let command: Vec<String> = command.split(' ').map(today).collect();
+    let command = command.join(" ");
     let scene = &report.scene;
     format!("Scene `{scene}`, {width}x{height}.\n\n```sh\n{command}\n```\n")
 }
@@ -468,12 +478,14 @@ fn notes<'a>(reports: impl Iterator<Item = (String, &'a Report)>) -> String {
 
 fn crossing(at: &Crossing) -> String {
     let end = |end: Option<f64>, open: &str| end.map_or(open.to_owned(), grouped);
-    format!(
-        "{} [{}, {}]",
-        grouped(at.value),
-        end(at.low, "below the series"),
-        end(at.high, "past the series")
-    )
+    let interval = match (at.low, at.high) {
+        (None, None) => "noise hides where".to_owned(),
+        (low, high) => {
+            let low = end(low, "below the series");
+            format!("{low}, {}", end(high, "past the series"))
+        }
+    };
+    format!("{} [{interval}]", grouped(at.value))
 }
 
 /// A variant's name as code; the scene as written in words.
