@@ -197,7 +197,9 @@ impl Said {
         }
         self.told = Instant::now();
         let seconds = self.began.elapsed().as_secs();
-        let done = self.done.map(|done| format!(", {} %", done / 10));
+        // Neither what has just begun nor what is done has a part worth telling.
+        let part = self.done.filter(|done| (10..1000).contains(done));
+        let done = part.map(|done| format!(", {} %", done / 10));
         let done = done.unwrap_or_default();
         message(&format!("{seconds} s: {}{done}", self.what));
     }
@@ -223,7 +225,8 @@ impl ProgressLine {
     pub fn set_position(&self, done: u64) {
         bounded::step();
         match &self.bar {
-            Some(bar) => bar.set_position(done),
+            // What goes on is not done.
+            Some(bar) => bar.set_position(done.min(999)),
             None => self.say(|said| said.done = Some(done)),
         }
     }

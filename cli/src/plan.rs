@@ -474,10 +474,6 @@ pub fn prepare(
     bar.set_message("measuring what can be interpolated");
     facts.frequencies = measure::frequencies(session, &facts, Detail::Choice, &mut |step| {
         bar.set_position((step.done * 1000.0) as u64);
-        bar.set_message(format!(
-            "measuring what can be interpolated, {:.0} %",
-            step.done * 100.0
-        ));
         ControlFlow::Continue(())
     })?;
     let mut chosen = Vec::new();
