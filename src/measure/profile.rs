@@ -29,6 +29,9 @@ pub struct Profile {
     pub schema: String,
     /// Scene's name.
     pub scene: String,
+    /// What of a captured frame it is, with its part of the frame's time.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub part: Option<String>,
     /// Width and height, in pixels.
     pub resolution: [u32; 2],
     /// The command that measured it.
@@ -136,6 +139,7 @@ pub fn profile(
     Ok(Profile {
         schema: SCHEMA.to_owned(),
         scene: scene.name.clone(),
+        part: scene.part.clone(),
         resolution: scene.size,
         command: command.to_owned(),
         adapter: gpu.adapter().clone(),

@@ -352,6 +352,7 @@ impl Run<'_, '_> {
         Report {
             schema: SCHEMA.to_owned(),
             scene: scene.name.clone(),
+            part: scene.part.clone(),
             resolution: scene.size,
             samples: scene.samples,
             command: self.settings.command.clone(),

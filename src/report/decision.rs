@@ -16,7 +16,7 @@ pub fn render(decision: &Decision) -> String {
     let mut lines = vec![
         format!(
             "{}, {}x{}, on {} ({}, {})",
-            decision.scene,
+            super::titled(&decision.scene, decision.part.as_deref()),
             decision.resolution[0],
             decision.resolution[1],
             adapter.title(),
@@ -207,7 +207,7 @@ fn views(decision: &Decision) -> Vec<String> {
             format!(", against itself {}", ratio(again))
         });
         lines.push(format!(
-            "{}: {:.2} fragments shaded a pixel, overdraw {:.2}, {time}{again}",
+            "{}: {:.2} opaque fragments shaded a pixel, overdraw {:.2}, {time}{again}",
             view.view, view.shaded_per_pixel, view.overdraw
         ));
         let plans = decision.plans.iter().enumerate();

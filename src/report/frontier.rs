@@ -11,7 +11,7 @@ use crate::search::explore::{Ended, Exploration, Fate, Point};
 pub fn table(found: &Exploration) -> String {
     let mut out = format!(
         "{}, {}x{}, on {} ({}, {}), {}\n\n",
-        found.scene,
+        super::titled(&found.scene, found.part.as_deref()),
         found.resolution[0],
         found.resolution[1],
         found.adapter.title(),
@@ -186,13 +186,14 @@ pub fn ended(found: &Exploration) -> String {
     let verified = match found.frames_verified {
         0 => "Nothing was verified.\n".to_owned(),
         1 => "Finalists were verified on the first frame of each camera.\n".to_owned(),
-        n => format!("Finalists were verified on {n} frames of each camera's path.\n"),
+        n => format!("Finalists were verified on up to {n} frames of each camera.\n"),
     };
     let how = match &found.ended {
         Ended::Complete => format!("Searched in {seconds:.0} s.\n"),
         Ended::OutOfTime => format!(
-            "The time was up after {seconds:.0} s: not all candidates were measured (--seconds \
-             gives more, and --out keeps what was measured).\n"
+            "Not all candidates were measured: the part of --seconds that is left for them was up. \
+             The whole search took {seconds:.0} s. A larger --seconds measures more, and --out keeps \
+             what was measured.\n"
         ),
         Ended::Stopped => {
             format!("Stopped after {seconds:.0} s: this is what was measured by then.\n")

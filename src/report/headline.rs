@@ -361,6 +361,7 @@ mod tests {
         Report {
             schema: String::new(),
             scene: "test".to_owned(),
+            part: None,
             resolution: [1, 1],
             samples: 1,
             command: String::new(),

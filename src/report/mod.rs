@@ -22,3 +22,11 @@ pub mod sweep;
 pub mod table;
 
 pub use headline::nothing_pays;
+
+/// The name of a scene; of a captured frame, with the part of it that was drawn.
+fn titled(scene: &str, part: Option<&str>) -> String {
+    match part {
+        Some(part) => format!("{scene}, {part}"),
+        None => scene.to_owned(),
+    }
+}

@@ -9,7 +9,7 @@ pub fn render(of: &Profile) -> String {
     let [width, height] = of.resolution;
     let mut lines = vec![format!(
         "{}, {width}x{height}, on {} ({}, {})",
-        of.scene,
+        super::titled(&of.scene, of.part.as_deref()),
         of.adapter.title(),
         of.adapter.backend,
         of.adapter.kind

@@ -34,7 +34,7 @@ pub fn render(report: &Report, coloured: bool) -> String {
     let mut out = format!(
         "{}\n\n{}, {}x{}{}, on {} ({}, {})\n",
         headline(report),
-        report.scene,
+        super::titled(&report.scene, report.part.as_deref()),
         report.resolution[0],
         report.resolution[1],
         match report.samples {
@@ -157,8 +157,8 @@ pub(super) fn notes(report: &Report) -> String {
         };
         let views = report.variants.first().map_or(0, |v| v.by_view.len());
         out.push_str(&format!(
-            "Errors are the worst of {views} views; times ({clock}) and shaded fragments are of \
-             camera `{}`, {}.\n",
+            "Errors are the worst of {views} views; times ({clock}) and shaded opaque fragments \
+             are of camera `{}`, {}.\n",
             view.camera,
             crate::render::order::name(view.order)
         ));

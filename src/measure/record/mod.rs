@@ -36,6 +36,9 @@ pub struct Report {
     pub schema: String,
     /// Scene's name.
     pub scene: String,
+    /// Of a captured frame, the part of it that `scene` is, in words.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub part: Option<String>,
     /// Width and height, in pixels.
     pub resolution: [u32; 2],
     /// Samples a pixel.

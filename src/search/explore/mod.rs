@@ -197,6 +197,9 @@ pub struct Exploration {
     pub schema: String,
     /// Scene's name.
     pub scene: String,
+    /// Of a captured frame, the part of it that `scene` is, in words.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub part: Option<String>,
     /// Width and height, in pixels.
     pub resolution: [u32; 2],
     /// The command that makes it again.
@@ -312,12 +315,11 @@ fn measured_facts(
     let mut facts = measure::facts_for_choice(session)?;
     let is_open = |r: &Recipe| r.steps.iter().any(|s| s.pass == "hoist");
     if settings.recipes.is_empty() || settings.recipes.iter().any(is_open) {
-        facts.frequencies = measure::frequencies(session, &facts, Detail::Choice, &mut |step| {
-            let part = format!(
-                "measuring what can be interpolated, {:.0} %",
-                step.done * 100.0
+        facts.frequencies = measure::frequencies(session, &facts, Detail::Choice, &mut |_| {
+            watch.at(
+                SearchStage::Frequencies,
+                "measuring what can be interpolated",
             );
-            watch.at(SearchStage::Frequencies, part);
             watch.going_on(FREQUENCIES_BY)
         })?;
         // Values that were not reached are not interpolated. The search continues.

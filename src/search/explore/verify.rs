@@ -95,6 +95,7 @@ impl<'a> Search<'a> {
             exploration: Exploration {
                 schema: SCHEMA.to_owned(),
                 scene: scene.name.clone(),
+                part: scene.part.clone(),
                 resolution: scene.size,
                 command: self.settings.command.clone(),
                 adapter: self.session.gpu().adapter().clone(),
@@ -136,7 +137,8 @@ impl<'a> Search<'a> {
             let views: usize = cameras.iter().map(|c| c.frames.len().min(frames)).sum();
             each.as_secs_f64() * (views * (variants + 1)) as f64
         };
-        let asked = self.settings.frames_per_camera.max(1);
+        let longest = cameras.iter().map(|c| c.frames.len()).max().unwrap_or(1);
+        let asked = self.settings.frames_per_camera.min(longest).max(1);
         // The other half is for timing.
         let fits = (1..=asked).rev().find(|frames| cost(*frames) < left / 2.0);
         fits.unwrap_or(1)
