@@ -23,6 +23,8 @@ struct Page<'a> {
     metric: String,
     chart: Option<Chart>,
     size: [f64; 2],
+    /// Names of the rows' cells.
+    columns: [String; 9],
     rows: Vec<Row>,
     sections: Vec<Section>,
     effects: &'a [EffectUse],
@@ -35,7 +37,7 @@ struct Page<'a> {
 struct Row {
     section: Option<usize>,
     name: String,
-    cells: Vec<String>,
+    cells: [String; 9],
     chosen: bool,
 }
 
@@ -101,6 +103,7 @@ pub fn page(found: &Explored, scene: &Scene, effects: &[EffectUse]) -> Result<St
             .then(b.cost.total_cmp(&a.cost))
     });
     let title = format!("{}: what accuracy costs in time", exploration.scene);
+    let metric = frontier::metric(exploration);
     let page = Page {
         shell: Shell {
             headline: title.clone(),
@@ -119,9 +122,21 @@ pub fn page(found: &Explored, scene: &Scene, effects: &[EffectUse]) -> Result<St
             data: data(exploration)?,
             gallery,
         },
-        metric: frontier::metric(exploration),
         chart: chart::chart(exploration, &points),
         size: chart::SIZE,
+        columns: [
+            &metric,
+            "max abs",
+            "ms",
+            "ms on the path, p95",
+            "speedup [95 %]",
+            "shaded/px",
+            "pipelines",
+            "built in ms",
+            "targets MB",
+        ]
+        .map(str::to_owned),
+        metric,
         rows,
         sections,
         effects,
@@ -168,7 +183,7 @@ fn row(
     Row {
         section: sections.iter().position(|p| p.name == point.name),
         name: point.name.clone(),
-        cells: vec![
+        cells: [
             or_dash(error, |e| frontier::number(of(e))),
             or_dash(error, |e| frontier::number(e.max_abs)),
             or_dash(time, |t| format!("{:.3}", t.median)),

@@ -154,7 +154,7 @@ fn views(decision: &Decision, sections: &[Section]) -> Vec<View> {
     let each = decision.views.iter().enumerate();
     each.map(|(i, view)| View {
         name: format!(
-            "{}: {:.2} fragments shaded for each pixel, {:.2} for each that is seen",
+            "{}: {:.2} opaque fragments shaded for each pixel, {:.2} for each that is seen",
             view.view, view.shaded_per_pixel, view.overdraw
         ),
         rows: decision

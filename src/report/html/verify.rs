@@ -20,6 +20,8 @@ struct Page<'a> {
     shell: Shell,
     views: usize,
     headline: Option<String>,
+    /// Names of the rows' cells.
+    columns: [&'static str; 10],
     rows: Vec<Row>,
     by_view: ByView<'a>,
     notes: Vec<String>,
@@ -38,13 +40,13 @@ struct Row {
     kept: &'static str,
     speedup: String,
     strip: Option<Strip>,
-    cells: Vec<String>,
+    cells: [String; 10],
     chosen: bool,
 }
 
 /// Speedups, view by view.
 struct ByView<'a> {
-    names: Vec<&'a str>,
+    columns: Vec<&'a str>,
     /// Cells, and whether they are beyond noise.
     rows: Vec<Vec<(String, &'static str)>>,
 }
@@ -98,6 +100,18 @@ pub fn page(
             let order = crate::render::order::name(v.order);
             format!("camera {} {order}", v.camera)
         }),
+        columns: [
+            "ms",
+            "changed px",
+            "depths",
+            "max abs",
+            "FLIP",
+            "shaded/px",
+            "pipelines",
+            "built in ms",
+            "draw calls",
+            "targets MB",
+        ],
         rows: rows(report, &sections),
         by_view: by_view(report),
         // Warnings are printed above.
@@ -184,7 +198,7 @@ fn rows(report: &Report, sections: &[Section]) -> Vec<Row> {
             },
             speedup: or_dash(v.speedup, frontier::speedup),
             strip: v.speedup.as_ref().map(|s| scale.strip(s)),
-            cells: vec![
+            cells: [
                 or_dash(v.time_ms.as_ref(), |t| format!("{:.3}", t.estimate.median)),
                 or_dash(error, |e| e.changed_pixels.to_string()),
                 or_dash(error, |e| e.changed_depth.to_string()),
@@ -205,7 +219,7 @@ fn rows(report: &Report, sections: &[Section]) -> Vec<Row> {
 fn by_view(report: &Report) -> ByView<'_> {
     let [original, variants @ ..] = report.variants.as_slice() else {
         return ByView {
-            names: Vec::new(),
+            columns: Vec::new(),
             rows: Vec::new(),
         };
     };
@@ -230,7 +244,10 @@ fn by_view(report: &Report) -> ByView<'_> {
         Some(cells)
     });
     ByView {
-        names: variants.iter().map(|v| v.name.as_str()).collect(),
+        columns: ["view", "shaded/px", "ms"]
+            .into_iter()
+            .chain(variants.iter().map(|v| v.name.as_str()))
+            .collect(),
         rows: rows.collect(),
     }
 }
