@@ -147,7 +147,7 @@ fn cases_of_pages_are_captured_and_take_variants() {
         (
             "cutoff-zero.html",
             "ball",
-            "Warning: no fragment of `ball` is discarded",
+            "cutoff-zero.html, render pass 0 (",
         ),
         (
             "sin-hash.html",
@@ -175,6 +175,7 @@ fn cases_of_pages_are_captured_and_take_variants() {
             "{name}: {said}"
         );
         assert!(said.contains(told), "{name}: {said}");
+        assert!(!said.contains("discard is untested"), "{name}: {said}");
         let out = folder.with_extension("out");
         let _ = fs::remove_dir_all(&out);
         let out = out.to_str().unwrap();
