@@ -332,13 +332,20 @@ impl<'a> Run<'a> {
                 .any(|read| read.canonicalize().ok() == whole)
         };
         let mut stale = emit::stale(folder, &files);
-        stale.retain(|path| !is_source(path));
+        stale.ours.retain(|path| !is_source(path));
+        stale.others.retain(|path| !is_source(path));
         let written =
             write(folder, files, self.args.format, self.jobs).map_err(|Failure(why)| {
                 self.sum.failed += usize::from(made.errors.is_empty());
                 Failure(self.named(&why, job))
             })?;
-        for path in stale {
+        for path in stale.others {
+            output::message(&format!(
+                "warning: no plan names {} any more. Somebody has changed it, so it stays",
+                path.display()
+            ));
+        }
+        for path in stale.ours {
             emit::remove(&path).map_err(|e| Failure(format!("error: {e}")))?;
             output::message(&format!(
                 "removed {}: no plan names it any more",

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use preshade_passes::validate::agree::{Agreement, Class, Finding, Outcome, Relation, Spot};
+use preshade_passes::validate::agree::{Agreement, By, Class, Finding, Outcome, Relation, Spot};
 use serde::Serialize;
 
 use super::agree::Cost;
@@ -135,6 +135,12 @@ impl<D: Drawn> Pair<D> {
         }
     }
 
+    /// Whether a matrix stands for another one, or for a product, that no mapping names.
+    fn has_guess(&self) -> bool {
+        let mut partners = self.agreement.partners.iter();
+        partners.any(|partner| partner.by == By::Product)
+    }
+
     /// The result of a promise in a few words.
     fn outcome(&self, promise: &str) -> String {
         let of_it = || {
@@ -156,6 +162,10 @@ impl<D: Drawn> Pair<D> {
                 inputs,
             } => {
                 format!("proved: the same slice, and agreed on {inputs} inputs")
+            }
+            // A guess is no proof.
+            Outcome::Proved { .. } if self.has_guess() => {
+                "the same operations, if the note on the matrix holds".to_owned()
             }
             Outcome::Proved { .. } => "proved: the same operations".to_owned(),
             Outcome::Agreed {

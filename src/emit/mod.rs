@@ -63,7 +63,7 @@ pub use plan_json::{
     Fallback, GlslAttribute, GlslBlock, GlslTexture, GlslUniform, PassFiles, PlanFile,
     SpecConstant, StageFile, TessellationFiles, WeakerPromise, versions,
 };
-pub use stale::{remove, stale};
+pub use stale::{Stale, remove, stale};
 
 /// An output language.
 #[derive(

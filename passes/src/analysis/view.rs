@@ -12,7 +12,7 @@ use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::core::program::Program;
 use crate::graph::Graph;
 
-mod names;
+pub mod names;
 
 pub use names::is_axis;
 

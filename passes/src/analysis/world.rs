@@ -266,7 +266,7 @@ impl Search<'_, '_, '_> {
         } = f.function.expressions[matrix]
         else {
             let name = text::expression(module, f, matrix);
-            return match is_combined(&name) {
+            return match view::names::is_combined(&name) {
                 true => Err(NoWorld::Combined(name)),
                 false => Ok(Vec::new()),
             };
@@ -306,13 +306,6 @@ impl Search<'_, '_, '_> {
             }
         }
     }
-}
-
-/// Whether the name of a matrix says that it begins in an object's own space.
-fn is_combined(name: &str) -> bool {
-    let name = name.to_lowercase().replace('_', "");
-    let words = ["model", "mvp", "object", "local", "worldview", "wvp"];
-    words.iter().any(|word| name.contains(word))
 }
 
 fn is_matrix(inner: &TypeInner) -> bool {

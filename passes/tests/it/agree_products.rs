@@ -176,3 +176,67 @@ fn suggestions_of_products_help() {
     let mut words = found.findings.iter().map(|f| &f.words);
     assert!(words.all(|w| !w.contains("light.space")), "{found:#?}");
 }
+
+/// A pass that forgot the model matrix does not agree, whatever its matrix is called.
+#[test]
+fn an_objects_matrix_is_no_lights() {
+    let declared = |names: [&str; 3]| {
+        let [a, b, c] = names;
+        format!(
+            "@group(0) @binding(0) var<uniform> {a}: mat4x4<f32>;
+            @group(0) @binding(1) var<uniform> {b}: mat4x4<f32>;
+            @group(0) @binding(2) var<uniform> {c}: mat4x4<f32>;"
+        )
+    };
+    let three = |names: [&str; 3]| {
+        let [a, b, c] = names;
+        material(
+            &declared(names),
+            &format!("return {a} * {b} * {c} * vec4(p, 1.0);"),
+        )
+    };
+    let light = |name: &str| {
+        let declared = format!("@group(1) @binding(0) var<uniform> {name}: mat4x4<f32>;");
+        material(&declared, &format!("return {name} * vec4(p, 1.0);"))
+    };
+    let is_agreed = |first: &str, second: &str| {
+        let found = held(Relation::Shadow, first, second, &[]).unwrap();
+        is_held(&found)
+    };
+    for factors in [
+        ["projection", "view", "model"],
+        ["P", "V", "M"],
+        ["uProj", "uView", "uObject"],
+    ] {
+        for name in [
+            "lightSpaceMatrix",
+            "lightVP",
+            "u_light_view_proj",
+            "toShadow",
+        ] {
+            assert!(
+                !is_agreed(&three(factors), &light(name)),
+                "{factors:?}, {name}"
+            );
+        }
+        assert!(
+            is_agreed(&three(factors), &light("light_mvp")),
+            "{factors:?}"
+        );
+    }
+    // A vertex in the world's axes follows both.
+    let skinned = |matrices: &str, product: &str| {
+        let declared =
+            format!("{matrices} @group(2) @binding(0) var<uniform> joints: array<mat4x4<f32>, 4>;");
+        material(
+            &declared,
+            &format!(
+                "let m = joints[1] * w.x + joints[2] * w.y; return {product} * (m * vec4(p, 1.0));"
+            ),
+        )
+    };
+    let camera = "@group(0) @binding(0) var<uniform> P: mat4x4<f32>; @group(0) @binding(1) var<uniform> V: mat4x4<f32>;";
+    let one = |name: &str| format!("@group(1) @binding(0) var<uniform> {name}: mat4x4<f32>;");
+    let light = skinned(&one("lamp"), "lamp");
+    assert!(is_agreed(&skinned(camera, "P * V"), &light));
+}

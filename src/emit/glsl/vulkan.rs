@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use naga::{Handle, Module, ResourceBinding, ShaderStage, Type, TypeInner};
-use preshade_passes::declared::{self, CombinedSampler};
+use preshade_passes::declared::{self, Chosen, CombinedSampler};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
 
@@ -32,6 +32,10 @@ impl Vulkan {
         declared.previous = None;
         declared.host = None;
         declared.numbers.clear();
+        // Nor does a host query locations by names.
+        for attribute in &mut declared.attributes {
+            attribute.chosen = Chosen::ByAuthor;
+        }
         // Nor has it structs of samplers. Each sampler that no numbered array has is declared by itself.
         let module = program.module();
         let numbers = program.declared().numbers.iter();

@@ -205,9 +205,24 @@ pub(super) fn says_view(path: &str) -> bool {
     )
 }
 
+/// Whether the name of a matrix says that it begins in an object's own space.
+pub fn is_combined(name: &str) -> bool {
+    let name = name.to_lowercase().replace('_', "");
+    let words = ["model", "mvp", "object", "local", "worldview", "wvp"];
+    words.iter().any(|word| name.contains(word))
+}
+
 /// Whether a path says that it belongs to an object.
 pub(super) fn is_of_object(path: &str) -> bool {
     any(&words(path), &[OBJECT, &["world"]])
+}
+
+/// Whether the path of a matrix says that it leads from the world, or from the viewer's axes, to the
+/// picture, and from no object's axes.
+pub fn is_of_view_alone(path: &str) -> bool {
+    let own = words(path.rsplit('.').next().unwrap_or_default());
+    let of_view = any(&own, &[VIEWER, MATRIX, &["p", "v"]]);
+    of_view && !any(&own, &[OBJECT, &["mvp", "pvm", "wvp", "mv", "wv"]])
 }
 
 /// Whether the path of a uniform that follows the viewer says that it is a direction.

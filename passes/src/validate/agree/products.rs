@@ -1,7 +1,9 @@
 //! A matrix of one program that stands for a product of the other's: `light_space` for `proj * view`.
 //!
 //! A mapping says so. Without one, the chains of factors before a vertex are laid side by side: where
-//! the same follows, what stands before it in one stands for what stands before it in the other.
+//! the same matrix follows, what stands before it in one stands for what stands before it in the other.
+//! Where a vertex follows, names must say that no factor is an object's: a pass that forgot the model
+//! matrix would agree otherwise.
 
 use std::collections::BTreeMap;
 
@@ -14,6 +16,7 @@ use super::Mismatch;
 use super::fed::{Cast, Rule};
 use super::matching::{By, Lost, Matcher, type_text};
 use super::reads::overlap;
+use crate::analysis::view::names;
 use crate::core::calls;
 use crate::core::mapping::{self, Equation, Path, Place};
 use crate::core::operands;
@@ -125,6 +128,10 @@ impl Matcher<'_> {
                     (factors @ [_, _, ..], [one]) => (true, one, factors),
                     _ => continue,
                 };
+                let is_before_a_matrix = their.get(b).is_some_and(Option::is_some);
+                if !is_before_a_matrix && !self.is_named_so(is_ours, one, factors) {
+                    continue;
+                }
                 self.multiply(is_ours, one, factors, By::Product);
                 let product = factors.iter().map(|f| self.called(usize::from(is_ours), f));
                 let product = product.collect::<Vec<_>>().join(" * ");
@@ -144,6 +151,13 @@ impl Matcher<'_> {
                 self.lost.retain(|lost| !is_found(lost));
             }
         }
+    }
+
+    /// Whether names allow that a matrix stands for a product in front of a vertex.
+    fn is_named_so(&self, is_ours: bool, one: &Leaf, factors: &[Leaf]) -> bool {
+        let one = self.called(usize::from(!is_ours), one);
+        let mut factors = factors.iter().map(|f| self.called(usize::from(is_ours), f));
+        names::is_combined(&one) || factors.all(|f| names::is_of_view_alone(&f))
     }
 
     /// The parts of two chains that stand for each other, if one is one matrix: none has a partner,
@@ -277,15 +291,28 @@ impl Matcher<'_> {
         let chains = chains(first.vertex);
         let runs = chains.iter().flat_map(|chain| {
             let is_free = |leaf: &Option<Leaf>| leaf.as_ref().is_some_and(|l| !self.has_partner(l));
-            chain
-                .split(move |leaf| !is_free(leaf))
-                .filter(|run| run.len() > 1)
+            let is_of_view = |leaf: &Option<Leaf>| {
+                let mut leaves = leaf.iter();
+                leaves.all(|leaf| names::is_of_view_alone(&self.called(0, leaf)))
+            };
+            let runs = chain.split(move |leaf| !is_free(leaf));
+            // An object's matrix is no light's.
+            let ends = runs.map(
+                move |run| match run.iter().position(|leaf| !is_of_view(leaf)) {
+                    Some(end) if end > 1 => &run[..end],
+                    _ => run,
+                },
+            );
+            ends.filter(|run| run.len() > 1)
         });
         let names = runs.map(|run| {
             let names = run.iter().flatten().map(|leaf| self.called(0, leaf));
             names.collect::<Vec<_>>().join("*")
         });
-        names.collect()
+        let mut names: Vec<String> = names.collect();
+        names.sort_unstable();
+        names.dedup();
+        names
     }
 }
 
