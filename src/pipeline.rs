@@ -196,27 +196,31 @@ pub fn run(
 /// Emits `plan` for each target that can express it, with one `plan.json`. Returns the files, and
 /// an error for each of the other targets.
 pub fn emit(plan: &Plan, targets: &[Target]) -> (Vec<File>, Vec<emit::EmitError>) {
-    emit_by(targets, |targets: &[Target]| {
-        emit::emit(plan, targets, &emit::Options::default())
-    })
+    let options = emit::Options::default();
+    let (files, _, errors) = emit_by(targets, |targets| {
+        Ok((emit::emit(plan, targets, &options)?, Vec::new()))
+    });
+    (files, errors)
 }
 
-/// As [`emit`], and compares what each text means with its program: a few milliseconds each. The
-/// files are those of [`emit`], byte for byte: what the comparison notes stays out of `plan.json`.
-pub fn emit_compared(plan: &Plan, targets: &[Target]) -> (Vec<File>, Vec<emit::EmitError>) {
-    emit_by(targets, |targets: &[Target]| {
-        let options = emit::Options::default();
-        emit::emit_compared(plan, targets, &options, emit::Meaning::QUICK)?;
-        emit::emit(plan, targets, &options)
+/// Files, a sentence on each that was not compared, and the errors of targets.
+type Compared = (Vec<File>, Vec<String>, Vec<emit::EmitError>);
+
+/// As [`emit`], byte for byte, and compares what each text means with its program: a few milliseconds
+/// each.
+pub fn emit_compared(plan: &Plan, targets: &[Target]) -> Compared {
+    let options = emit::Options::default();
+    emit_by(targets, |targets| {
+        emit::emit_compared(plan, targets, &options, emit::Meaning::QUICK)
     })
 }
 
 fn emit_by(
     targets: &[Target],
-    emit: impl Fn(&[Target]) -> Result<Vec<File>, emit::EmitError>,
-) -> (Vec<File>, Vec<emit::EmitError>) {
-    if let Ok(files) = emit(targets) {
-        return (files, Vec::new());
+    emit: impl Fn(&[Target]) -> Result<(Vec<File>, Vec<String>), emit::EmitError>,
+) -> Compared {
+    if let Ok((files, uncompared)) = emit(targets) {
+        return (files, uncompared, Vec::new());
     }
     let (mut able, mut errors) = (Vec::new(), Vec::new());
     for target in targets {
@@ -227,13 +231,13 @@ fn emit_by(
     }
     // Without any target there is no plan.json either.
     if able.is_empty() {
-        return (Vec::new(), errors);
+        return (Vec::new(), Vec::new(), errors);
     }
     match emit(&able) {
-        Ok(files) => (files, errors),
+        Ok((files, uncompared)) => (files, uncompared, errors),
         Err(error) => {
             errors.push(error);
-            (Vec::new(), errors)
+            (Vec::new(), Vec::new(), errors)
         }
     }
 }

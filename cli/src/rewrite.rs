@@ -503,14 +503,16 @@ fn make(
         let elsewhere = validation_on.iter().flat_map(|v| &v.checks);
         let mut all = validation.iter().flatten().chain(elsewhere);
         let is_broken = all.any(|c| c.verdict.is_broken());
-        let (files, errors) = match is_broken {
-            true => (Vec::new(), Vec::new()),
+        let (files, uncompared, errors) = match is_broken {
+            true => (Vec::new(), Vec::new(), Vec::new()),
             false => made
                 .times
                 .took(u8::MAX, "emit", || pipeline::emit_compared(&plan, targets)),
         };
         made.errors
             .extend(errors.iter().map(|e| format!("error: {e}")));
+        made.messages
+            .extend(uncompared.iter().map(|what| format!("note: {what}")));
         made.messages.extend(rewrite::added(&plan, &files));
         if recipe.steps.is_empty() && errors.is_empty() && args.out_dir.is_none() {
             made.hints.push(rewrite::nothing_asked_for(original));

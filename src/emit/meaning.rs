@@ -1,7 +1,8 @@
 //! Holds what a written text means against its program: the text is read as a program, and both are
 //! [agreed](agree) on, as `preshade agree --as same` does.
 //!
-//! A text that is not compared is never called the same: `plan.json` has a note with the reason.
+//! A text that is not compared is never called the same: the caller gets a sentence with the reason.
+//! `plan.json` has none, since a host that only writes has the same bytes.
 
 use std::borrow::Cow;
 
@@ -46,12 +47,17 @@ pub(super) struct Texts<'a> {
     pub(super) key: &'a str,
     pub(super) program: &'a Program,
     pub(super) target: Target,
-    pub(super) emitted: &'a mut [Emitted],
+    pub(super) emitted: &'a [Emitted],
 }
 
 impl Texts<'_> {
-    /// Compares the text of each pass with its program, and notes what was not compared.
-    pub(super) fn compare(&mut self, options: &Options, meaning: Meaning) -> Result<(), EmitError> {
+    /// Compares the text of each pass with its program. Returns a sentence on each that was not
+    /// compared.
+    pub(super) fn compare(
+        &self,
+        options: &Options,
+        meaning: Meaning,
+    ) -> Result<Vec<String>, EmitError> {
         // Its author's own text, or one that no front end of ours reads.
         let is_authors = self.target == Target::Wgsl
             && self.program.language() == Language::Wgsl
@@ -61,8 +67,9 @@ impl Texts<'_> {
                 .get(self.key)
                 .is_some_and(Program::is_as_written);
         if is_authors || matches!(self.target, Target::GlslTess | Target::GlslVulkanTess) {
-            return Ok(());
+            return Ok(Vec::new());
         }
+        let mut uncompared = Vec::new();
         let mut compared: Vec<(&str, Option<&str>)> = Vec::new();
         let (plan, key) = (self.plan, self.key);
         for pass in plan.passes.iter().filter(|p| p.program == key) {
@@ -74,13 +81,9 @@ impl Texts<'_> {
             let Some(files) = self.files(pass) else {
                 continue;
             };
-            let note = self.compare_pass(pass, &files, meaning, options)?;
-            let last = files.last().and_then(|i| self.emitted[*i].1.last_mut());
-            if let Some((_, stage_file)) = last {
-                stage_file.notes.extend(note);
-            }
+            uncompared.extend(self.compare_pass(pass, &files, meaning, options)?);
         }
-        Ok(())
+        Ok(uncompared)
     }
 
     /// The files of a pass. `None` if it is said already that one was not read.
@@ -101,7 +104,7 @@ impl Texts<'_> {
         (!files.iter().any(is_unread)).then_some(files)
     }
 
-    /// Returns a note if they were not compared.
+    /// Returns the reason if they were not compared.
     fn compare_pass(
         &self,
         pass: &GpuPass,
@@ -130,7 +133,7 @@ impl Texts<'_> {
         match found {
             Ok(()) => Ok(None),
             Err(Failed::Uncompared(why)) => Ok(Some(format!(
-                "`{name}`: its meaning was not compared with the program's: {why}"
+                "`{name}`: what it means was not compared with the program: {why}"
             ))),
             Err(Failed::Differs(difference)) => Err(EmitError::Differs {
                 file: name.to_owned(),

@@ -46,6 +46,7 @@ mod stale;
 mod tess;
 mod wgsl;
 
+use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 use naga::{ImageClass, ShaderStage, TypeInner};
@@ -247,12 +248,12 @@ impl EmitError {
 /// # Errors
 /// The first file that cannot be written; see [`EmitError`]. A panic in naga becomes [`EmitError::Writer`].
 pub fn emit(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<File>, EmitError> {
-    let compare = &|_: &mut meaning::Texts<'_>| Ok(());
+    let compare = &|_: meaning::Texts<'_>| Ok(());
     emit_guarded(plan, targets, Writing { options, compare })
 }
 
-/// As [`emit`], and compares what each text means with its program. `plan.json` has a note on each
-/// text that was not compared, with the reason.
+/// As [`emit`], with the same bytes, and compares what each text means with its program. Returns also
+/// a sentence on each text that was not compared, with the reason.
 ///
 /// # Errors
 /// As [`emit`]; a text that means something else is [`EmitError::Differs`].
@@ -261,9 +262,15 @@ pub fn emit_compared(
     targets: &[Target],
     options: &Options,
     meaning: Meaning,
-) -> Result<Vec<File>, EmitError> {
-    let compare = &|texts: &mut meaning::Texts<'_>| texts.compare(options, meaning);
-    emit_guarded(plan, targets, Writing { options, compare })
+) -> Result<(Vec<File>, Vec<String>), EmitError> {
+    let uncompared = RefCell::new(Vec::new());
+    let compare = &|texts: meaning::Texts<'_>| {
+        let more = texts.compare(options, meaning)?;
+        uncompared.borrow_mut().extend(more);
+        Ok(())
+    };
+    let files = emit_guarded(plan, targets, Writing { options, compare })?;
+    Ok((files, uncompared.into_inner()))
 }
 
 /// How texts are written, and what compares those of a program: a build that never calls it has no
@@ -271,7 +278,7 @@ pub fn emit_compared(
 #[derive(Clone, Copy)]
 struct Writing<'a> {
     options: &'a Options,
-    compare: &'a dyn Fn(&mut meaning::Texts<'_>) -> Result<(), EmitError>,
+    compare: &'a dyn Fn(meaning::Texts<'_>) -> Result<(), EmitError>,
 }
 
 fn emit_guarded(
@@ -441,13 +448,13 @@ fn write_programs(
                 }
             };
             let program = with_defaults.as_ref().unwrap_or(&program);
-            let mut emitted = write_program(plan, key, program, &stages, target, writing.options)?;
-            (writing.compare)(&mut meaning::Texts {
+            let emitted = write_program(plan, key, program, &stages, target, writing.options)?;
+            (writing.compare)(meaning::Texts {
                 plan,
                 key,
                 program,
                 target,
-                emitted: &mut emitted,
+                emitted: &emitted,
             })?;
             for (file, stage_file) in emitted {
                 files.push(file);
