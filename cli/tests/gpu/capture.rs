@@ -266,6 +266,13 @@ fn what_ends_a_capture_ends_the_browser_and_keeps_the_earlier_one() {
         "{said}"
     );
     assert!(said.contains("keeps its earlier capture"), "{said}");
+    let (rejecting, _) = case("page-rejects.html");
+    let (status, said) = preshade(&["capture", &rejecting, "--patience", "5", "-o"], &folder);
+    assert_eq!(status, Some(2), "{said}");
+    assert!(
+        said.contains("the page says: Uncaught {code: 7, why: \"no adapter for you\"}"),
+        "{said}"
+    );
     // The profile is in a folder of our own, so that we see whether it is left.
     let profiles = folder.with_extension("profiles");
     let _ = fs::remove_dir_all(&profiles);

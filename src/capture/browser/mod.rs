@@ -240,8 +240,46 @@ impl Heard {
     }
 }
 
+/// What an object says, by the browser's preview of it: its message, or its members. `None`: its
+/// description says more, as an error's does.
+fn members(value: &Value) -> Option<String> {
+    let preview = &value["preview"];
+    let is_list = match preview["subtype"].as_str() {
+        None => false,
+        Some("array") => true,
+        Some(_) => return None,
+    };
+    let properties = preview["properties"].as_array()?.iter();
+    let properties =
+        properties.filter_map(|p| Some((p["name"].as_str()?, p["value"].as_str()?, p)));
+    let mut texts = Vec::new();
+    for (name, text, property) in properties {
+        let is_text = property["type"] == "string";
+        if is_text && name == "message" && !text.is_empty() {
+            return Some(text.to_owned());
+        }
+        let text = match is_text {
+            true => format!("{text:?}"),
+            false => text.to_owned(),
+        };
+        texts.push(match is_list {
+            true => text,
+            false => format!("{name}: {text}"),
+        });
+    }
+    if preview["overflow"] == true {
+        texts.push("…".to_owned());
+    }
+    let inner = texts.join(", ");
+    let [open, close] = if is_list { ["[", "]"] } else { ["{", "}"] };
+    (!inner.is_empty()).then(|| format!("{open}{inner}{close}"))
+}
+
 /// A value that the page threw or printed.
 fn shown(value: &Value) -> String {
+    if let Some(members) = members(value) {
+        return members;
+    }
     match (&value["value"], value["description"].as_str()) {
         (Value::String(text), _) => text.clone(),
         (Value::Null, Some(description)) => description.to_owned(),
