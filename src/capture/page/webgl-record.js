@@ -178,6 +178,7 @@ class GlTaking {
             if (!clears) return this.pass;
             if (!this.pass.commands.length) {
                 this.clearAttachments(this.pass, clears);
+                this.dropReplaced(this.pass);
                 return this.pass;
             }
         }
@@ -259,6 +260,16 @@ class GlTaking {
                 stencilClearValue: stencil,
             });
         }
+    }
+
+    /** `clearBuffer*` clears a pass's attachments one by one. */
+    dropReplaced({ target, descriptor }) {
+        descriptor.colorAttachments.forEach((made, i) => {
+            if (made?.loadOp === 'clear') this.resources.replaced(target.colors[i]);
+        });
+        const { depthLoadOp, stencilLoadOp } = descriptor.depthStencilAttachment ?? {};
+        const all = [depthLoadOp, stencilLoadOp].every((op) => (op ?? 'clear') === 'clear');
+        if (all && target.depth) this.resources.replaced(target.depth);
     }
 
     endPass() {

@@ -245,6 +245,7 @@ class GlResources {
         const { take, folder } = this;
         const { info } = attachment;
         if (attachment.number !== undefined) return attachment.number;
+        const known = folder.unknown.length;
         if (!attachment.renderbuffer) this.sync(info, replaced && attachment.whole);
         else if (info.taken?.take !== take || info.taken.storage !== info.storage) {
             const { size, format, samples } = attachment;
@@ -264,9 +265,17 @@ class GlResources {
         }
         if (info.lost === take && !replaced) take.note('blitFramebuffer', 'scales or converts into no texture');
         info.lost = null;
+        info.taken.before = folder.unknown.slice(known);
         info.taken.drawn = true;
         folder.entries.textures[info.taken.number].usage |= ATTACHMENT;
         return info.taken.number;
+    }
+
+    /** The pass that attached it, and has drawn nothing, clears all of it: its content before does not matter. */
+    replaced({ info, whole }) {
+        if (!whole || !info?.taken.before.length) return;
+        const { folder } = this;
+        folder.unknown = folder.unknown.filter((entry) => !info.taken.before.includes(entry));
     }
 }
 

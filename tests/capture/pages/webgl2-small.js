@@ -176,8 +176,9 @@ function frame() {
     gl.bindFramebuffer(gl.FRAMEBUFFER, samples);
     gl.viewport(0, 0, 160, 120);
     gl.enable(gl.DEPTH_TEST);
-    gl.clearColor(0.2, 0.3, 0.4, 1);
-    gl.clear(gl.COLOR_BUFFER_BIT | gl.DEPTH_BUFFER_BIT);
+    // One after the other: the depth before does not matter, too.
+    gl.clearBufferfv(gl.COLOR, 0, [0.2, 0.3, 0.4, 1]);
+    gl.clearBufferfv(gl.DEPTH, 0, [1]);
     gl.useProgram(lit);
     gl.uniform1f(last, 0.2 + 0.1 * Math.sin(step));
     gl.bindVertexArray(array);
