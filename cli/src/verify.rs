@@ -550,7 +550,8 @@ fn measured(
     let session = Session::new(gpu, scene, args.shader_form())?;
     let mut facts = measure::facts(&session).unwrap_or_else(|e| {
         bar.suspend(|| {
-            output::message(&format!("warning: depth ties were not measured: {e}"));
+            let why = e.reason();
+            output::message(&format!("warning: depth ties were not measured: {why}"));
         });
         Facts::default()
     });

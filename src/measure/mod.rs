@@ -108,6 +108,11 @@ impl Error {
         matches!(self, Self::Render(error) if error.is_lost())
     }
 
+    /// Its text, for a sentence that says already that something was not measured.
+    pub fn reason(&self) -> String {
+        self.to_string().replace(crate::render::NOT_MEASURED, "")
+    }
+
     /// Whether a loop did not end ([`crate::render::Error::Endless`]).
     pub(crate) fn is_endless(&self) -> bool {
         matches!(self, Self::Render(crate::render::Error::Endless { .. }))

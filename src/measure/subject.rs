@@ -84,7 +84,7 @@ impl<'a> Subject<'a> {
         self.prepared = None;
         if !matches!(self.verdict, Verdict::Broken { .. }) {
             self.verdict = Verdict::NotMeasured {
-                why: error.to_string().replace(render::NOT_MEASURED, ""),
+                why: error.reason(),
             };
         }
     }

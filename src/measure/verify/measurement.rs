@@ -318,7 +318,7 @@ impl<'a> Measurement<'a> {
             Ok(report) => self.report.shadow.insert(report).verdict(invariant),
             Err(error) if error.is_lost() => return Err(error),
             Err(error) => Verdict::NotMeasured {
-                why: format!("its shadow pass: {error}"),
+                why: format!("its shadow pass: {}", error.reason()),
             },
         };
         self.judge_aside(verdict);
@@ -352,7 +352,7 @@ impl<'a> Measurement<'a> {
             Ok(report) => self.report.outputs.insert(report).verdict(invariant),
             Err(error) if error.is_lost() => return Err(error),
             Err(error) => Verdict::NotMeasured {
-                why: format!("its auxiliary pictures: {error}"),
+                why: format!("its auxiliary pictures: {}", error.reason()),
             },
         };
         self.judge_aside(verdict);

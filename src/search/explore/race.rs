@@ -247,7 +247,7 @@ impl<'a> Search<'a> {
                 journal.end(&key);
             }
             if let Err(error) = drawn {
-                let why = error.to_string();
+                let why = error.reason();
                 arena.contenders[i].out(Fate::NotMeasured { why });
                 watch.lost(&error);
             }
