@@ -320,7 +320,8 @@ fn aside(name: &str, outputs: &OutputsReport) -> String {
         (&outputs.main_ms, &outputs.time_ms, &outputs.speedup)
     {
         line.push_str(&format!(
-            "; {:.3} ms by main passes, {:.3} ms by auxiliary passes: {:.2}x [{:.2}, {:.2}]",
+            "; timed in turns, apart from the table, {:.3} ms by main passes and {:.3} ms by \
+             auxiliary passes: {:.2}x [{:.2}, {:.2}]",
             main.estimate.median, time.estimate.median, speedup.median, speedup.low, speedup.high
         ));
     }
