@@ -352,6 +352,7 @@ fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
             samplers: BTreeMap::new(),
             attributes: BTreeMap::new(),
             attribute_roles: BTreeMap::new(),
+            value_roles: BTreeMap::new(),
             part_of: None,
         },
         Mesh {

@@ -75,10 +75,8 @@ fn line(of: &Guessed) -> Option<String> {
         Guess::AttributeSynthesised => Some(format!(
             "attributes.{name} = \"uv\"  # the mesh's stream; it has none of this name"
         )),
-        Guess::UniformByName { .. }
-        | Guess::UniformByUse { .. }
-        | Guess::TextureCleared
-        | Guess::BufferFromMesh => None,
+        Guess::UniformByUse { value } => Some(format!("values.{name} = {value:?}  # by its use")),
+        Guess::UniformByName { .. } | Guess::TextureCleared | Guess::BufferFromMesh => None,
     }
 }
 

@@ -173,6 +173,7 @@ pub(super) fn read(
         samplers: BTreeMap::new(),
         attributes: BTreeMap::new(),
         attribute_roles: BTreeMap::new(),
+        value_roles: BTreeMap::new(),
         part_of: None,
     })
 }

@@ -148,6 +148,7 @@ fn drawn(gpu: &Gpu, source: &str, triangle: &[[f32; 3]; 3]) -> Result<ColorImage
         samplers: BTreeMap::new(),
         attributes: BTreeMap::new(),
         attribute_roles: BTreeMap::new(),
+        value_roles: BTreeMap::new(),
         part_of: None,
     };
     let scene = scene(material, triangle);

@@ -14,7 +14,7 @@ use super::error::counted;
 use super::{CountProgram, Counter, Error, Session, counting};
 use crate::command::rewrite::{discards, removed_discard};
 use crate::render::Rendered;
-use crate::scene::bind::{Guess, Guessed};
+use crate::scene::bind::{self, Guess, Guessed};
 use crate::scene::{DrawOrder, Frame, Scene};
 
 /// The distinct colours, as long as they are few.
@@ -89,6 +89,17 @@ pub(crate) fn missing_attributes(guessed: &[Guessed]) -> Option<String> {
         format!(
             "vertex attributes that a mesh does not have are one made-up value at every vertex: {}",
             each.join("; ")
+        )
+    })
+}
+
+/// A warning for each material with draws that no input places.
+pub(crate) fn unplaced(scene: &Scene) -> impl Iterator<Item = String> {
+    bind::unplaced(scene).into_iter().map(|(material, [first, second])| {
+        format!(
+            "draws `{first}` and `{second}` lie on top of each other: their transforms differ, but \
+             no input of `{material}` reads one; to place them, set a matrix: \
+             values.\"NAME\" = \"$model\" in [materials.{material}]"
         )
     })
 }

@@ -263,6 +263,7 @@ impl Run<'_, '_> {
         let assumed = bind::guessed(self.session.scene());
         let nothing = self.subjects.iter().all(|s| s.covered.unwrap_or(0) == 0);
         let mut warnings: Vec<String> = telling::missing_attributes(&assumed).into_iter().collect();
+        warnings.extend(telling::unplaced(self.session.scene()));
         // If the pictures are empty, the verdicts say so.
         warnings.extend(self.colours.warning().filter(|_| !nothing));
         warnings.extend(telling::unsteady(self.unsteady));

@@ -27,11 +27,13 @@ mod guessed;
 mod held;
 mod numbers;
 mod streams;
+mod unplaced;
 
 pub(super) use held::uniforms;
 pub(super) use numbers::numbers;
 
 pub use guessed::{Guess, Guessed, guessed};
+pub use unplaced::unplaced;
 
 use guessed::ValueOrigin;
 use streams::Streams;
@@ -645,9 +647,11 @@ fn packed(
             observe(leaf, ValueOrigin::Mesh, &numbers);
             return Ok(numbers);
         }
-        let named = leaf.named();
-        for (semantic, forced) in [(leaf.semantic, true), (named, false)] {
-            let Some(semantic) = semantic else { continue };
+        let said = leaf.semantic.map(|s| (s, ValueOrigin::Said));
+        let named = leaf.named().map(|s| (s, ValueOrigin::Convention(s)));
+        let used = std::iter::once_with(|| material.value_roles.get(&leaf.text()));
+        let used = used.flatten().map(|s| (*s, ValueOrigin::Use(*s)));
+        for (semantic, origin) in said.into_iter().chain(named).chain(used) {
             let index = if semantic.is_list() {
                 leaf.index.unwrap_or(0)
             } else {
@@ -659,14 +663,13 @@ fn packed(
                     if semantic.is_per_frame() {
                         rate = Rate::Frame;
                     }
-                    let origin = match forced {
-                        true => ValueOrigin::Said,
-                        false => ValueOrigin::Convention(semantic),
-                    };
+                    if let ValueOrigin::Use(_) = origin {
+                        invented.push(leaf.bytes.clone());
+                    }
                     observe(leaf, origin, &numbers);
                     return Ok(numbers);
                 }
-                None if forced => {
+                None if origin == ValueOrigin::Said => {
                     let path = leaf.text();
                     return Err(SceneError::new(format!(
                         "`${}` does not fit `{path}`: one is a matrix, the other is not",

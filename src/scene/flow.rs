@@ -113,6 +113,9 @@ impl Nearest {
     }
 }
 
+/// How indirectly a matrix enters its product with a vector or a scalar.
+pub(crate) const MATRIX_OF_PRODUCT: u32 = 10;
+
 impl<'g, 'p> StageFlow<'g, 'p> {
     /// `None`: the stage is too large to analyse.
     pub fn new(graph: &'g Graph<'p>, entry: usize) -> Option<Self> {
@@ -195,6 +198,21 @@ impl<'g, 'p> StageFlow<'g, 'p> {
         }
         read.ty = element(module, read.ty);
         Some(read)
+    }
+
+    /// The number that chooses the element which a value loads from an array.
+    pub fn index(&self, value: ValueId) -> Option<ValueId> {
+        let (context, Expression::Load { pointer }, _) = self.expression(value)? else {
+            return None;
+        };
+        let mut at = *pointer;
+        loop {
+            match self.values.function(context).function.expressions[at] {
+                Expression::AccessIndex { base, .. } => at = base,
+                Expression::Access { index, .. } => return self.values.named(context, index),
+                _ => return None,
+            }
+        }
     }
 
     /// The operand that a value passes on unchanged: a variable's content, a call's result.
@@ -316,7 +334,7 @@ impl<'g, 'p> StageFlow<'g, 'p> {
                 match op {
                     BinaryOperator::Add | BinaryOperator::Subtract => 0,
                     BinaryOperator::Multiply => match (ty(own), ty(other)) {
-                        (TypeInner::Matrix { .. }, _) => 10,
+                        (TypeInner::Matrix { .. }, _) => MATRIX_OF_PRODUCT,
                         (_, TypeInner::Matrix { .. }) => 0,
                         (TypeInner::Scalar(_), TypeInner::Vector { .. }) => 8,
                         // A scaled term displaces the other one.

@@ -472,7 +472,8 @@ impl Loader<'_> {
                 .detail(e.render(front::Color::Never));
             self.source.at(what, files[0].span())
         })?;
-        let attribute_roles = Roles::of(&parsed).attributes;
+        let given = values(&entry.values);
+        let roles = Roles::of(&parsed, &given);
         let mut material = Material {
             name: name.to_owned(),
             file: self.folder.whole(files[0].get_ref()),
@@ -481,7 +482,7 @@ impl Loader<'_> {
             fragment: parsed.fragment,
             defines,
             state: entry.state.clone(),
-            values: values(&entry.values),
+            values: given,
             textures: BTreeMap::new(),
             samplers: entry
                 .samplers
@@ -493,7 +494,8 @@ impl Loader<'_> {
                 .iter()
                 .map(|(n, s)| (n.clone(), s.get_ref().clone()))
                 .collect(),
-            attribute_roles,
+            value_roles: roles.semantics().collect(),
+            attribute_roles: roles.attributes,
             part_of: None,
         };
         self.state(&mut material, entry, samples);

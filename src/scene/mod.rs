@@ -25,6 +25,7 @@ mod roles;
 mod semantic;
 mod setup;
 mod size;
+mod skin;
 mod stand_in;
 mod synthesise;
 mod value_path;
@@ -165,6 +166,9 @@ pub struct Material {
     /// Mesh stream by attribute name, by what the shader does with the attribute. A stream that has
     /// the attribute's name comes first.
     pub attribute_roles: BTreeMap<String, String>,
+    /// The renderer's values by path, by what the shader does with them. What the scene or the name
+    /// says comes first.
+    pub value_roles: BTreeMap<String, Semantic>,
     /// The material as the scene names it, if this one is for some of its draws.
     pub part_of: Option<String>,
 }

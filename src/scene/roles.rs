@@ -1,4 +1,4 @@
-//! What a bare shader's inputs are for, by the dataflow of its stages. Names decide only between
+//! What a shader's inputs are for, by the dataflow of its stages. Names decide only between
 //! inputs that the dataflow allows.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -18,10 +18,10 @@ use super::flow::{BufferRead, Nearest, StageFlow};
 use super::layout::{leaf_shape, runtime_array};
 use super::loops;
 use super::pulled::Pulled;
-use super::{Image, Semantic, Value};
+use super::{Image, Semantic, Value, skin};
 use crate::front::Parsed;
 
-/// The inputs of a bare shader whose purpose is known.
+/// The inputs of a shader whose purpose is known.
 #[derive(Default)]
 pub(super) struct Roles {
     /// Mesh stream by attribute name.
@@ -45,11 +45,12 @@ pub(super) struct Roles {
 }
 
 /// An operand of a vertex stage's inputs that is more indirect than this is no position.
-const MOST_INDIRECT: u32 = 20;
+pub(super) const MOST_INDIRECT: u32 = 20;
 
 impl Roles {
-    /// Reads the dataflow of both stages. A stage that is too large to analyse has no roles.
-    pub fn of(parsed: &Parsed) -> Self {
+    /// Reads the dataflow of both stages. A stage that is too large to analyse has no roles. `given`
+    /// are the values that the scene sets.
+    pub fn of(parsed: &Parsed, given: &BTreeMap<String, Value>) -> Self {
         let mut this = Self::default();
         let graph = Graph::build(&parsed.program);
         let stage = |stage, name: &str| {
@@ -60,7 +61,7 @@ impl Roles {
         let fragment = parsed.fragment.as_deref();
         let fragment = fragment.and_then(|name| stage(ShaderStage::Fragment, name));
         match &vertex {
-            Some(vertex) => this.vertices(vertex, fragment.as_ref()),
+            Some(vertex) => this.vertices(vertex, fragment.as_ref(), given),
             // Without its dataflow, assume the usual matrices.
             None => this.is_placed = true,
         }
@@ -78,7 +79,20 @@ impl Roles {
         this
     }
 
-    fn vertices(&mut self, flow: &StageFlow<'_, '_>, fragment: Option<&StageFlow<'_, '_>>) {
+    /// The values that the renderer provides, by path.
+    pub fn semantics(&self) -> impl Iterator<Item = (String, Semantic)> {
+        self.values.iter().filter_map(|(path, value)| match value {
+            Value::Semantic(name) => Some((path.clone(), Semantic::from_name(name)?)),
+            Value::Numbers(_) => None,
+        })
+    }
+
+    fn vertices(
+        &mut self,
+        flow: &StageFlow<'_, '_>,
+        fragment: Option<&StageFlow<'_, '_>>,
+        given: &BTreeMap<String, Value>,
+    ) {
         let module = flow.values.graph.module();
         let outputs = flow.values.outputs();
         let is_position =
@@ -105,9 +119,10 @@ impl Roles {
         if let Some(fragment) = fragment {
             self.texture_coordinates(flow, fragment, &mut taken);
         }
+        self.skin(flow, &mut taken);
         self.other_attributes(flow, &mut taken);
         let chain = source.map(|source| matrices(flow, &near.way(source)));
-        self.camera(module, &chain.unwrap_or_default());
+        self.camera(module, &chain.unwrap_or_default(), given);
         self.normal_matrices(flow);
         self.placement(flow, *position);
     }
@@ -268,11 +283,36 @@ impl Roles {
         }
     }
 
+    /// Gives the attributes and the array of a skin their meanings.
+    fn skin(&mut self, flow: &StageFlow<'_, '_>, taken: &mut BTreeSet<usize>) {
+        let (module, inputs) = (flow.values.graph.module(), &flow.values.inputs);
+        for skin in skin::skins(flow) {
+            taken.extend([skin.joints, skin.weights]);
+            self.attribute(&inputs[skin.joints], "joints");
+            self.attribute(&inputs[skin.weights], "weights");
+            if skin.matrices.semantic(module) != Some(Semantic::Joints) {
+                let value = Value::Semantic(Semantic::Joints.name().to_owned());
+                self.values.insert(skin.matrices.text(module), value);
+            }
+        }
+    }
+
     /// Gives the matrices on the way to the position, outermost first, the camera.
-    fn camera(&mut self, module: &Module, chain: &[BufferRead]) {
-        let names: Vec<Option<Semantic>> = chain.iter().map(|r| r.semantic(module)).collect();
+    fn camera(&mut self, module: &Module, chain: &[BufferRead], given: &BTreeMap<String, Value>) {
+        let said = |read: &BufferRead| {
+            let path = read.text(module);
+            match given.get(&path).or_else(|| self.values.get(&path)) {
+                Some(Value::Semantic(name)) => Semantic::from_name(name),
+                _ => read.semantic(module),
+            }
+        };
+        let chain = chain.iter().map(|read| (read, said(read)));
+        // A joint moves vertices of its own, and is no matrix of the camera.
+        let (chain, names): (Vec<_>, Vec<_>) = chain
+            .filter(|(_, name)| *name != Some(Semantic::Joints))
+            .unzip();
         let meanings = camera_of(&names);
-        for ((read, name), meaning) in chain.iter().zip(names).zip(meanings) {
+        for ((read, name), meaning) in chain.into_iter().zip(names).zip(meanings) {
             if name != Some(*meaning) {
                 let value = Value::Semantic(meaning.name().to_owned());
                 self.values.insert(read.text(module), value);
@@ -531,13 +571,13 @@ fn reads_builtin(flow: &StageFlow<'_, '_>, value: ValueId, builtin: BuiltIn) -> 
 }
 
 /// Components and kind of an input.
-fn shape(flow: &StageFlow<'_, '_>, io: &Io) -> Option<(u32, ScalarKind)> {
+pub(super) fn shape(flow: &StageFlow<'_, '_>, io: &Io) -> Option<(u32, ScalarKind)> {
     let module = flow.values.graph.module();
     let (_, rows, scalar) = leaf_shape(&module.types[io.ty].inner)?;
     Some((rows, scalar.kind))
 }
 
-fn location(io: &Io) -> Option<u32> {
+pub(super) fn location(io: &Io) -> Option<u32> {
     match io.binding {
         Some(Binding::Location { location, .. }) => Some(location),
         _ => None,

@@ -65,6 +65,7 @@ impl Scene {
                 samplers: BTreeMap::new(),
                 attributes: BTreeMap::new(),
                 attribute_roles: BTreeMap::new(),
+                value_roles: BTreeMap::new(),
                 part_of: None,
                 ..own.clone()
             })

@@ -43,7 +43,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
         .unwrap_or_else(|| "material".to_owned());
     let size = [640, 360];
     let aspect = size[0] as f32 / size[1] as f32;
-    let roles = Roles::of(&parsed);
+    let roles = Roles::of(&parsed, &BTreeMap::new());
     let wants = Wants::of(&parsed, &roles);
     let (meshes, draws) = objects(&parsed, &state, &wants, &roles);
     let pose = Pose {
@@ -82,6 +82,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
             samplers: BTreeMap::new(),
             attributes: roles.attributes,
             attribute_roles: BTreeMap::new(),
+            value_roles: BTreeMap::new(),
             part_of: None,
         }],
         meshes,
@@ -205,7 +206,8 @@ impl Wants {
                 let name = io.name.as_deref().unwrap_or("");
                 if let Some(naga::Binding::Location { .. }) = io.binding {
                     wants.data = true;
-                    wants.skin |= known_stream(name) == Some("joints");
+                    let by_use = roles.attributes.get(name).map(String::as_str);
+                    wants.skin |= by_use.or_else(|| known_stream(name)) == Some("joints");
                     wants.morph |= known_stream(name) == Some("morph");
                 }
             }

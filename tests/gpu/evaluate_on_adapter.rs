@@ -205,6 +205,7 @@ fn drawn(parsed: front::Parsed, size: [u32; 2]) -> ColorImage {
         samplers: BTreeMap::new(),
         attributes: BTreeMap::new(),
         attribute_roles: BTreeMap::new(),
+        value_roles: BTreeMap::new(),
         part_of: None,
     };
     let positions = Stream::Float {

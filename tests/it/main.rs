@@ -36,6 +36,7 @@ mod outputs_glsl;
 mod pass_pages;
 mod refusals;
 mod results_page;
+mod scene_by_use;
 mod scene_errors;
 mod scene_gltf;
 mod scene_image;

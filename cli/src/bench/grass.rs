@@ -108,6 +108,7 @@ pub fn scene(text: &str, size: [u32; 2], count: u32) -> Result<Scene, Failure> {
             samplers: BTreeMap::new(),
             attributes: BTreeMap::new(),
             attribute_roles: BTreeMap::new(),
+            value_roles: BTreeMap::new(),
             part_of: None,
         },
         Mesh {

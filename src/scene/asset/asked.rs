@@ -41,7 +41,12 @@ impl Reads {
             .iter()
             .filter(|io| matches!(io.binding, Some(Binding::Location { .. })));
         let names: Vec<&str> = located.filter_map(|io| io.name.as_deref()).collect();
-        let reads = |stream: &str| names.iter().any(|name| known_stream(name) == Some(stream));
+        let stream = |name: &str| {
+            let said = material.attributes.get(name);
+            let said = said.or_else(|| material.attribute_roles.get(name));
+            said.map_or(known_stream(name), |s| known_stream(s))
+        };
+        let reads = |of: &str| names.iter().any(|name| stream(name) == Some(of));
         let buffers = material::globals(&material.program).filter(|g| g.is_storage);
         Self {
             joints: reads("joints"),

@@ -536,6 +536,7 @@ impl Loader<'_> {
                     samplers: BTreeMap::new(),
                     attributes: BTreeMap::new(),
                     attribute_roles: BTreeMap::new(),
+                    value_roles: BTreeMap::new(),
                     part_of: None,
                 }
             }

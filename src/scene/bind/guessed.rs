@@ -17,6 +17,8 @@ pub(super) enum ValueOrigin {
     Mesh,
     /// The conventional meaning of the name.
     Convention(Semantic),
+    /// What the shader does with it.
+    Use(Semantic),
     /// A made-up number, derived from the name.
     MadeUp,
 }
@@ -224,6 +226,9 @@ fn of_leaf(
         },
         ValueOrigin::Mesh => Guess::BufferFromMesh,
         ValueOrigin::Convention(semantic) => Guess::UniformByName {
+            value: named(semantic),
+        },
+        ValueOrigin::Use(semantic) => Guess::UniformByUse {
             value: named(semantic),
         },
         ValueOrigin::MadeUp => Guess::UniformMadeUp {

@@ -7,7 +7,7 @@ use preshade_passes::plan::GpuPass;
 use super::super::layout::{self, Leaf};
 use super::super::semantic::normalise;
 use super::super::{
-    Draw, DrawRange, Material, Mesh, Scene, SceneError, Semantic, Stream, material,
+    Draw, DrawRange, Material, Mesh, Scene, SceneError, Semantic, Stream, Value, material,
 };
 use super::{Call, Data, Indices, VertexAttribute, VertexBuffer, hash01, vertex_inputs};
 
@@ -272,7 +272,10 @@ impl<'a> Streams<'a> {
             AttributeSource::InstanceColumn(column) => Found::Column(*column),
             AttributeSource::InstanceOffset => Found::Column(3),
             AttributeSource::Synthesised => {
-                Found::Same([0, 1, 2, 3].map(|c| synthesised_attribute(&a.name, c)))
+                let roles = [&self.material.attributes, &self.material.attribute_roles];
+                let role = roles.into_iter().find_map(|roles| roles.get(&a.name));
+                let name = role.unwrap_or(&a.name);
+                Found::Same([0, 1, 2, 3].map(|c| synthesised_attribute(name, c)))
             }
         }
     }
@@ -290,6 +293,11 @@ impl<'a> Streams<'a> {
     pub(super) fn by_role(&self) -> impl Iterator<Item = (&str, &str)> {
         self.attributes.iter().filter_map(|a| match &a.source {
             AttributeSource::Role(stream) => Some((a.name.as_str(), stream.as_str())),
+            // Nobody but the dataflow says the attributes of a made-up scene.
+            AttributeSource::Vertex(stream) if self.is_made_up => {
+                let is_named = known_stream(&a.name) == Some(stream);
+                (!is_named).then_some((a.name.as_str(), stream.as_str()))
+            }
             _ => None,
         })
     }
@@ -398,7 +406,13 @@ impl<'a> Streams<'a> {
         if INSTANCE_BUFFERS.contains(&normal.as_str()) || normal.starts_with("instance") {
             return instances_held(self.draw);
         }
-        match Semantic::from_name(name) {
+        let is_of = |path: &str| {
+            let rest = path.strip_prefix(name);
+            rest.is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
+        };
+        let mut said = meanings(self.material);
+        let said = said.find_map(|(path, semantic)| is_of(path).then_some(semantic));
+        match said.or_else(|| Semantic::from_name(name)) {
             Some(Semantic::Joints) => self.draw.joints.len().max(1),
             Some(Semantic::MorphWeights) => self.draw.morph_weights.len().max(1),
             _ => 16,
@@ -541,6 +555,18 @@ fn is_vertex_buffer(normal: &str) -> bool {
     )
 }
 
+/// What the scene says that paths mean, and then what their use says.
+fn meanings(material: &Material) -> impl Iterator<Item = (&str, Semantic)> {
+    let said = material.values.iter().filter_map(|(path, value)| {
+        let Value::Semantic(name) = value else {
+            return None;
+        };
+        Some((path.as_str(), Semantic::from_name(name)?))
+    });
+    let used = material.value_roles.iter().map(|(p, s)| (p.as_str(), *s));
+    said.chain(used)
+}
+
 /// Whether the program itself applies the model matrix.
 fn reads_model(material: &Material) -> bool {
     let module = material.program.module();
@@ -549,9 +575,10 @@ fn reads_model(material: &Material) -> bool {
         .filter(|g| layout::runtime_array(module, g.ty).is_none())
         .flat_map(|g| layout::paths(module, g.name, g.ty))
         .any(|path| {
+            let said = meanings(material).find_map(|(of, s)| (of == path).then_some(s));
             let named = path.rsplit('.').next().and_then(Semantic::from_name);
             matches!(
-                named,
+                said.or(named),
                 Some(Semantic::Model | Semantic::ModelViewProjection | Semantic::ModelView)
             )
         })

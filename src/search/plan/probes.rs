@@ -317,6 +317,7 @@ fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, PlanError>
             samplers: BTreeMap::new(),
             attributes: BTreeMap::new(),
             attribute_roles: BTreeMap::new(),
+            value_roles: BTreeMap::new(),
             part_of: None,
         }],
         meshes: vec![grid(cells, probe.scale)],

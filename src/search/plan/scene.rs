@@ -555,6 +555,7 @@ fn report(
         views,
         warnings: telling::missing_attributes(&bind::guessed(scene))
             .into_iter()
+            .chain(telling::unplaced(scene))
             .chain(measured.colours.warning())
             .chain(telling::unsteady(measured.unsteady))
             .chain(warnings)

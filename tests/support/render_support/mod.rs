@@ -63,6 +63,7 @@ pub fn material(name: &str, source: &str) -> Material {
         samplers: BTreeMap::new(),
         attributes: BTreeMap::new(),
         attribute_roles: BTreeMap::new(),
+        value_roles: BTreeMap::new(),
         part_of: None,
     }
 }
