@@ -450,6 +450,41 @@ OpBranch %h
 ),
 ];
 
+const INFINITE_CONSTANTS: &str = "%inf = OpConstant %float 0x1p+128
+%ninf = OpConstant %float -0x1p+128
+%nan = OpConstant %float 0x1.8p+128
+%vinf = OpConstantComposite %v2 %inf %f2
+";
+
+/// Constants that are infinite or no number, alone and in a composite.
+const INFINITE: [(&str, &str); 2] = [
+    (
+        "OpStore %xv %inf
+%held = OpLoad %float %xv
+%b1 = OpFOrdLessThan %bool %ux %inf
+%b2 = OpFOrdGreaterThan %bool %ux %ninf
+%b3 = OpFOrdEqual %bool %held %inf
+%both = OpLogicalAnd %bool %b1 %b2
+%all = OpLogicalAnd %bool %both %b3
+%k = OpSelect %float %all %f1 %f2
+OpStore %xv %k
+",
+        "x = 1.0;",
+    ),
+    (
+        "%b1 = OpFOrdEqual %bool %nan %nan
+%b2 = OpFOrdLessThan %bool %ux %nan
+%any = OpLogicalOr %bool %b1 %b2
+%k = OpSelect %float %any %f1 %f2
+%low = OpExtInst %v2 %1 FMin %uv %vinf
+%lx = OpCompositeExtract %float %low 0
+%sum = OpFAdd %float %lx %k
+OpStore %xv %sum
+",
+        "x = min(vUv.x, 3e38) + 2.0;",
+    ),
+];
+
 #[test]
 fn modules_mean_what_is_beside_them() {
     let dir = scratch();
@@ -458,14 +493,17 @@ fn modules_mean_what_is_beside_them() {
     let vertex = VERTEX.replace(" v;", " vUv;").replace("v=", "vUv=");
     std::fs::write(&path, &vertex).unwrap();
     let module = try_glslang(Path::new(&path), &[], &dir).unwrap();
-    for (body, text) in MODULES {
+    let infinite = INFINITE.map(|(body, text)| (INFINITE_CONSTANTS, body, text));
+    let modules = MODULES.iter().map(|(body, text)| ("", *body, *text));
+    for (constants, body, text) in modules.chain(infinite) {
         let body = body.replace("LOOP_END", LOOP_END).replace("LOOP", LOOP);
+        let head = HEAD.replace("%main = Op", &format!("{constants}%main = Op"));
         let text = format!(
             "#version 450\nlayout(location=0) in vec2 vUv; layout(location=0) out vec4 c;\n\
              void main() {{ int sel = int(vUv.x * 8.0); float x = 0.0;\n{text}\n\
              c = vec4(x, vUv.y, 0.0, 1.0); }}\n"
         );
-        let words = assembled_only(&format!("{HEAD}{body}{END}"), &dir);
+        let words = assembled_only(&format!("{head}{body}{END}"), &dir);
         let first = of_bytes([
             ("m.vert", vertex.clone().into()),
             ("m.frag", text.clone().into()),

@@ -160,6 +160,53 @@ pub(super) fn settle(module: &mut Builder, lengths: &Lengths) {
     annotations.retain(|i| !(i.operands.get(1) == Some(&spec_id) && is_fixed(ids(i).next())));
 }
 
+/// Makes operations of the constants that are infinite or no number, and composites of these: naga
+/// takes no such literal, but functions may compute the value.
+pub(super) fn compute_infinite(module: &mut Builder) {
+    let globals = globals(module.module_ref());
+    let is_float = |i: &Instruction| {
+        let ty = i.result_type.and_then(|ty| globals.get(&ty));
+        ty.is_some_and(|ty| {
+            ty.class.opcode == Op::TypeFloat && ty.operands.first().and_then(literal) == Some(32)
+        })
+    };
+    let mut computed = HashSet::new();
+    let (mut scalars, mut composites) = (Vec::new(), Vec::new());
+    for (at, i) in module.module_ref().types_global_values.iter().enumerate() {
+        let bits = i.operands.first().and_then(literal);
+        let bits = bits.filter(|bits| !f32::from_bits(*bits).is_finite());
+        match (i.class.opcode, bits) {
+            (Op::Constant, Some(bits)) if is_float(i) => scalars.push((at, bits)),
+            (Op::ConstantComposite, _) if ids(i).any(|id| computed.contains(&id)) => {
+                composites.push(at);
+            }
+            _ => continue,
+        }
+        computed.extend(i.result_id);
+    }
+    if computed.is_empty() {
+        return;
+    }
+    let uint = module.type_int(32, 0);
+    for (at, bits) in scalars {
+        let bits = module.constant_bit32(uint, bits);
+        let i = &mut module.module_mut().types_global_values[at];
+        let operation = Operand::LiteralSpecConstantOpInteger(Op::Bitcast);
+        let operands = vec![operation, Operand::IdRef(bits)];
+        *i = Instruction::new(Op::SpecConstantOp, i.result_type, i.result_id, operands);
+    }
+    for at in composites {
+        let i = &mut module.module_mut().types_global_values[at];
+        let operands = std::mem::take(&mut i.operands);
+        *i = Instruction::new(
+            Op::SpecConstantComposite,
+            i.result_type,
+            i.result_id,
+            operands,
+        );
+    }
+}
+
 /// What is known of the constants. Each follows its parts, so one walk in order finds everything.
 struct Known {
     globals: HashMap<Word, Instruction>,

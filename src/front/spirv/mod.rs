@@ -261,6 +261,7 @@ fn one(
         let note = "`debugPrintf` is dropped: WebGPU prints nothing";
         declared.notes.push(note.to_owned());
     }
+    constants::compute_infinite(&mut builder);
     constants::settle(&mut builder, lengths);
     interface::drop_memory_decorations(&mut builder);
     interface::store_initial(&mut builder);

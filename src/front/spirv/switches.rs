@@ -73,11 +73,12 @@ impl Found {
         let mut seen = HashSet::new();
         cases.retain(|label| seen.insert(*label));
         let entered: Vec<Word> = cases.iter().copied().chain([default]).collect();
+        let is_entered: HashSet<Word> = entered.iter().copied().collect();
         let falls = |from: Word| -> Option<Word> {
             let mut seen = HashSet::from([own, merge]);
             let mut open = vec![from];
             while let Some(label) = open.pop() {
-                if label != from && entered.contains(&label) && label != merge {
+                if label != from && is_entered.contains(&label) && label != merge {
                     return Some(label);
                 }
                 if seen.insert(label) {
@@ -95,7 +96,8 @@ impl Found {
             .iter()
             .filter_map(|l| Some((*l, falls(*l)?)))
             .collect();
-        let is_first = |label: &&Word| !next.values().any(|to| to == *label);
+        let fallen_into: HashSet<Word> = next.values().copied().collect();
+        let is_first = |label: &&Word| !fallen_into.contains(*label);
         let mut order = Vec::new();
         let mut last = Vec::new();
         for first in entered.iter().filter(is_first) {
@@ -112,11 +114,15 @@ impl Found {
         if !needs_place {
             order.retain(|label| *label != default);
         }
+        let mut by_label: HashMap<Word, Vec<u32>> = HashMap::new();
+        for (n, label) in &given {
+            by_label.entry(*label).or_default().push(*n);
+        }
         let literals = |label: Word| -> Vec<(Option<u32>, Word)> {
-            let own = given.iter().filter(|(_, of)| *of == label);
+            let own = by_label.get(&label).into_iter().flatten();
             match label == default {
                 true => vec![(None, label)],
-                false => own.map(|(n, _)| (Some(*n), label)).collect(),
+                false => own.map(|n| (Some(*n), label)).collect(),
             }
         };
         let cases: Vec<_> = order.into_iter().flat_map(literals).collect();
@@ -161,7 +167,8 @@ fn change(
     let at = block.instructions.iter().position(merges).unwrap_or(0);
     let rest = block.instructions.split_off(at);
     let literals: Vec<u32> = found.cases.iter().filter_map(|(n, _)| *n).collect();
-    let unused = (0..).find(|n| !literals.contains(n)).unwrap_or_default();
+    let taken: HashSet<u32> = literals.iter().copied().collect();
+    let unused = (0..).find(|n| !taken.contains(n)).unwrap_or_default();
     let bool = module.type_bool();
     let mut known = module.constant_false(bool);
     for n in &literals {
