@@ -8,6 +8,7 @@ use preshade_passes::program::Searched;
 use super::Options;
 use super::Source;
 use super::error::{Code, Error};
+use crate::wgsl::text::without_comments;
 
 /// A dialect of WGSL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -43,8 +44,7 @@ impl Dialect {
         };
         // In WGSL, no line begins with this word.
         let is_import = |line: &str| line.starts_with("import ");
-        match source
-            .text
+        match without_comments(&source.text)
             .lines()
             .find(|l| is_directive(l) || is_import(l))
         {

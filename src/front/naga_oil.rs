@@ -122,7 +122,8 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, CompiledFrom),
         wanted: Wanted::Modules,
         found: fingerprints(&all),
     };
-    let unknown = unknown_import(&source.text, &all);
+    let told = wgsl::text::without_comments(&source.text);
+    let unknown = unknown_import(&told, &all);
     for one in all {
         // The given text of the main file takes precedence over the file on disk.
         if own_file.is_some() && own_file == options.files.canonical(&one.path).ok() {

@@ -10,13 +10,13 @@ mod refused;
 mod swizzles;
 mod tokens;
 
-use std::borrow::Cow;
-
 use naga::front::wgsl::{self, ParseError};
 use naga::{Module, Span};
 use preshade_passes::link::offset;
 
 use self::edits::Edits;
+use self::swizzles::Replaced;
+use self::tokens::{Kind, Token};
 use super::error::{Code, Error};
 use super::map_spans::map_spans;
 use crate::wgsl::subgroups;
@@ -26,31 +26,34 @@ pub(super) use refused::check as check_module;
 /// Expressions and statements of one file that are rewritten for naga, at most: each takes a parse.
 const MOST_REWRITTEN: usize = 200;
 
-/// The text without `requires` of language extensions that naga does not know. They change nothing:
-/// what needs one is an error at its own place. The text keeps its length.
-fn without_requirements(text: &str) -> Cow<'_, str> {
+/// Drops `requires` of language extensions that naga does not know. They change nothing: what needs
+/// one is an error at its own place. Directives come ahead of all declarations.
+fn drop_requirements(tokens: &[Token<'_>], edits: &mut Edits) {
     let known = wgsl::ImplementedLanguageExtension::all();
-    let is_known = |name: &str| known.iter().any(|k| k.to_ident() == name);
-    let mut out = Cow::Borrowed(text);
-    for (at, _) in text.match_indices("requires") {
-        let before = text[..at].trim_end();
-        let Some(length) = text[at..].find(';') else {
-            continue;
-        };
-        let names = text[at + "requires".len()..at + length].trim();
-        let mut words = names.split(',').map(str::trim);
-        let is_word = |c: char| c.is_alphanumeric() || c == '_';
-        let is_list = words
-            .clone()
-            .all(|w| !w.is_empty() && w.chars().all(is_word));
-        let is_directive = before.is_empty() || before.ends_with(';') || before.ends_with('/');
-        let follows_line = text[before.len()..at].contains('\n');
-        if is_list && (is_directive || follows_line) && !words.all(is_known) {
-            out.to_mut()
-                .replace_range(at..=at + length, &" ".repeat(length + 1));
+    let is_known = |name: &Token<'_>| known.iter().any(|k| k.to_ident() == name.text);
+    let is_directive = |word: &str| matches!(word, "enable" | "requires" | "diagnostic");
+    let mut rest = tokens;
+    while let Some(first) = rest.first().filter(|t| is_directive(t.text))
+        && let Some(end) = rest.iter().position(|t| t.text == ";")
+    {
+        let mut names = rest[1..end].iter().filter(|t| t.kind == Kind::Word);
+        if first.text == "requires" && !names.all(is_known) {
+            edits.replace(first.at..rest[end].range().end, "");
+        }
+        rest = &rest[end + 1..];
+    }
+}
+
+/// Puts each condition of a `const_assert` in parentheses: naga takes a first one to be around the
+/// whole.
+fn enclose_assertions(tokens: &[Token<'_>], edits: &mut Edits) {
+    for (n, token) in tokens.iter().enumerate() {
+        let end = tokens[n..].iter().find(|t| t.text == ";");
+        if let ("const_assert", Some(end)) = (token.text, end) {
+            edits.replace(token.range(), "const_assert (");
+            edits.replace(end.range(), ");");
         }
     }
-    out
 }
 
 /// A text that naga reads, with the way back to the author's.
@@ -63,22 +66,23 @@ struct Prepared {
 
 /// Rewrites what naga lacks, until naga takes the text or rejects something else.
 fn prepared(author: &str) -> Prepared {
-    let author = without_requirements(author);
-    let author = subgroups::without(&author);
+    let author = subgroups::without(author);
+    let tokens = tokens::tokens(&author);
     let mut edits = Edits::default();
-    if author.contains("@diagnostic") {
-        diagnostics::lift(&author, &tokens::tokens(&author), &mut edits);
-    }
+    drop_requirements(&tokens, &mut edits);
+    enclose_assertions(&tokens, &mut edits);
+    diagnostics::lift(&author, &tokens, &mut edits);
     let mut text = edits.applied(&author);
     let mut module = wgsl::parse_str(&text);
     for _ in 0..MOST_REWRITTEN {
-        let Err(error) = &module else {
+        let Some(replaced) = replacement(&text, &module) else {
             break;
         };
-        let Some((part, by)) = replacement(&text, error) else {
-            break;
-        };
-        edits.replace(edits.back(part), by);
+        let replaced = replaced.into_iter();
+        let replaced: Vec<_> = replaced.map(|(part, by)| (edits.back(part), by)).collect();
+        for (part, by) in replaced {
+            edits.replace(part, by);
+        }
         text = edits.applied(&author);
         module = wgsl::parse_str(&text);
     }
@@ -91,13 +95,17 @@ fn prepared(author: &str) -> Prepared {
 }
 
 /// What to write, and where, instead of what naga rejects. `None` if the author is to blame.
-fn replacement(text: &str, error: &ParseError) -> Option<(std::ops::Range<usize>, String)> {
-    let (span, _) = error.labels().next()?;
+fn replacement(text: &str, parsed: &Result<Module, ParseError>) -> Option<Replaced> {
+    let (span, message) = match parsed {
+        Ok(module) => (constants::unsettled(module)?, None),
+        Err(error) => (error.labels().next()?.0, Some(error.message())),
+    };
     let part = span.to_range()?;
-    if constants::is_lacking(error.message()) {
-        return constants::value(text, part);
+    if message.is_none_or(constants::is_lacking) {
+        return constants::value(text, part).map(|found| vec![found]);
     }
-    swizzles::is_rejected(error.message())
+    message
+        .is_some_and(swizzles::is_rejected)
         .then(|| swizzles::apart(text, part))
         .flatten()
 }

@@ -13,19 +13,25 @@ pub(crate) enum TokenKind {
     Mark,
 }
 
-/// The text with blanks in place of comments, as long as before.
+/// The text with blanks in place of comments, as long as before and with the same lines.
 pub(crate) fn without_comments(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut rest = text;
-    while let Some(at) = rest.find("//").into_iter().chain(rest.find("/*")).min() {
-        let end = match rest[at..].starts_with("//") {
-            true => rest[at..].find('\n'),
-            false => rest[at..].find("*/").map(|end| end + 2),
+    while let Some(at) = rest.find('/') {
+        let inside = &rest[at + 1..];
+        let length = match inside.as_bytes().first() {
+            Some(b'/') => inside.find('\n').unwrap_or(inside.len()),
+            Some(b'*') => inside[1..].find("*/").map_or(inside.len(), |n| n + 3),
+            _ => 0,
         };
-        let end = end.map_or(rest.len(), |end| at + end);
-        out.push_str(&rest[..at]);
-        out.extend(std::iter::repeat_n(' ', end - at));
-        rest = &rest[end..];
+        let is_comment = length > 0;
+        out.push_str(&rest[..at + usize::from(!is_comment)]);
+        let (comment, behind) = rest[at..].split_at(1 + length);
+        if is_comment {
+            let blank = |b| if b == b'\n' { '\n' } else { ' ' };
+            out.extend(comment.bytes().map(blank));
+        }
+        rest = behind;
     }
     out + rest
 }

@@ -592,13 +592,6 @@ fn what_naga_lacks_has_a_remedy() {
             "",
         ),
         (
-            "return vec4f(mix(1.0, vec2(1.0).y, 1.0));",
-            "",
-            "as in `1.0f`",
-            "return vec4f(mix(1.0f, vec2(1.0f).y, 1.0f));",
-            "",
-        ),
-        (
             "return f(&s);",
             &pointer,
             "pass the value",

@@ -173,6 +173,16 @@ pub const CASES: &[Case] = &[
         "switch a { case 1: @diagnostic(off, derivative_uniformity) { x = dpdx(y); } default: {} }",
     ),
     taken("f.xy = w; f.zyx += vec3f(1.0, 2.0, x); w.yx = w;"),
+    taken("var t = array<vec4f, 2>(f, f); t[a & 1].yz += w; x += t[0].y;"),
+    taken(
+        "x = smoothstep(0, 4, 1) + y; x *= mix(0, 3, 0.5); x += transpose(mat2x2(1, 2, 3, 4))[0].y;",
+    ),
+    taken("const k = 3; { const k = 5.0; x = mix(0.0, k, 0.5); }"),
+    taken("const z = frexp(3.0).exp; x = f32(z); const s = modf(2.5).fract; y += s;"),
+    taken("const_assert 1 + 1 == 2; const_assert (1 + 1) == 2; const_assert(3 > 2);"),
+    declared("const_assert mix(0.0, 1.0, 0.5) == 0.5; const_assert (2 + 1) * 2 == 6;"),
+    refused("const_assert (1 + 1) == 3;", "const_assert"),
+    refused("let k = x; const z = mix(0.0, k, 0.5); x = z;", ""),
     refused("f.xx = w;", "invalid left-hand side"),
     refused("const z = mix(x, 1.0, 0.5); x = z;", ""),
 ];

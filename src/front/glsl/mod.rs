@@ -58,6 +58,7 @@ use super::{
     ClipSpace, Options, absent, beyond_wgsl, binding_arrays, killed_loops,
     lengths as length_constants, map_spans, wrapped_main,
 };
+use crate::wgsl::text::without_comments;
 
 /// One stage's text.
 pub(super) struct Text<'a> {
@@ -484,7 +485,8 @@ fn finish(module: &mut Module, stage: ShaderStage) {
 /// Whether the file holds both stages, separated by `#pragma stage vertex` and `#pragma stage
 /// fragment` (RetroArch).
 pub(super) fn has_stages(text: &str) -> bool {
-    text.lines()
+    without_comments(text)
+        .lines()
         .any(|l| stage_pragma(l) == Some(Some(ShaderStage::Vertex)))
 }
 
@@ -506,8 +508,9 @@ fn stage_pragma(line: &str) -> Option<Option<ShaderStage>> {
 pub(super) fn stage_of(text: &str, stage: ShaderStage) -> String {
     let mut out = String::with_capacity(text.len());
     let mut ours = true;
-    for line in text.split_inclusive('\n') {
-        let pragma = stage_pragma(line);
+    let told = without_comments(text);
+    for (line, told) in text.split_inclusive('\n').zip(told.split_inclusive('\n')) {
+        let pragma = stage_pragma(told);
         if let Some(of) = pragma {
             ours = of == Some(stage);
         }

@@ -5,6 +5,8 @@ use std::path::Path;
 
 use glsl_lang::lexer::Token;
 
+use crate::wgsl::text::without_comments;
+
 const BLOCKS: &str = "GL_ARB_shader_storage_buffer_object";
 const IMAGES: &str = "GL_ARB_shader_image_load_store";
 
@@ -20,6 +22,7 @@ impl Dialect {
     /// Reads `#version`. Without one, WebGL assumes GLSL ES 1.00 and OpenGL GLSL 1.10; both are
     /// read alike.
     pub(super) fn of(text: &str, path: &Path) -> Self {
+        let text = without_comments(text);
         let line = text
             .lines()
             .map(str::trim)

@@ -4,8 +4,9 @@
 use std::collections::BTreeMap;
 use std::ops::Range;
 
-use naga::{Expression, Statement, TypeInner};
+use naga::{Expression, Literal, Module, Span, Statement, TypeInner};
 use preshade_passes::evaluate::{self, Environment, Scalar, Value};
+use preshade_passes::graph::operands;
 
 use super::tokens::{Kind, Token, tokens};
 
@@ -28,7 +29,42 @@ const NAME: &str = "preshade_value";
 /// value as text of the same type.
 pub(super) fn value(text: &str, part: Range<usize>) -> Option<(Range<usize>, String)> {
     let part = part.start..end_of_call(text, part.end);
-    Some((part.clone(), of_whole(text, part)?))
+    let member = || {
+        // Of a struct, which no literal expresses.
+        let behind = tokens(&text[part.end..]);
+        let (dot, name) = (behind.first()?, behind.get(1)?);
+        (dot.text == ".").then(|| part.start..part.end + name.range().end)
+    };
+    let parts = [Some(part.clone()), member()].into_iter().flatten();
+    let mut values = parts.filter_map(|part| Some((part.clone(), of_whole(text, part)?)));
+    values.next()
+}
+
+/// A call of a built-in function that naga has left with abstract numbers: it takes the text, but no
+/// validator takes the module.
+pub(super) fn unsettled(module: &Module) -> Option<Span> {
+    let functions = module.functions.iter().map(|(_, f)| f);
+    let mut functions = functions.chain(module.entry_points.iter().map(|e| &e.function));
+    functions.find_map(|function| {
+        let mut is_abstract = Vec::with_capacity(function.expressions.len());
+        for (e, expression) in function.expressions.iter() {
+            let operands = operands::of_expression(expression);
+            let of_abstract = operands.iter().any(|o| is_abstract[o.index()]);
+            match expression {
+                Expression::Literal(Literal::AbstractInt(_) | Literal::AbstractFloat(_)) => {
+                    is_abstract.push(true);
+                }
+                Expression::Compose { .. } | Expression::Splat { .. } => {
+                    is_abstract.push(of_abstract);
+                }
+                Expression::Math { .. } if of_abstract => {
+                    return Some(function.expressions.get_span(e));
+                }
+                _ => is_abstract.push(false),
+            }
+        }
+        None
+    })
 }
 
 /// Where the arguments end that follow a name, or the end of the name.
@@ -57,9 +93,12 @@ fn of_whole(text: &str, part: Range<usize>) -> Option<String> {
     if let Some(formula) = parts.as_ref().and_then(|(name, of)| formula(name, of)) {
         return Some(formula);
     }
-    let declared = needed(text, &tokens(text), part);
-    let body =
-        |lets: &str, call: &str| format!("{declared}fn {NAME}() {{ {lets}let {NAME} = {call}; }}");
+    let member = &call[call.rfind(')').map_or(call.len(), |n| n + 1)..];
+    let [declared, locals] = needed(text, &tokens(text), part)?;
+    let blocks = "}".repeat(locals.matches('{').count());
+    let body = |lets: &str, call: &str| {
+        format!("{declared}fn {NAME}() {{ {locals}{lets}let {NAME} = {call}; {blocks} }}")
+    };
     evaluated(&body("", call)).or_else(|| {
         // A `let` makes abstract numbers concrete.
         let (name, of) = parts?;
@@ -68,7 +107,8 @@ fn of_whole(text: &str, part: Range<usize>) -> Option<String> {
             .map(|(n, a)| format!("let {NAME}{n} = {a}; "))
             .collect();
         let names: Vec<String> = (0..of.len()).map(|n| format!("{NAME}{n}")).collect();
-        evaluated(&body(&lets, &format!("{name}({})", names.join(", "))))
+        let call = format!("{name}({}){member}", names.join(", "));
+        evaluated(&body(&lets, &call))
     })
 }
 
@@ -132,7 +172,8 @@ fn formula(name: &str, arguments: &[&str]) -> Option<String> {
     match (name, arguments) {
         ("mix", [a, b, c]) => Some(format!("(({a}) * (1.0 - ({c})) + ({b}) * ({c}))")),
         ("smoothstep", [low, high, x]) => {
-            let t = format!("saturate((({x}) - ({low})) / (({high}) - ({low})))");
+            // The factor makes integers floats, whose division does not round.
+            let t = format!("saturate((({x}) - ({low})) * 1.0 / (({high}) - ({low})))");
             Some(format!("({t} * {t} * (3.0 - 2.0 * {t}))"))
         }
         ("reflect", [a, b]) => Some(format!("(({a}) - 2.0 * dot({b}, {a}) * ({b}))")),
@@ -140,12 +181,18 @@ fn formula(name: &str, arguments: &[&str]) -> Option<String> {
     }
 }
 
-/// The directives and the declarations that a part of the text needs: constants and types.
-fn needed(text: &str, tokens: &[Token<'_>], part: Range<usize>) -> String {
+/// A name that is declared in a function, and the declaration of a constant. `None` for what is
+/// known at run time only.
+type Local<'t> = (&'t str, Option<Range<usize>>);
+
+/// What a part of the text needs: directives and declarations of the module, and constants of its
+/// function, each in a block of its own. `None` if it needs a variable.
+fn needed(text: &str, tokens: &[Token<'_>], part: Range<usize>) -> Option<[String; 2]> {
     let mut declared: BTreeMap<&str, Range<usize>> = BTreeMap::new();
     let mut out = String::new();
-    // Of each open block around the part, the constants so far.
-    let mut blocks: Vec<Vec<(&str, Range<usize>)>> = Vec::new();
+    // Of each open block around the part, the names so far.
+    let mut blocks: Vec<Vec<Local<'_>>> = Vec::new();
+    let mut parameters = Vec::new();
     let mut locals = Vec::new();
     for (n, token) in tokens.iter().enumerate() {
         if token.at >= part.start && locals.is_empty() {
@@ -157,32 +204,45 @@ fn needed(text: &str, tokens: &[Token<'_>], part: Range<usize>) -> String {
         };
         let name = tokens.get(n + 1).map_or("", |t| t.text);
         match (token.text, blocks.last_mut()) {
-            ("{", _) => blocks.push(Vec::new()),
+            ("{", _) => blocks.push(std::mem::take(&mut parameters)),
             ("}", _) => drop(blocks.pop()),
-            ("const", Some(block)) => block.extend(ends(";").map(|r| (name, r))),
+            ("const", Some(block)) => block.extend(ends(";").map(|r| (name, Some(r)))),
+            ("let" | "var", Some(block)) => block.push((name, None)),
             ("const" | "alias", None) => declared.extend(ends(";").map(|r| (name, r))),
             ("struct", None) => declared.extend(ends("}").map(|r| (name, r))),
             ("enable", None) => out.extend(ends(";").map(|r| &text[r])),
+            ("fn", None) => parameters.clear(),
+            (word, None) if name == ":" => parameters.push((word, None)),
             _ => {}
         }
     }
-    declared.extend(locals);
-    let mut open = vec![part];
+    let is_local = |range: &Range<usize>| locals.iter().any(|(_, r)| r.as_ref() == Some(range));
+    let mut open = vec![(part, true)];
     let mut used: BTreeMap<usize, Range<usize>> = BTreeMap::new();
-    while let Some(part) = open.pop() {
+    while let Some((part, is_inside)) = open.pop() {
         let from = tokens.partition_point(|t| t.at < part.start);
-        let inside = tokens[from..].iter().take_while(|t| t.at < part.end);
-        for range in inside.filter_map(|t| declared.get(t.text)) {
-            if used.insert(range.start, range.clone()).is_none() {
-                open.push(range.clone());
-            }
+        for token in tokens[from..].iter().take_while(|t| t.at < part.end) {
+            // The innermost that is declared ahead.
+            let is_ahead = |(name, range): &&Local<'_>| {
+                *name == token.text && range.as_ref().is_none_or(|r| r.end <= part.start)
+            };
+            let local = locals.iter().rfind(is_ahead).filter(|_| is_inside);
+            let range = match local {
+                Some((_, range)) => Some(range.as_ref()?),
+                None => declared.get(token.text),
+            };
+            let new = range.filter(|r| used.insert(r.start, (*r).clone()).is_none());
+            open.extend(new.map(|r| (r.clone(), is_local(r))));
         }
     }
+    let mut inside = String::new();
     for range in used.into_values() {
-        out.push_str(&text[range]);
-        out.push('\n');
+        match is_local(&range) {
+            true => inside.push_str(&format!("{} {{ ", &text[range])),
+            false => out.push_str(&format!("{}\n", &text[range])),
+        }
     }
-    out
+    Some([out, inside])
 }
 
 /// A value as WGSL. `None` for what no literal expresses.

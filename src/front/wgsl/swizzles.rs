@@ -2,16 +2,19 @@
 
 use std::ops::Range;
 
-use super::tokens::{Kind, tokens};
+use super::tokens::{Token, tokens};
 
 /// Whether naga's message is about such an assignment, among others.
 pub(super) fn is_rejected(message: &str) -> bool {
     message.contains("invalid left-hand side of assignment")
 }
 
+/// Replacements of parts of a text.
+pub(super) type Replaced = Vec<(Range<usize>, String)>;
+
 /// The statement that assigns to `target`, and a block that assigns to one component after the
-/// other.
-pub(super) fn apart(text: &str, target: Range<usize>) -> Option<(Range<usize>, String)> {
+/// other. In the head of a `for`, which holds no block, a loop that holds the statement.
+pub(super) fn apart(text: &str, target: Range<usize>) -> Option<Replaced> {
     let written = text.get(target.clone())?;
     let (whole, names) = written.rsplit_once('.')?;
     let (whole, names) = (whole.trim_end(), names.trim());
@@ -20,24 +23,92 @@ pub(super) fn apart(text: &str, target: Range<usize>) -> Option<(Range<usize>, S
     if !(is_set("xyzw") || is_set("rgba")) || names.len() < 2 || names.chars().any(is_twice) {
         return None;
     }
-    // What a call returns is evaluated once.
-    let of = tokens(whole);
-    let calls =
-        |pair: &[super::tokens::Token<'_>]| pair[0].kind == Kind::Word && pair[1].text == "(";
-    if of.windows(2).any(calls) {
-        return None;
+    let tokens = tokens(text);
+    if let Some(at) = head_around(&tokens, target.start) {
+        return without_head(text, &tokens[at..]);
     }
-    let behind = tokens(&text[target.end..]);
-    let end = target.end + behind.iter().find(|t| t.text == ";")?.at;
-    let first = behind.first()?;
-    if !first.text.ends_with('=') {
+    let behind = &tokens[tokens.partition_point(|t| t.at < target.end)..];
+    let end = behind.iter().find(|t| t.text == ";")?.at;
+    if !behind.first()?.text.ends_with('=') {
         return None;
     }
     let rest = &text[target.end..end];
-    let mut block = format!("{{ var preshade_part = {whole}.{names}; preshade_part {rest};");
+    // An index is evaluated once, ahead of the value.
+    let (at, whole) = match whole.contains('[') {
+        true => (
+            format!("let preshade_at = &({whole}); "),
+            "(*preshade_at)".to_owned(),
+        ),
+        false => (String::new(), whole.to_owned()),
+    };
+    let mut block = format!("{{ {at}var preshade_part = {whole}.{names}; preshade_part {rest};");
     for (from, to) in ["x", "y", "z", "w"].iter().zip(names.chars()) {
         block.push_str(&format!(" {whole}.{to} = preshade_part.{from};"));
     }
     block.push_str(" }");
-    Some((target.start..end + 1, block))
+    Some(vec![(target.start..end + 1, block)])
+}
+
+/// The `for` whose head is around a place.
+fn head_around(tokens: &[Token<'_>], place: usize) -> Option<usize> {
+    let mut depth = 0_usize;
+    for n in (0..tokens.partition_point(|t| t.at < place)).rev() {
+        match tokens[n].text {
+            ")" => depth += 1,
+            "(" if depth == 0 => return n.checked_sub(1).filter(|n| tokens[*n].text == "for"),
+            "(" => depth -= 1,
+            "{" | "}" => return None,
+            _ => {}
+        }
+    }
+    None
+}
+
+/// The `for` that tokens begin with, as a `loop` (WGSL 9.4.4).
+fn without_head(text: &str, tokens: &[Token<'_>]) -> Option<Replaced> {
+    let close = end_of(tokens, 1, ("(", ")"))?;
+    let mut ends = vec![1];
+    let mut depth = 0_usize;
+    for (n, token) in tokens[..close].iter().enumerate() {
+        match token.text {
+            "(" => depth += 1,
+            ")" => depth -= 1,
+            ";" if depth == 1 => ends.push(n),
+            _ => {}
+        }
+    }
+    ends.push(close);
+    let parts = ends.windows(2);
+    let parts = parts.map(|p| text[tokens[p[0]].range().end..tokens[p[1]].at].trim());
+    let [first, condition, next] = parts.collect::<Vec<_>>().try_into().ok()?;
+    let statement = |part: &str| match part.is_empty() {
+        true => String::new(),
+        false => format!("{part}; "),
+    };
+    let leave = match condition.is_empty() {
+        true => String::new(),
+        false => format!("if !({condition}) {{ break; }} "),
+    };
+    let body = end_of(tokens, close + 1, ("{", "}"))?;
+    let head = tokens[0].at..tokens[close].range().end;
+    Some(vec![
+        (head, format!("{{ {}loop {{ {leave}", statement(first))),
+        (
+            tokens[body].range(),
+            format!("}} continuing {{ {}}} }} }}", statement(next)),
+        ),
+    ])
+}
+
+/// The bracket that closes the one at `open`.
+fn end_of(tokens: &[Token<'_>], open: usize, of: (&str, &str)) -> Option<usize> {
+    let mut depth = 0_usize;
+    for (n, token) in tokens.iter().enumerate().skip(open) {
+        depth += usize::from(token.text == of.0);
+        depth = depth.checked_sub(usize::from(token.text == of.1))?;
+        if depth == 0 {
+            return (n > open).then_some(n);
+        }
+    }
+    None
 }
