@@ -14,7 +14,7 @@ use naga::{
 use preshade_passes::evaluate::overrides::overrides_of;
 use preshade_passes::graph::operands;
 use preshade_passes::plan::Plan;
-use preshade_passes::program::{Invalid, Program};
+use preshade_passes::program::{Invalid, Language, Program};
 use preshade_passes::rebuild::copy::{CopyFunction, Copying};
 use preshade_passes::rebuild::variable::private;
 use preshade_passes::rebuild::writer::FunctionWriter;
@@ -22,6 +22,7 @@ use preshade_passes::reflect;
 
 use super::plan_json::{SpecConstant, StageFile};
 use super::{EmitError, Target, reduce};
+use crate::wgsl::constants;
 
 /// A module without overrides.
 pub(super) struct Settled {
@@ -49,10 +50,23 @@ fn settle_with(
     file: &str,
     target: Target,
 ) -> Result<Option<Settled>, EmitError> {
-    let module = program.module();
-    if module.overrides.is_empty() {
+    if program.module().overrides.is_empty() {
         return Ok(None);
     }
+    let invalid = |invalid: Box<Invalid>| EmitError::Writer {
+        file: file.to_owned(),
+        target,
+        message: invalid.to_string(),
+    };
+    // naga evaluates what depends on overrides alone, and refuses a value that is infinite.
+    let hidden = match program.language() {
+        Language::Wgsl => None,
+        Language::Glsl | Language::SpirV => constants::hide(program),
+    };
+    let hidden = hidden.map(|module| program.with_module(module));
+    let hidden = hidden.transpose().map_err(invalid)?;
+    let program = hidden.as_ref().unwrap_or(program);
+    let module = program.module();
     match process_overrides(module, program.info(), Some(entry), values) {
         Ok((module, info)) => Ok(Some(Settled {
             module: module.into_owned(),

@@ -2,6 +2,9 @@
 //! (WGSL 16.1): a constant that is infinite, a shift by 32, `clamp` with its bounds turned. In GLSL,
 //! in SPIR-V and at run time these are values.
 //!
+//! The same holds for what WGSL evaluates when a pipeline is made: an override, whose value is not
+//! known here. An author of WGSL knows that.
+//!
 //! naga folds what it can, so few operations on constants are left. One that WGSL may refuse gets one
 //! operand from a variable: `var constant = 0.8; .. clamp(x, constant, 0.2)`.
 
@@ -14,7 +17,7 @@ use naga::{
     Module, Range, ScalarKind, Span, Type, TypeInner, UniqueArena,
 };
 use preshade_passes::graph::operands;
-use preshade_passes::program::Program;
+use preshade_passes::program::{Language, Program};
 use preshade_passes::rebuild::copy::{Copies, CopyFunction, Copying};
 use preshade_passes::rebuild::writer::FunctionWriter;
 
@@ -27,7 +30,7 @@ pub(crate) fn hide(program: &Program) -> Option<Module> {
     let entries = entries.map(|(i, e)| (None, &e.function, info.get_entry_point(i)));
     let found = functions
         .chain(entries)
-        .map(|(_, f, info)| operands_to_hide(module, f, info));
+        .map(|(_, f, info)| operands_to_hide(program, f, info));
     let found: Vec<HashMap<_, _>> = found.collect();
     if found.iter().all(HashMap::is_empty) {
         return None;
@@ -47,12 +50,13 @@ pub(crate) fn hide(program: &Program) -> Option<Module> {
 
 /// The expressions that WGSL may refuse, and the operand of each that makes it evaluate them later.
 fn operands_to_hide(
-    module: &Module,
+    program: &Program,
     function: &Function,
     info: &FunctionInfo,
 ) -> HashMap<Handle<Expression>, Handle<Expression>> {
     let mut constants = Constants {
-        module,
+        module: program.module(),
+        are_overrides: program.language() != Language::Wgsl,
         function,
         info,
         is_constant: Vec::with_capacity(function.expressions.len()),
@@ -71,9 +75,11 @@ fn operands_to_hide(
     found
 }
 
-/// Which expressions of a function WGSL evaluates when it is compiled.
+/// Which expressions of a function WGSL evaluates when it is compiled, or a pipeline is made.
 struct Constants<'a> {
     module: &'a Module,
+    /// Whether overrides are among them.
+    are_overrides: bool,
     function: &'a Function,
     info: &'a FunctionInfo,
     is_constant: Vec<bool>,
@@ -87,6 +93,7 @@ impl Constants<'_> {
     fn is_constant_of(&self, expression: &Expression) -> bool {
         match expression {
             Expression::Literal(_) | Expression::Constant(_) | Expression::ZeroValue(_) => true,
+            Expression::Override(_) => self.are_overrides,
             Expression::Compose { .. }
             | Expression::Splat { .. }
             | Expression::Swizzle { .. }

@@ -1,7 +1,7 @@
 //! Writes a module as readable WGSL that naga and Tint accept, and checks the text by parsing it
 //! again.
 
-mod constants;
+pub(crate) mod constants;
 pub(crate) mod deep_expressions;
 pub(crate) mod fingerprint;
 mod initialisers;

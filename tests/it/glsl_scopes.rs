@@ -24,7 +24,7 @@ fn parsed(vertex: &str, fragment: &str) -> Result<Plan, front::Error> {
 
 /// Each has declarations and the body of `main`, or a whole text that begins with `#version`.
 fn mean_the_same(pairs: &[[&str; 2]]) {
-    let whole = |text: &str| match text.starts_with("#version") {
+    let whole = |text: &str| match text.contains("#version") {
         true => text.to_owned(),
         false => {
             let (declared, body) = text.split_once("main:").unwrap();
@@ -211,6 +211,72 @@ fn a_varying_that_is_hidden_is_not_read() {
         let error = parsed(vertex, &fragment(declared, body)).unwrap_err();
         assert_eq!(error.code(), Code::Interface, "{body}");
     }
+}
+
+/// A switch is a scope of GLSL and none of naga's.
+#[test]
+fn what_a_switch_declares_ends_with_it() {
+    mean_the_same(&[
+        [
+            "main: switch (int(uv.x * 3.0)) { case 0: float t = 1.0; r += t; break; default: r += uv.y; } float t = 2.0; r += t;",
+            "main: if (int(uv.x * 3.0) == 0) r += 1.0; else r += uv.y; r += 2.0;",
+        ],
+        [
+            "float t = 5.0; const float k = 0.25; main: switch (int(uv.x * 3.0)) { case 0: float t = 1.0; const float k = 2.0; r += t * k; break; default: r += uv.y; } r += t + k;",
+            "main: if (int(uv.x * 3.0) == 0) r += 2.0; else r += uv.y; r += 5.25;",
+        ],
+        [
+            "float f(float gain) { float s = 0.0; switch (int(uv.x * 3.0)) { case 0: float gain = 10.0; s += gain; break; default: s += 1.0; } return s + gain; } main: r = f(2.0);",
+            "main: r = (int(uv.x * 3.0) == 0 ? 10.0 : 1.0) + 2.0;",
+        ],
+        [
+            "main: float w = 1.0; switch (int(uv.x * 3.0)) { case 0: float w = 3.0; case 1: w = uv.y; { float w = 9.0; switch (1) { case 1: float w = 4.0; r += w; } r += w; } r += w; break; default: break; } r += w; do { float w = 3.0; r += w; } while (w < 0.5); for (float w = 0.0, e = 2.0; w < e; w += 1.0) r += w; r += w;",
+            "main: int i = int(uv.x * 3.0); if (i == 0 || i == 1) r += 13.0 + uv.y; r += 1.0; r += 3.0; r += 1.0; r += 1.0;",
+        ],
+        [
+            "main: const int n = 2; switch (int(uv.x * 3.0)) { case 0: const int n = 3; float a[n]; a[n - 1] = uv.y; r = a[2]; break; case n: r = 7.0; } float b[n]; b[1] = 1.0; r += b[1];",
+            "main: int i = int(uv.x * 3.0); r = i == 0 ? uv.y : i == 3 ? 7.0 : 0.0; r += 1.0;",
+        ],
+    ]);
+}
+
+/// glslang and Mesa read the target of `+=` behind the value.
+#[test]
+fn a_compound_assignment_reads_its_target_last() {
+    const DECLARED: &str = "float acc = 1.0; float next() { acc *= 3.0; return acc + uv.x; } float grow(inout float x) { x *= 2.0; return 1.0; } main: ";
+    mean_the_same(
+        &[
+            ["acc += next(); r = acc;", "r = 3.0 + (3.0 + uv.x);"],
+            ["float y = uv.y; y -= grow(y); r = y;", "r = uv.y * 2.0 - 1.0;"],
+            ["float z = uv.y; z = z - grow(z); r = z;", "r = uv.y - 1.0;"],
+            ["int i = 2; i *= (i = 5); r = float(i);", "r = 25.0;"],
+            ["int i = 2; i += i++; r = float(i);", "r = 5.0;"],
+            ["vec2 v = uv; v.y += grow(v.y); r = v.y;", "r = uv.y * 2.0 + 1.0;"],
+            ["vec2 v = uv; v.yx += vec2(grow(v.y), v.x = 4.0); r = v.y + v.x;", "r = uv.y * 2.0 + 1.0 + 8.0;"],
+            ["float a[2]; a[0] = uv.x; a[1] = uv.y; int i = 0; a[i] += float(i = 1); r = a[0] - a[1];", "r = uv.x + 1.0 - uv.y;"],
+            ["float a[2]; a[0] = uv.x; a[1] = uv.y; int i = 0; a[i++] += float(i); r = a[0] - a[1];", "r = uv.x + 1.0 - uv.y;"],
+            ["float x = 1.0, y = 2.0; x += y += x *= 3.0; r = x * 10.0 + y;", "r = 85.0;"],
+            ["mat2 m = mat2(uv, uv); m[1] *= (m[1].x = 2.0); r = m[1].x + m[1].y + m[0].x;", "r = 4.0 + uv.y * 2.0 + uv.x;"],
+        ]
+        .map(|[text, plain]| {
+            [text, plain].map(|body| -> &str { format!("{DECLARED}{body}").leak() })
+        }),
+    );
+}
+
+/// A directive in a comment is none.
+#[test]
+fn a_version_in_a_comment_is_none() {
+    mean_the_same(&[
+        [
+            "#version 430\n/*\n#version 100\n#pragma stage vertex\n*/\nin vec2 uv; out vec4 c;\nvoid main() { c = vec4(uv, 0.0, 1.0); }",
+            "#version 430\nin vec2 uv; out vec4 c;\nvoid main() { c = vec4(uv, 0.0, 1.0); }",
+        ],
+        [
+            "/*\n#version 100\n*/\n#version 430\nin vec2 uv; out vec4 c;\nvoid main() { c = vec4(uv, 0.0, 1.0); }",
+            "#version 430\nin vec2 uv; out vec4 c;\nvoid main() { c = vec4(uv, 0.0, 1.0); }",
+        ],
+    ]);
 }
 
 #[test]

@@ -1179,7 +1179,10 @@ void main() {
     for gone in ["0.125", "3.0", "0.75"] {
         assert!(!text.contains(gone), "{gone}: {text}");
     }
-    assert!(text.contains("f(0.5)") && text.contains("int k;"), "{text}");
+    assert!(
+        text.contains("f(0.5)") && text.contains("int k_;"),
+        "{text}"
+    );
     let (code, told, line) = refused(
         "#version 330\nout vec4 c;\nvoid main() { c = vec4(1.0); return;\n c = vec2(1.0); }\n",
     );
@@ -1235,7 +1238,7 @@ void main() {
 ",
     );
     assert!(
-        text.contains("float j;") && !text.contains("next();"),
+        text.contains("float j_;") && !text.contains("next();"),
         "{text}"
     );
 }

@@ -349,6 +349,42 @@ layout(binding = 0) uniform W { vec4 weights[TWICE]; };",
     );
 }
 
+/// Where the author asks for the value first, a default that an operation does not take is no error:
+/// in no target, and not when a pipeline is made.
+#[test]
+fn a_specialisation_constant_may_have_a_default_that_a_guarded_operation_does_not_take() {
+    let text = fragment(
+        "layout(constant_id = 3) const int TAPS = 0;
+layout(constant_id = 4) const float RADIUS = 0.0;
+layout(constant_id = 5) const int BITS = 40;
+layout(binding = 0) uniform U { ivec4 K; };",
+        "c = vec4(uv, 0.0, 1.0);
+    if (TAPS > 0) { c.x = float(K.x / TAPS) + float(K.y % TAPS); }
+    if (RADIUS > 0.0) { c.y = 1.0 / RADIUS + log(RADIUS) + inversesqrt(RADIUS); }
+    if (BITS < 32) { c.z = float(K.y >> BITS) + float(1 << BITS) + float(bitfieldExtract(K.z, 0, BITS)); }
+    c.w = clamp(c.x, 1.0, RADIUS) + smoothstep(0.0, RADIUS, uv.x);",
+    );
+    let plan = plan(read(VERTEX, &text));
+    for target in [Target::Glsl450, Target::GlslVulkan, Target::Spirv] {
+        written(&plan, target);
+    }
+    let wgsl = written(&plan, Target::Wgsl);
+    let module = naga::front::wgsl::parse_str(&wgsl).unwrap();
+    let flags = naga::valid::ValidationFlags::all();
+    let info = naga::valid::Validator::new(flags, naga::valid::Capabilities::all());
+    let info = { info }.validate(&module).unwrap();
+    for (taps, radius, bits) in [(0.0, 0.0, 40.0), (3.0, 0.5, 4.0)] {
+        let values = [("3", taps), ("4", radius), ("5", bits)];
+        let values = values
+            .map(|(id, value)| (id.to_owned(), value))
+            .into_iter()
+            .collect();
+        let stage = Some((naga::ShaderStage::Fragment, "fragment_main"));
+        naga::back::pipeline_constants::process_overrides(&module, &info, stage, &values)
+            .unwrap_or_else(|e| panic!("{values:?}: {e}\n{wgsl}"));
+    }
+}
+
 /// The constants, array lengths, and where they are, of a module.
 fn spec_lengths(words: &[u8]) -> Vec<String> {
     use rspirv::dr::Operand;

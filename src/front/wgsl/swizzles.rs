@@ -15,24 +15,28 @@ pub(super) type Replaced = Vec<(Range<usize>, String)>;
 /// The statement that assigns to `target`, and a block that assigns to one component after the
 /// other. In the head of a `for`, which holds no block, a loop that holds the statement.
 pub(super) fn apart(text: &str, target: Range<usize>) -> Option<Replaced> {
-    let written = text.get(target.clone())?;
-    let (whole, names) = written.rsplit_once('.')?;
-    let (whole, names) = (whole.trim_end(), names.trim());
-    let is_set = |set: &str| names.chars().all(|c| set.contains(c));
-    let is_twice = |c: char| names.matches(c).count() > 1;
-    if !(is_set("xyzw") || is_set("rgba")) || names.len() < 2 || names.chars().any(is_twice) {
-        return None;
-    }
     let tokens = tokens(text);
     if let Some(at) = head_around(&tokens, target.start) {
         return without_head(text, &tokens[at..]);
     }
     let behind = &tokens[tokens.partition_point(|t| t.at < target.end)..];
     let end = behind.iter().find(|t| t.text == ";")?.at;
-    if !behind.first()?.text.ends_with('=') {
+    let block = by_component(text.get(target.clone())?, &text[target.end..end])?;
+    Some(vec![(target.start..end + 1, block)])
+}
+
+/// A block that assigns to one component after the other. `rest` begins with the operator.
+fn by_component(target: &str, rest: &str) -> Option<String> {
+    let (whole, names) = target.rsplit_once('.')?;
+    let (whole, names) = (whole.trim_end(), names.trim());
+    let is_set = |set: &str| names.chars().all(|c| set.contains(c));
+    let is_twice = |c: char| names.matches(c).count() > 1;
+    if !(is_set("xyzw") || is_set("rgba")) || names.len() < 2 || names.chars().any(is_twice) {
         return None;
     }
-    let rest = &text[target.end..end];
+    if !tokens(rest).first()?.text.ends_with('=') {
+        return None;
+    }
     // An index is evaluated once, ahead of the value.
     let (at, whole) = match whole.contains('[') {
         true => (
@@ -46,7 +50,7 @@ pub(super) fn apart(text: &str, target: Range<usize>) -> Option<Replaced> {
         block.push_str(&format!(" {whole}.{to} = preshade_part.{from};"));
     }
     block.push_str(" }");
-    Some(vec![(target.start..end + 1, block)])
+    Some(block)
 }
 
 /// The `for` whose head is around a place.
@@ -65,11 +69,11 @@ fn head_around(tokens: &[Token<'_>], place: usize) -> Option<usize> {
 }
 
 /// The `for` that tokens begin with, as a `loop` (WGSL 9.4.4).
-fn without_head(text: &str, tokens: &[Token<'_>]) -> Option<Replaced> {
-    let close = end_of(tokens, 1, ("(", ")"))?;
+fn without_head(text: &str, head: &[Token<'_>]) -> Option<Replaced> {
+    let close = end_of(head, 1, ("(", ")"))?;
     let mut ends = vec![1];
     let mut depth = 0_usize;
-    for (n, token) in tokens[..close].iter().enumerate() {
+    for (n, token) in head[..close].iter().enumerate() {
         match token.text {
             "(" => depth += 1,
             ")" => depth -= 1,
@@ -79,22 +83,28 @@ fn without_head(text: &str, tokens: &[Token<'_>]) -> Option<Replaced> {
     }
     ends.push(close);
     let parts = ends.windows(2);
-    let parts = parts.map(|p| text[tokens[p[0]].range().end..tokens[p[1]].at].trim());
+    let parts = parts.map(|p| text[head[p[0]].range().end..head[p[1]].at].trim());
     let [first, condition, next] = parts.collect::<Vec<_>>().try_into().ok()?;
+    // The first sign that assigns: declarations and calls have other targets.
+    let assigned = |part: &str| {
+        let all = tokens(part);
+        let sign = all.iter().find(|t| t.text.ends_with('='))?.at;
+        by_component(&part[..sign], &part[sign..])
+    };
     let statement = |part: &str| match part.is_empty() {
         true => String::new(),
-        false => format!("{part}; "),
+        false => assigned(part).unwrap_or_else(|| format!("{part};")) + " ",
     };
     let leave = match condition.is_empty() {
         true => String::new(),
         false => format!("if !({condition}) {{ break; }} "),
     };
-    let body = end_of(tokens, close + 1, ("{", "}"))?;
-    let head = tokens[0].at..tokens[close].range().end;
+    let body = end_of(head, close + 1, ("{", "}"))?;
+    let whole = head[0].at..head[close].range().end;
     Some(vec![
-        (head, format!("{{ {}loop {{ {leave}", statement(first))),
+        (whole, format!("{{ {}loop {{ {leave}", statement(first))),
         (
-            tokens[body].range(),
+            head[body].range(),
             format!("}} continuing {{ {}}} }} }}", statement(next)),
         ),
     ])

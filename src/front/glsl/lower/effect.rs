@@ -185,7 +185,7 @@ impl Lower<'_, '_> {
     }
 
     /// The same for the indices that `is_moving` selects.
-    fn settle_where(
+    pub(super) fn settle_where(
         &mut self,
         target: &Expr,
         is_moving: &dyn Fn(&Self, &Expr) -> bool,
@@ -229,6 +229,15 @@ impl Lower<'_, '_> {
         let found = Effects::within(e, &self.stage.signatures);
         let calls = found.images || found.calls.iter().any(|c| self.stage.writers.contains(c));
         (found.written, calls)
+    }
+
+    /// Whether evaluating `e` may write the target, or what its indices read.
+    pub(super) fn may_change(&self, e: &Expr, target: &Expr) -> bool {
+        let (written, calls) = self.effects(e);
+        let named = Effects::within(target, &self.stage.signatures).named;
+        named
+            .iter()
+            .any(|name| written.contains(name) || calls && !self.is_local(name))
     }
 
     /// The side effects of a call that writes the arguments in `outs`.

@@ -129,6 +129,9 @@ pub(super) struct Lower<'a, 'u> {
     /// A switch statement follows a jump: its declarations are visible in later cases, without an
     /// initial value.
     unreached: bool,
+    /// The number of scopes when the innermost switch began. naga has no scope for a switch, so that
+    /// what is declared directly in it needs a name of its own.
+    switch_scope: Option<usize>,
     /// User functions that the current function calls: name and index of the signature.
     calls: Vec<(String, usize)>,
     /// The current function's result type.
@@ -212,6 +215,7 @@ pub(super) fn lower(
         last_read: HashSet::new(),
         in_main: false,
         unreached: false,
+        switch_scope: None,
         calls: Vec::new(),
         result: Ty::Void,
         standins: BTreeMap::new(),

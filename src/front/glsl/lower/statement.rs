@@ -53,6 +53,7 @@ impl Lower<'_, '_> {
                 let mut out = self.line(&format!("{mark}switch ({}) {{", head.text));
                 self.scopes.push(Default::default());
                 let constants = self.stage.constants.clone();
+                let around_switch = self.switch_scope.replace(self.scopes.len());
                 self.indent += 1;
                 let mut reached = true;
                 for statement in &s.body {
@@ -70,6 +71,7 @@ impl Lower<'_, '_> {
                     reached &= !leaves(statement);
                 }
                 self.indent -= 1;
+                self.switch_scope = around_switch;
                 self.stage.constants = constants;
                 self.scopes.pop();
                 out + &self.line("}")
@@ -425,7 +427,8 @@ impl Lower<'_, '_> {
         };
         let known = init.filter(|_| constant).and_then(simple);
         constant::declare(&mut self.stage.constants, author, &ty, known, None);
-        let name = match self.in_main && self.last_read.contains(author) {
+        let is_of_switch = self.switch_scope == Some(self.scopes.len());
+        let name = match is_of_switch || self.in_main && self.last_read.contains(author) {
             true => self.fresh(author),
             false => self.safe(author),
         };

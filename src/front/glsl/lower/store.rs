@@ -9,7 +9,7 @@ use super::super::source_marks::unmarked;
 use super::super::stage::unsupported;
 use super::super::ty::{BlockEntry, Component, GlslMember, MemoryLayout, Struct, Ty};
 use super::Lower;
-use super::effect::after;
+use super::effect::{after, is_literal};
 use super::expression::{Ex, element, level, splat};
 use super::fold::Folds;
 use crate::front::error::{Code, Error};
@@ -421,11 +421,13 @@ impl Lower<'_, '_> {
     pub(super) fn assignment(&mut self, to: &Expr, word: &str, from: &Expr) -> Result<Ex, Error> {
         let place = self.place(to.span);
         self.check_written(to)?;
+        let is_changed = word != "=" && self.may_change(from, to);
         // naga reads and writes the target by separate evaluations.
         let once = word == "=" && (!self.has_effect(to) || self.look(to)?.is_plain);
-        let mut all = match once {
-            true => Vec::new(),
-            false => self.settle(to)?,
+        let mut all = match (once, is_changed) {
+            (true, _) => Vec::new(),
+            (false, false) => self.settle(to)?,
+            (false, true) => self.settle_where(to, &|_, index| !is_literal(index))?,
         };
         let target = self.raw(to)?;
         let plain = self.is_plain(&target);
@@ -449,6 +451,12 @@ impl Lower<'_, '_> {
             None => (None, from),
         };
         all.extend(hidden);
+        // The target is read when the value is known; naga reads it first.
+        let (first, from) = match is_changed && !matches!(from.ty, Ty::Unknown) {
+            true => self.hold(&from, of)?,
+            false => (None, from),
+        };
+        all.extend(first);
         if plain {
             let folds = match word {
                 "=" => from.folds.clone(),
