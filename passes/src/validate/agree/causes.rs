@@ -144,7 +144,7 @@ impl Two<'_> {
         let mut all = traces.iter().flatten();
         all.any(|traced| match traced.kind {
             // An integer is exact, however large.
-            "As" => any(&traced.value, &|x| is_huge(x) && !(x.abs() <= WIDEST)),
+            "As" => any(&traced.value, &|x| x.is_nan() || x.abs() > WIDEST),
             _ => any(&traced.value, &is_huge),
         })
     }
