@@ -85,7 +85,7 @@ pub fn resumed(
 
 fn measured(variant: usize, limits: &Limits) -> Result<Report, String> {
     let text = worker::run(variant, limits, worker::OF_A_VARIANT)?;
-    serde_json::from_str(&text).map_err(|e| format!("its report cannot be read: {e}"))
+    worker::printed(&text)
 }
 
 /// The variant of a recipe, beside the original. What its pictures leave untested becomes a part of

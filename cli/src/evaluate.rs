@@ -637,15 +637,14 @@ impl Runner<'_> {
         let found = match &ended.status {
             Err(why) => Err(why.replace("--limits seconds=N", "--seconds N")),
             Ok(status) if !matches!(status.code(), Some(0 | 1 | 3)) => Err(ended.why(*status)),
-            Ok(_) if task.job.variant == EVERY => {
-                read_found::<Exhaustive>(&ended.out).and_then(|found| {
-                    match found.adapter == adapter_id(adapter) {
-                        true => Ok(Found::Exhausted(Box::new(found))),
-                        false => Err("it ran on another adapter".to_owned()),
-                    }
-                })
+            Ok(_) if task.job.variant == EVERY => worker::printed::<Exhaustive>(&ended.out)
+                .and_then(|found| match found.adapter == adapter_id(adapter) {
+                    true => Ok(Found::Exhausted(Box::new(found))),
+                    false => Err("it ran on another adapter".to_owned()),
+                }),
+            Ok(_) => {
+                worker::printed::<Report>(&ended.out).and_then(|r| checked(r, task.job, adapter))
             }
-            Ok(_) => read_found::<Report>(&ended.out).and_then(|r| checked(r, task.job, adapter)),
         };
         Ok((run, found))
     }
@@ -676,10 +675,6 @@ impl Runner<'_> {
         command.args(&job.arguments).arg("--").args(&job.input);
         Ok(command)
     }
-}
-
-fn read_found<T: serde::de::DeserializeOwned>(json: &str) -> Result<T, String> {
-    serde_json::from_str(json).map_err(|e| format!("its report cannot be read: {e}"))
 }
 
 /// The report, without what differs from run to run.

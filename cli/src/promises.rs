@@ -146,11 +146,8 @@ pub fn run(args: &VerifyArgs, jobs: &[Job], given: &[Recipe]) -> Result<Ending, 
                 loop {
                     let index = next.fetch_add(1, Ordering::Relaxed);
                     let Some(job) = jobs.get(index) else { break };
-                    let found =
-                        worker::run(index + 1, &limits, worker::OF_AN_INPUT).and_then(|text| {
-                            serde_json::from_str::<Promises>(&text)
-                                .map_err(|e| format!("its report cannot be read: {e}"))
-                        });
+                    let found = worker::run(index + 1, &limits, worker::OF_AN_INPUT)
+                        .and_then(|text| worker::printed::<Promises>(&text));
                     results.add(
                         index,
                         found.unwrap_or_else(|why| Promises {

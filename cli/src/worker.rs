@@ -312,3 +312,15 @@ pub fn resident(process: u32) -> Option<u64> {
     let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
     Some(kib << 10)
 }
+
+/// What a process printed, or the error that it printed in place of it.
+///
+/// # Errors
+/// That error; what is no report.
+pub fn printed<T: serde::de::DeserializeOwned>(json: &str) -> Result<T, String> {
+    serde_json::from_str(json).map_err(|e| {
+        let value: serde_json::Value = serde_json::from_str(json).unwrap_or_default();
+        let error = value["errors"][0].as_str().map(str::to_owned);
+        error.unwrap_or_else(|| format!("its report cannot be read: {e}"))
+    })
+}

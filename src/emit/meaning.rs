@@ -163,7 +163,14 @@ impl Texts<'_> {
             Plan::original(&self.plan.material, program, &pass.vertex, fragment, &state)
         };
         let ours = original(self.program.clone());
-        let theirs = self.read(pass, texts)?.plan(&self.plan.material, &state);
+        let mut theirs = self.read(pass, texts)?.plan(&self.plan.material, &state);
+        // The text may have the fragment stage of another pass.
+        if fragment.is_none() {
+            theirs
+                .passes
+                .iter_mut()
+                .for_each(|pass| pass.fragment = None);
+        }
         let effort = &meaning.effort;
         let held = agree::agree(&ours, &theirs, Relation::Same.into(), effort);
         let agreement = held.map_err(|e| Failed::Uncompared(e.to_string().into()))?;

@@ -411,11 +411,29 @@ fn webgl_1_has_the_loops_of_its_appendix() {
     }
 }
 
+/// Passes share a text: one may have no fragment stage.
+#[test]
+fn a_pass_without_a_fragment_stage_means_the_same() {
+    let plan = material("", "return vec4(v.uv, u.f, 1.0);");
+    let recipe = Recipe::parse_list("depth-prepass:form=equal").unwrap();
+    let plan = recipe.apply(&plan, &Facts::without_ties()).unwrap();
+    assert!(plan.passes.iter().any(|pass| pass.fragment.is_none()));
+    for target in [
+        Target::Wgsl,
+        Target::Spirv,
+        Target::Glsl450,
+        Target::GlslVulkan,
+    ] {
+        emitted(&plan, target).unwrap_or_else(|e| panic!("{target}: {e}"));
+    }
+}
+
 /// Each fixture as written in every language, and one variant in one language.
 #[test]
 fn every_fixture_means_the_same_in_each_language() {
     let recipes = [
         "depth-prepass",
+        "depth-prepass:form=equal",
         "early-discard",
         "preamble",
         "hoist",

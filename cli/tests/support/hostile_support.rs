@@ -92,13 +92,13 @@ eye = [0, 0.3, 3]
 target = [0, 0, 0]
 "#;
 
-/// A loop that ends, after longer than any test waits. A software adapter lets all loops of a shader
+/// Loops that end by their bounds, after longer than any test waits. A software adapter lets all loops of a shader
 /// have 65,535 turns together, so that each turn takes long.
 pub fn slow() -> String {
     let turn = "n += sin(n + at.x);".repeat(256);
     format!(
         "var n = 0.0;
-    for (var i = 0; i < 2000000000; i++) {{ if at.x < 0.0 {{ break; }} {turn} }}
+    for (var i = 0; i < 200; i++) {{ for (var j = 0; j < 200; j++) {{ {turn} }} }}
     if n > 3.0 {{ return vec4(n); }}"
     )
 }
