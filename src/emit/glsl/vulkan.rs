@@ -31,7 +31,6 @@ impl Vulkan {
         declared.loose = None;
         declared.previous = None;
         declared.host = None;
-        declared.numbers.clear();
         // Nor does a host query locations by names.
         for attribute in &mut declared.attributes {
             attribute.chosen = Chosen::ByAuthor;
@@ -53,10 +52,12 @@ impl Vulkan {
         declared
             .uniforms
             .retain(|u| roots.contains(u.name.as_str()));
-        let program = program.clone().with_declared(declared);
-        let pairs = CombinedSamplers::of(plan, &program);
+        // The places come from the author's numbers, which the text must not have a second time.
+        let with_numbers = program.clone().with_declared(declared.clone());
+        let pairs = CombinedSamplers::of(plan, &with_numbers);
+        declared.numbers.clear();
         Self {
-            program,
+            program: program.clone().with_declared(declared),
             pairs,
             ids: SpecIds::of(plan),
         }
