@@ -208,7 +208,9 @@ fn cases_mean_the_same_as_their_texts() {
     assert!(found.is_empty(), "{}", found.join("\n"));
 }
 
-const CASES: [&str; 6] = [
+const CASES: [&str; 8] = [
+    "adv/glsl-switch-empty-case",
+    "adv/glsl-switch-empty-default",
     "glsl-out-phi-rotates",
     "spirv-outer-product",
     "spirv-return-without-outputs",

@@ -68,6 +68,34 @@ fn a_budget_sees_all_that_a_pass_writes() {
     }
 }
 
+/// The headline of a recipe for outputs is about them, and the folder has a picture of each.
+#[test]
+fn outputs_are_headlined_by_what_they_are_for() {
+    let folder = tempfile::tempdir().unwrap();
+    let output = command(&[
+        "verify",
+        "newcomer/outputs-headline.wgsl",
+        "--pass",
+        "outputs:write=velocity",
+        "--size",
+        "160x90",
+        "--time",
+        "no",
+        "--out",
+    ])
+    .arg(folder.path())
+    .output()
+    .unwrap();
+    let text = String::from_utf8_lossy(&output.stdout);
+    let headline = text.lines().next().unwrap_or_default();
+    assert!(
+        headline.contains("has velocities right to 0.0000 pixels"),
+        "{text}"
+    );
+    let picture = folder.path().join("outputs-write-velocity.velocity.png");
+    assert!(picture.exists(), "{}", said(&output));
+}
+
 /// `x / 0` is `x`, for the original as for the variant.
 #[test]
 fn divisors_of_zero_are_checked_as_in_browsers() {

@@ -169,7 +169,16 @@ fn flags_of_a_report_are_for_one_input() {
 }
 
 /// Inputs at the edge of what floats and viewports can do: variants, and what the report says.
-const EDGES: [(&str, &[&str], &[&str]); 6] = [
+const EDGES: [(&str, &[&str], &[&str]); 7] = [
+    (
+        "two-contracts.toml",
+        &[
+            "preamble",
+            "preamble:allow=rounding",
+            "preamble:allow=rounding,hoist:budget=0.02",
+        ],
+        &["within rounding"],
+    ),
     (
         "preamble-subnormal-uniform/scene.toml",
         &[
