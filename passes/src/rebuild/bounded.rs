@@ -2,7 +2,8 @@
 //!
 //! All loops that may not end count their turns together. When an invocation has taken
 //! [`MOST_TURNS`], they leave, and the copy writes the number of the first such loop to a buffer. The
-//! copy is drawn to see whether that happens, and never shipped.
+//! copy is drawn to see whether that happens, and never shipped. [`cut`] is for programs whose bindings are fixed: it
+//! writes nothing, and lets them turn much longer.
 
 use naga::{
     AddressSpace, AtomicFunction, BinaryOperator, Block, DerivativeAxis, DerivativeControl,
@@ -20,6 +21,9 @@ use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 /// Most turns that all loops of an invocation take together. llvmpipe leaves a loop by itself after
 /// 65,535.
 pub const MOST_TURNS: u32 = 1 << 15;
+
+/// Most turns of a [`cut`] program: far more than a page takes that a browser draws, and a second of a GPU.
+const MOST_TURNS_OF_CUT: u32 = 1 << 20;
 
 /// A bounded copy.
 #[derive(Clone, Debug)]
@@ -93,7 +97,8 @@ pub fn bounded(
     let graph = Graph::build(program);
     let original = program.module();
     let mut module = original.clone();
-    let globals = Globals::add(&mut module);
+    let counters = Counters::add(&mut module, MOST_TURNS);
+    let flag = Flag::add(&mut module);
     let (mut loops, mut reaching) = (Vec::new(), Vec::new());
     for f in graph.functions() {
         let open = open_loops(original, f, is_small);
@@ -102,11 +107,6 @@ pub fn bounded(
         }
         let number = first + loops.len() as u32;
         let numbered = open.iter().zip(number..).map(|(id, n)| (id.index(), n));
-        let mut rewriter = Rewriter {
-            globals: &globals,
-            open: numbered.collect(),
-            next: 0,
-        };
         for id in &open {
             let at = program.sources().locate(f.statements.get(*id).span);
             loops.push(at.map_or_else(
@@ -114,37 +114,111 @@ pub fn bounded(
                 |at| format!("the loop at line {} of `{}`", at.line, at.file),
             ));
         }
-        let function = match f.id {
-            FunctionId::Function(handle) => module.functions.get_mut(handle),
-            FunctionId::EntryPoint(i) => &mut module.entry_points[i].function,
-        };
-        rewriter.function(function);
+        Rewriter {
+            counters: &counters,
+            open: numbered.collect(),
+            next: 0,
+            keeps_discards: false,
+        }
+        .function(function_of(&mut module, f.id));
     }
     for i in 0..module.entry_points.len() {
         let entry = FunctionId::EntryPoint(i);
         if reaching.iter().any(|f| graph.reaches(entry, *f)) {
-            report(&mut module, i, &globals);
+            report(&mut module, i, &counters, flag.variable);
         }
     }
     Ok(Some(Bounded {
         program: program.with_module(module)?,
-        binding: globals.place,
+        binding: flag.place,
         loops,
     }))
 }
 
-/// The variables of a copy.
-struct Globals {
-    /// The turns of this invocation so far. More than [`MOST_TURNS`] once the fragment is discarded.
+/// A copy of a program in which every loop ends, without a binding of its own. `None`: every loop ends.
+///
+/// # Errors
+/// The copy does not validate: a loop around a barrier.
+pub fn cut(program: &Program) -> Result<Option<Program>, Box<Invalid>> {
+    if !is_open(program, &|_| false) {
+        return Ok(None);
+    }
+    let graph = Graph::build(program);
+    let original = program.module();
+    let mut module = original.clone();
+    let counters = Counters::add(&mut module, MOST_TURNS_OF_CUT);
+    for f in graph.functions() {
+        let open = open_loops(original, f, &|_| false);
+        Rewriter {
+            counters: &counters,
+            open: open.iter().map(|id| (id.index(), 1)).collect(),
+            next: 0,
+            keeps_discards: true,
+        }
+        .function(function_of(&mut module, f.id));
+    }
+    program.with_module(module).map(Some)
+}
+
+fn function_of(module: &mut Module, id: FunctionId) -> &mut Function {
+    match id {
+        FunctionId::Function(handle) => module.functions.get_mut(handle),
+        FunctionId::EntryPoint(i) => &mut module.entry_points[i].function,
+    }
+}
+
+/// A private variable, or one with a binding.
+fn variable(
+    module: &mut Module,
+    name: &str,
+    space: AddressSpace,
+    inner: TypeInner,
+    binding: Option<ResourceBinding>,
+) -> Handle<GlobalVariable> {
+    let ty = module
+        .types
+        .insert(Type { name: None, inner }, Span::UNDEFINED);
+    let variable = GlobalVariable {
+        name: Some(name.to_owned()),
+        space,
+        binding,
+        ty,
+        init: None,
+        memory_decorations: naga::MemoryDecorations::empty(),
+    };
+    module.global_variables.append(variable, Span::UNDEFINED)
+}
+
+/// The variables that count the turns of an invocation.
+struct Counters {
+    /// The turns of this invocation so far. More than `most` once the fragment is discarded.
     turns: Handle<GlobalVariable>,
     /// The loop that did not end; 0: all did.
     met: Handle<GlobalVariable>,
-    /// The largest `met` of all invocations.
-    flag: Handle<GlobalVariable>,
+    /// The most turns that all loops take together.
+    most: u32,
+}
+
+impl Counters {
+    fn add(module: &mut Module, most: u32) -> Self {
+        let number = TypeInner::Scalar(Scalar::U32);
+        let mut add = |name| variable(module, name, AddressSpace::Private, number.clone(), None);
+        Self {
+            turns: add("preshade_turns"),
+            met: add("preshade_met"),
+            most,
+        }
+    }
+}
+
+/// The buffer that gets the number of a loop that did not end.
+struct Flag {
+    /// The largest [`Counters::met`] of all invocations.
+    variable: Handle<GlobalVariable>,
     place: ResourceBinding,
 }
 
-impl Globals {
+impl Flag {
     fn add(module: &mut Module) -> Self {
         let used: Vec<ResourceBinding> = module
             .global_variables
@@ -162,34 +236,12 @@ impl Globals {
             group,
             binding: (0..).find(is_free).unwrap_or(0),
         };
-        let mut ty = |inner| {
-            module
-                .types
-                .insert(Type { name: None, inner }, Span::UNDEFINED)
+        let space = AddressSpace::Storage {
+            access: StorageAccess::LOAD | StorageAccess::STORE,
         };
-        let number = ty(TypeInner::Scalar(Scalar::U32));
-        let atomic = ty(TypeInner::Atomic(Scalar::U32));
-        let mut add = |name: &str, space, ty, binding| {
-            let variable = GlobalVariable {
-                name: Some(name.to_owned()),
-                space,
-                binding,
-                ty,
-                init: None,
-                memory_decorations: naga::MemoryDecorations::empty(),
-            };
-            module.global_variables.append(variable, Span::UNDEFINED)
-        };
-        let access = StorageAccess::LOAD | StorageAccess::STORE;
+        let atomic = TypeInner::Atomic(Scalar::U32);
         Self {
-            turns: add("preshade_turns", AddressSpace::Private, number, None),
-            met: add("preshade_met", AddressSpace::Private, number, None),
-            flag: add(
-                "preshade_loop",
-                AddressSpace::Storage { access },
-                atomic,
-                Some(place),
-            ),
+            variable: variable(module, "preshade_loop", space, atomic, Some(place)),
             place,
         }
     }
@@ -197,10 +249,11 @@ impl Globals {
 
 /// Rewrites a function's statements in preorder.
 struct Rewriter<'g> {
-    globals: &'g Globals,
+    counters: &'g Counters,
     /// The number of a statement that is an open loop, and the number of the loop.
     open: std::collections::BTreeMap<usize, u32>,
     next: usize,
+    keeps_discards: bool,
 }
 
 impl Rewriter<'_> {
@@ -222,7 +275,9 @@ impl Rewriter<'_> {
             }
             match (statement, number) {
                 // A discard ends the invocation, but its derivatives are still wanted.
-                (Statement::Kill, _) => self.leave(function, &mut out, continues),
+                (Statement::Kill, _) if !self.keeps_discards => {
+                    self.leave(function, &mut out, continues)
+                }
                 (
                     Statement::Loop {
                         mut body,
@@ -251,10 +306,10 @@ impl Rewriter<'_> {
         let mut all = Function::default();
         std::mem::swap(&mut all.expressions, &mut function.expressions);
         let mut w = FunctionWriter::of(all);
-        let Globals { turns, met, .. } = *self.globals;
+        let Counters { turns, met, most } = *self.counters;
         let turns = w.expression(Expression::GlobalVariable(turns));
         let met = w.expression(Expression::GlobalVariable(met));
-        let most = w.expression(Expression::Literal(Literal::U32(MOST_TURNS)));
+        let most = w.expression(Expression::Literal(Literal::U32(most)));
         let one = w.expression(Expression::Literal(Literal::U32(1)));
         let zero = w.expression(Expression::Literal(Literal::U32(0)));
         let name = w.expression(Expression::Literal(Literal::U32(number)));
@@ -287,8 +342,8 @@ impl Rewriter<'_> {
     /// Returns in place of a discard. No open loop turns from then on.
     fn leave(&self, function: &mut Function, out: &mut Block, continues: bool) {
         let mut append = |e| function.expressions.append(e, Span::UNDEFINED);
-        let turns = append(Expression::GlobalVariable(self.globals.turns));
-        let over = append(Expression::Literal(Literal::U32(MOST_TURNS + 1)));
+        let turns = append(Expression::GlobalVariable(self.counters.turns));
+        let over = append(Expression::Literal(Literal::U32(self.counters.most + 1)));
         out.push(store(turns, over), Span::UNDEFINED);
         if continues {
             return;
@@ -317,7 +372,7 @@ fn when(condition: Handle<Expression>, accept: Block) -> Statement {
 /// Makes an entry point write its loop that did not end. The lanes of a quad that lie outside of a
 /// triangle run the fragment stage too and write nothing: their neighbours write it, which see it in
 /// derivatives.
-fn report(module: &mut Module, entry: usize, globals: &Globals) {
+fn report(module: &mut Module, entry: usize, counters: &Counters, flag: Handle<GlobalVariable>) {
     let point = &mut module.entry_points[entry];
     // With it, depths would hide fragments that the stage is to run for.
     point.early_depth_test = None;
@@ -354,7 +409,7 @@ fn report(module: &mut Module, entry: usize, globals: &Globals) {
             None
         }
     };
-    let pointer = w.expression(Expression::GlobalVariable(globals.met));
+    let pointer = w.expression(Expression::GlobalVariable(counters.met));
     let mut met = w.expression(Expression::Load { pointer });
     if stage == ShaderStage::Fragment {
         met = of_quad(&mut w, met);
@@ -365,7 +420,7 @@ fn report(module: &mut Module, entry: usize, globals: &Globals) {
         left: met,
         right: zero,
     });
-    let flag = w.expression(Expression::GlobalVariable(globals.flag));
+    let flag = w.expression(Expression::GlobalVariable(flag));
     let enclosing = w.open(Span::UNDEFINED);
     let write = Statement::Atomic {
         pointer: flag,

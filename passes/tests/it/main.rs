@@ -12,6 +12,7 @@ mod agree_planted;
 mod agree_products;
 mod agree_ties;
 mod bound;
+mod bounded;
 mod budgets;
 mod contraction;
 mod effects;

@@ -7,6 +7,7 @@ mod clears;
 mod clock;
 mod compressed;
 mod depths;
+mod ending;
 mod objects;
 mod passes;
 mod read;

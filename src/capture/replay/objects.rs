@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use wgpu::util::DeviceExt as _;
 
-use super::Replay;
+use super::{Replay, ending};
 use crate::capture::Error;
 use crate::capture::contents::whole;
 use crate::capture::file::{
@@ -214,6 +214,7 @@ impl Replay<'_> {
                 wgpu::ShaderSource::Wgsl(crate::front::for_naga(&text).into())
             }
         };
+        let source = ending::source(source);
         let made = self.gpu.checked(&label, || {
             // A page's shader was drawn with all of WGSL's checks.
             self.gpu.shader(

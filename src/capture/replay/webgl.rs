@@ -8,9 +8,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use preshade_passes::plan::{BindingKind, BindingUse};
 use wgpu::util::DeviceExt as _;
 
-use super::Replay;
 use super::objects::{color_target, depth_stencil, primitive};
 use super::passes::Encoded;
+use super::{Replay, ending};
 use crate::capture::Error;
 use crate::capture::contents::cut;
 use crate::capture::file::RenderPipeline;
@@ -119,7 +119,7 @@ impl Replay<'_> {
         let name = format!("pipeline-{index}");
         let made = material::read(self.capture, pipeline, &name, Reader::Replay);
         let made = made.and_then(|material| {
-            let module = material.program.module().clone();
+            let module = ending::module(&material.program);
             let module = self.gpu.checked(&name, || {
                 self.gpu.shader(
                     Checks::ALL,
