@@ -10,6 +10,7 @@ use preshade::unstable::limits::Limits;
 use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::ShaderForm;
+use tempfile::TempDir;
 
 use crate::render_support::gpu;
 
@@ -43,11 +44,12 @@ fn drawn() -> &'static [u8] {
     })
 }
 
-/// The last frames of a trace of `tests/wgpu-trace`.
-fn capture(name: &str, frames: usize) -> Capture {
+/// The last frames of a trace of `tests/wgpu-trace`, and the folder that has them.
+fn capture(name: &str, frames: usize) -> (TempDir, Capture) {
     let root = Path::new(env!("CARGO_MANIFEST_DIR"));
     let trace = root.join("fixtures/wgpu-traces").join(name);
-    let out = Path::new(env!("CARGO_TARGET_TMPDIR")).join(format!("trace-{name}-{frames}"));
+    let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
+    let out = folder.path().join("frame");
     prepare(&out).unwrap();
     let wanted = Wanted {
         frames,
@@ -55,7 +57,8 @@ fn capture(name: &str, frames: usize) -> Capture {
         by: None,
     };
     convert(&trace, &out, &wanted, &Limits::default()).unwrap();
-    Capture::open(&out, &Limits::default()).unwrap()
+    let capture = Capture::open(&out, &Limits::default()).unwrap();
+    (folder, capture)
 }
 
 #[test]
@@ -63,7 +66,7 @@ fn a_trace_is_drawn_as_the_app_drew_it() {
     for name in ["30", "30-offscreen", "29", "29-offscreen"] {
         // From the setup alone, and with all frames before it.
         for frames in [1, 3] {
-            let capture = capture(name, frames);
+            let (_folder, capture) = capture(name, frames);
             let found = check(&capture, gpu()).unwrap();
             assert!(found.left_out.is_empty(), "{name}: {:?}", found.left_out);
             let ours = found.pictures.last().unwrap().to_rgba8();
@@ -77,7 +80,7 @@ fn a_trace_is_drawn_as_the_app_drew_it() {
 
 #[test]
 fn a_frame_of_a_trace_takes_variants() {
-    let capture = capture("29", 1);
+    let (_folder, capture) = capture("29", 1);
     let passes = capture::passes(&capture, 0).unwrap();
     let choice = Choice {
         frame: 0,
