@@ -82,6 +82,7 @@ pub fn link(
 ) -> Result<Linked, Box<LinkError>> {
     let mut linker = Linker {
         names: names(&first),
+        known: Known::of(&first),
         shared: first.functions.iter().map(|(h, _)| h).collect(),
         module: first,
         second,
@@ -132,6 +133,7 @@ struct Linker<'a> {
     suffix: &'a str,
     /// Names of functions, entry points and variables in `module`.
     names: HashSet<String>,
+    known: Known,
     /// Functions of the first module, candidates for sharing.
     shared: Vec<Handle<Function>>,
     // The second module's handles to those in `module`.
@@ -146,6 +148,31 @@ struct Linker<'a> {
         Handle<naga::diagnostic_filter::DiagnosticFilterNode>,
         Handle<naga::diagnostic_filter::DiagnosticFilterNode>,
     >,
+}
+
+/// The global expressions and constants of a module, by what they say.
+#[derive(Default)]
+struct Known {
+    expressions: HashMap<String, Handle<Expression>>,
+    constants: HashMap<String, Handle<Constant>>,
+}
+
+impl Known {
+    fn of(module: &Module) -> Self {
+        let mut known = Self::default();
+        for (handle, expression) in module.global_expressions.iter() {
+            known.expressions.entry(key(expression)).or_insert(handle);
+        }
+        for (handle, constant) in module.constants.iter() {
+            known.constants.entry(key(constant)).or_insert(handle);
+        }
+        known
+    }
+}
+
+/// Two are the same if their keys are: `==` takes -0 for 0, and `1 / x` does not.
+fn key(of: &impl std::fmt::Debug) -> String {
+    format!("{of:?}")
 }
 
 fn names(module: &Module) -> HashSet<String> {
@@ -310,15 +337,9 @@ impl Linker<'_> {
         }
         self.module_handles(&mut expression)?;
         let span = self.span(self.second.global_expressions.get_span(handle));
-        // `==` takes -0 for 0, and `1 / x` does not.
-        let is_same = |a: &Expression, b: &Expression| match (a, b) {
-            (Expression::Literal(a), Expression::Literal(b)) => {
-                format!("{a:?}") == format!("{b:?}")
-            }
-            _ => a == b,
-        };
-        let known = &mut self.module.global_expressions;
-        let mapped = known.fetch_if_or_append(expression, span, is_same);
+        let arena = &mut self.module.global_expressions;
+        let known = self.known.expressions.entry(key(&expression));
+        let mapped = *known.or_insert_with(|| arena.append(expression, span));
         self.expressions.insert(handle, mapped);
         Ok(mapped)
     }
@@ -334,7 +355,9 @@ impl Linker<'_> {
             init: self.expression(theirs.init)?,
         };
         let span = self.span(self.second.constants.get_span(handle));
-        let mapped = self.module.constants.fetch_or_append(constant, span);
+        let arena = &mut self.module.constants;
+        let known = self.known.constants.entry(key(&constant));
+        let mapped = *known.or_insert_with(|| arena.append(constant, span));
         self.constants.insert(handle, mapped);
         Ok(mapped)
     }
@@ -648,4 +671,59 @@ fn content(function: &Function) -> String {
 /// A naga front end broke its promise that handles refer backward only.
 fn dangling() -> Box<LinkError> {
     LinkError::new("the parsed module refers to an item before declaring it")
+}
+
+#[cfg(test)]
+mod tests {
+    use naga::{Literal, Scalar};
+
+    use super::*;
+
+    /// Work that grows with the square of the number of constants would not end.
+    #[test]
+    fn many_constants_are_shared() {
+        let many = 50_000;
+        let numbered = |from: u32| {
+            let mut module = Module::default();
+            let float = Type {
+                name: None,
+                inner: TypeInner::Scalar(Scalar::F32),
+            };
+            let ty = module.types.insert(float, Span::UNDEFINED);
+            for n in from..from + many {
+                let literal = Expression::Literal(Literal::F32(n as f32));
+                let init = module.global_expressions.append(literal, Span::UNDEFINED);
+                let name = Some(format!("n{n}"));
+                let constant = Constant { name, ty, init };
+                module.constants.append(constant, Span::UNDEFINED);
+            }
+            module
+        };
+        let (first, second) = (numbered(0), numbered(many / 2));
+        let module = link(first, &second, 0, "_b").unwrap().module;
+        let all = (many + many / 2) as usize;
+        assert_eq!(module.global_expressions.len(), all);
+        assert_eq!(module.constants.len(), all);
+    }
+
+    #[test]
+    fn zeros_of_two_signs_stay_two() {
+        let zero = |n: f32| {
+            let mut module = Module::default();
+            let literal = Expression::Literal(Literal::F32(n));
+            module.global_expressions.append(literal, Span::UNDEFINED);
+            let float = Type {
+                name: None,
+                inner: TypeInner::Scalar(Scalar::F32),
+            };
+            let ty = module.types.insert(float, Span::UNDEFINED);
+            let init = module.global_expressions.iter().next().unwrap().0;
+            let name = Some("zero".to_owned());
+            let constant = Constant { name, ty, init };
+            module.constants.append(constant, Span::UNDEFINED);
+            module
+        };
+        let module = link(zero(0.0), &zero(-0.0), 0, "_b").unwrap().module;
+        assert_eq!(module.global_expressions.len(), 2);
+    }
 }
