@@ -49,6 +49,24 @@ pub(super) fn retarget(block: &mut Block, from: Word, to: Word) {
     }
 }
 
+/// A block that a loop's header names.
+pub(super) struct LoopEnd {
+    pub(super) header: Word,
+    pub(super) is_merge: bool,
+}
+
+/// The merge and the continue blocks of all loops.
+pub(super) fn loop_ends(blocks: &[Block]) -> HashMap<Word, LoopEnd> {
+    let mut all = HashMap::new();
+    for block in blocks {
+        if let (Some(merge), Some(header)) = (find(block, Op::LoopMerge), block.label_id()) {
+            let ends = ids(merge).zip([true, false]);
+            all.extend(ends.map(|(label, is_merge)| (label, LoopEnd { header, is_merge })));
+        }
+    }
+    all
+}
+
 /// Drops blocks that control never enters: naga's reader runs them with the function's first ones.
 pub(super) fn drop_unreachable(module: &mut Builder) {
     let mut functions = std::mem::take(&mut module.module_mut().functions);

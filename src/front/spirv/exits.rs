@@ -12,12 +12,13 @@
 //!                                     %stays = OpBranch %m
 //! ```
 
-use std::collections::{HashMap, HashSet};
+use std::collections::{BTreeSet, HashMap, HashSet};
 
-use rspirv::dr::{Block, Builder, Function, Instruction, Operand};
+use rspirv::dr::{Block, Builder, Instruction, Operand};
 use rspirv::spirv::{Op, SelectionControl, Word};
 
-use super::blocks::{branch, find, phis, retarget, targets};
+use super::blocks::{LoopEnd, branch, find, loop_ends, phis, retarget, targets};
+use super::body::Body;
 use crate::words::{ids, push};
 
 /// Changes all such switches.
@@ -29,11 +30,21 @@ pub(super) fn gather(module: &mut Builder) {
             .iter()
             .filter(|b| find(b, Op::Switch).is_some());
         let switches: Vec<Word> = switches.filter_map(Block::label_id).collect();
-        let mut flow = Flow { module, function };
+        if switches.is_empty() {
+            continue;
+        }
+        let blocks = std::mem::take(&mut function.blocks);
+        let mut flow = Flow {
+            module,
+            loops: loop_ends(&blocks),
+            body: Body::new(blocks),
+            bools: None,
+        };
         // Inner switches come behind the outer ones.
         for header in switches.into_iter().rev() {
             flow.change(header);
         }
+        function.blocks = flow.body.into_blocks();
     }
     module.module_mut().functions = functions;
 }
@@ -42,59 +53,34 @@ pub(super) fn gather(module: &mut Builder) {
 struct Inside {
     header: Word,
     merge: Word,
-    labels: HashSet<Word>,
+    labels: BTreeSet<Word>,
     /// The labels outside that blocks inside lead to, but for the merge block: the merge and the
     /// continue block of the loop around.
-    out: HashSet<Word>,
+    out: BTreeSet<Word>,
 }
 
 struct Flow<'a> {
     module: &'a mut Builder,
-    function: &'a mut Function,
+    body: Body,
+    loops: HashMap<Word, LoopEnd>,
+    /// The type of booleans, and its two values.
+    bools: Option<[Word; 3]>,
 }
 
 impl Flow<'_> {
-    fn index(&self, label: Word) -> Option<usize> {
-        let mut blocks = self.function.blocks.iter();
-        blocks.position(|b| b.label_id() == Some(label))
-    }
-
-    fn block(&mut self, label: Word) -> Option<&mut Block> {
-        let index = self.index(label)?;
-        self.function.blocks.get_mut(index)
-    }
-
-    /// The merge and the continue blocks of all loops, with their headers.
-    fn loops(&self) -> HashMap<Word, Word> {
-        let mut all = HashMap::new();
-        for block in &self.function.blocks {
-            if let (Some(merge), Some(own)) = (find(block, Op::LoopMerge), block.label_id()) {
-                all.extend(ids(merge).map(|label| (label, own)));
-            }
-        }
-        all
-    }
-
     fn change(&mut self, header: Word) -> Option<()> {
         let header = self.alone(header)?;
         let inside = self.inside(header)?;
-        let loops = self.loops();
         // A case, or the `default`, that is outside gets a block inside.
-        let block = self.block(header)?;
-        for to in targets(block).collect::<HashSet<_>>() {
-            if inside.out.contains(&to) {
-                self.split((header, to));
-            }
+        let entered: BTreeSet<Word> = targets(self.body.get(header)?).collect();
+        for to in entered.intersection(&inside.out) {
+            self.split((header, *to));
         }
         self.part_falls(&inside);
         let inside = self.inside(header)?;
-        let is_merge = |label: &&Word| {
-            let loop_header = loops.get(label).and_then(|h| self.index(*h));
-            let merge = loop_header.and_then(|at| find(&self.function.blocks[at], Op::LoopMerge));
-            merge.and_then(|i| ids(i).next()) == Some(**label)
-        };
+        let is_merge = |label: &&Word| self.loops.get(label).is_some_and(|end| end.is_merge);
         let left = inside.out.iter().find(is_merge).copied();
-        let is_continue = loops.contains_key(&inside.merge);
+        let is_continue = self.loops.contains_key(&inside.merge);
         let Some(left) = left else {
             if is_continue {
                 self.gathered(&inside, &[]);
@@ -103,8 +89,7 @@ impl Flow<'_> {
         };
         let mut leaves = Vec::new();
         for label in self.leading_to(&inside, left) {
-            let block = self.block(label)?;
-            let is_only = find(block, Op::Branch).is_some();
+            let is_only = find(self.body.get(label)?, Op::Branch).is_some();
             leaves.push(match is_only {
                 true => label,
                 false => self.split((label, left))?,
@@ -117,18 +102,13 @@ impl Flow<'_> {
     /// Gives each conditional branch into the next case a block: naga's reader would read that case as
     /// a part of the branch.
     fn part_falls(&mut self, inside: &Inside) {
-        let header = self.index(inside.header);
-        let cases = header.map(|at| targets(&self.function.blocks[at]).collect::<HashSet<_>>());
-        for case in cases.into_iter().flatten() {
-            let is_inside = inside.labels.contains(&case);
-            for label in self
-                .leading_to(inside, case)
-                .into_iter()
-                .filter(|_| is_inside)
-            {
-                let block = self.block(label);
+        let cases = self.body.get(inside.header).into_iter().flat_map(targets);
+        let cases: BTreeSet<Word> = cases.collect();
+        for case in cases.intersection(&inside.labels) {
+            for label in self.leading_to(inside, *case) {
+                let block = self.body.get(label);
                 if block.is_some_and(|b| find(b, Op::BranchConditional).is_some()) {
-                    self.split((label, case));
+                    self.split((label, *case));
                 }
             }
         }
@@ -136,20 +116,21 @@ impl Flow<'_> {
 
     /// Gives a switch a block of its own and a merge block. Returns the block's label.
     fn alone(&mut self, header: Word) -> Option<Word> {
-        let at = self.index(header)?;
-        if find(&self.function.blocks[at], Op::SelectionMerge).is_some() {
+        let block = self.body.get(header)?;
+        if find(block, Op::SelectionMerge).is_some() {
             return Some(header);
         }
+        let successors: BTreeSet<Word> = targets(block).collect();
         let [own, merge] = [self.module.id(), self.module.id()];
-        let block = &mut self.function.blocks[at];
-        let mut switch = vec![block.instructions.pop()?];
-        if block
-            .instructions
-            .last()
-            .is_some_and(|i| i.class.opcode == Op::Line)
-        {
-            switch.insert(0, block.instructions.pop()?);
-        }
+        let mut switch = self.body.edit(header, |block| {
+            let mut switch = vec![block.instructions.pop()?];
+            let is_line = |i: &Instruction| i.class.opcode == Op::Line;
+            if block.instructions.last().is_some_and(is_line) {
+                switch.insert(0, block.instructions.pop()?);
+            }
+            block.instructions.push(branch(own));
+            Some(switch)
+        })??;
         let operands = vec![
             Operand::IdRef(merge),
             Operand::SelectionControl(SelectionControl::NONE),
@@ -158,67 +139,55 @@ impl Flow<'_> {
             0,
             Instruction::new(Op::SelectionMerge, None, None, operands),
         );
-        block.instructions.push(branch(own));
         let unreachable = Instruction::new(Op::Unreachable, None, None, Vec::new());
-        self.rename_predecessor(header, own);
-        self.insert(at + 1, own, switch);
-        self.insert(at + 2, merge, vec![unreachable]);
+        for label in successors {
+            self.rename_predecessor(label, (header, own));
+        }
+        self.body.insert_after(header, own, switch);
+        self.body.insert_after(own, merge, vec![unreachable]);
         Some(own)
     }
 
-    fn insert(&mut self, at: usize, label: Word, instructions: Vec<Instruction>) {
-        let label = Some(Instruction::new(Op::Label, None, Some(label), Vec::new()));
-        let block = Block {
-            label,
-            instructions,
-        };
-        self.function.blocks.insert(at, block);
-    }
-
-    fn rename_predecessor(&mut self, from: Word, to: Word) {
-        for phi in self.function.blocks.iter_mut().flat_map(phis) {
-            for operand in phi.operands.iter_mut().skip(1).step_by(2) {
-                if *operand == Operand::IdRef(from) {
-                    *operand = Operand::IdRef(to);
+    /// Tells a block's phis that another block leads to it.
+    fn rename_predecessor(&mut self, block: Word, (from, to): (Word, Word)) {
+        self.body.edit(block, |block| {
+            for phi in phis(block) {
+                for operand in phi.operands.iter_mut().skip(1).step_by(2) {
+                    if *operand == Operand::IdRef(from) {
+                        *operand = Operand::IdRef(to);
+                    }
                 }
             }
-        }
+        });
     }
 
     /// Puts a block between two, and returns its label.
     fn split(&mut self, (from, to): (Word, Word)) -> Option<Word> {
         let between = self.module.id();
-        let at = self.index(from)?;
-        retarget(&mut self.function.blocks[at], to, between);
-        self.insert(at + 1, between, vec![branch(to)]);
-        for phi in phis(self.block(to)?) {
-            for operand in phi.operands.iter_mut().skip(1).step_by(2) {
-                if *operand == Operand::IdRef(from) {
-                    *operand = Operand::IdRef(between);
-                }
-            }
-        }
+        self.body.edit(from, |block| retarget(block, to, between))?;
+        self.body.insert_after(from, between, vec![branch(to)]);
+        self.rename_predecessor(to, (from, between));
         Some(between)
     }
 
     fn inside(&self, header: Word) -> Option<Inside> {
-        let loops = self.loops();
-        let at = |label| Some(&self.function.blocks[self.index(label)?]);
-        let merge = ids(find(at(header)?, Op::SelectionMerge)?).next()?;
-        let mut labels = HashSet::new();
-        let mut out = HashSet::new();
-        let mut open: Vec<Word> = targets(at(header)?).collect();
+        let block = self.body.get(header)?;
+        let merge = ids(find(block, Op::SelectionMerge)?).next()?;
+        let mut labels = BTreeSet::new();
+        let mut out = BTreeSet::new();
+        let mut open: Vec<Word> = targets(block).collect();
         while let Some(label) = open.pop() {
             if label == merge || label == header || labels.contains(&label) {
                 continue;
             }
             // Each way to the end of a loop inside leads over its header.
-            if loops.get(&label).is_some_and(|of| !labels.contains(of)) {
+            let end = self.loops.get(&label);
+            if end.is_some_and(|end| !labels.contains(&end.header)) {
                 out.insert(label);
                 continue;
             }
             labels.insert(label);
-            open.extend(at(label).into_iter().flat_map(targets));
+            open.extend(self.body.get(label).into_iter().flat_map(targets));
         }
         Some(Inside {
             header,
@@ -230,12 +199,24 @@ impl Flow<'_> {
 
     /// The header and the blocks inside that lead to a block.
     fn leading_to(&self, inside: &Inside, to: Word) -> Vec<Word> {
-        let blocks = self.function.blocks.iter();
-        let labels = blocks.filter(|b| targets(b).any(|target| target == to));
-        let labels = labels.filter_map(Block::label_id);
-        labels
-            .filter(|label| *label == inside.header || inside.labels.contains(label))
-            .collect()
+        let before = self.body.before(to);
+        // Both sets may be as large as the function: a case is led to by few blocks, and a loop's end by
+        // few of each switch.
+        let leading: Vec<Word> = match before.len() < inside.labels.len() {
+            true => before
+                .iter()
+                .filter(|l| inside.labels.contains(l))
+                .copied()
+                .collect(),
+            false => inside
+                .labels
+                .iter()
+                .filter(|l| before.contains(l))
+                .copied()
+                .collect(),
+        };
+        let header = before.contains(&inside.header).then_some(inside.header);
+        header.into_iter().chain(leading).collect()
     }
 
     /// Puts two blocks before the merge block of a switch: the first is the new merge block, which
@@ -244,39 +225,43 @@ impl Flow<'_> {
         let [gathered, stays] = [self.module.id(), self.module.id()];
         let before = self.leading_to(inside, inside.merge);
         for label in &before {
-            retarget(self.block(*label)?, inside.merge, gathered);
+            self.body
+                .edit(*label, |block| retarget(block, inside.merge, gathered))?;
         }
-        let block = self.block(inside.header)?;
-        let merges = |i: &&mut Instruction| i.class.opcode == Op::SelectionMerge;
-        block.instructions.iter_mut().find(merges)?.operands[0] = Operand::IdRef(gathered);
-        let mut first = Vec::new();
-        let at = self.index(inside.merge)?;
-        for phi in phis(&mut self.function.blocks[at]) {
-            let ty = phi.result_type?;
-            let pairs = std::mem::take(&mut phi.operands);
-            let (mut inner, outer): (Vec<_>, Vec<_>) = pairs.chunks(2).partition(|pair| {
-                pair.last()
-                    .is_some_and(|o| before.iter().any(|b| *o == Operand::IdRef(*b)))
-            });
-            let null = self.module.constant_null(ty);
-            let others: Vec<[Operand; 2]> = leaves
-                .iter()
-                .map(|leaf| [null, *leaf].map(Operand::IdRef))
-                .collect();
-            inner.extend(others.iter().map(|pair| &pair[..]));
-            let value = match inner.is_empty() {
-                true => null,
-                false => push(self.module, &mut first, (Op::Phi, ty), inner.concat()),
-            };
-            phi.operands = outer.concat();
-            if !before.is_empty() {
-                phi.operands.extend([value, stays].map(Operand::IdRef));
+        self.body.edit(inside.header, |block| {
+            let merges = |i: &&mut Instruction| i.class.opcode == Op::SelectionMerge;
+            if let Some(merge) = block.instructions.iter_mut().find(merges) {
+                merge.operands[0] = Operand::IdRef(gathered);
             }
-        }
+        });
+        let module = &mut *self.module;
+        let mut first = self.body.edit(inside.merge, |block| {
+            let mut first = Vec::new();
+            for phi in phis(block) {
+                let ty = phi.result_type?;
+                let (mut inner, outer) = parted(phi, &before);
+                let null = module.constant_null(ty);
+                inner.extend(
+                    leaves
+                        .iter()
+                        .flat_map(|leaf| [null, *leaf].map(Operand::IdRef)),
+                );
+                let value = match inner.is_empty() {
+                    true => null,
+                    false => push(module, &mut first, (Op::Phi, ty), inner),
+                };
+                phi.operands = outer;
+                if !before.is_empty() {
+                    phi.operands.extend([value, stays].map(Operand::IdRef));
+                }
+            }
+            Some(first)
+        })??;
         first.push(branch(stays));
-        self.insert(at, gathered, first);
+        self.body.insert_before(inside.merge, gathered, first);
         if !before.is_empty() {
-            self.insert(at + 1, stays, vec![branch(inside.merge)]);
+            self.body
+                .insert_after(gathered, stays, vec![branch(inside.merge)]);
         }
         Some((gathered, stays))
     }
@@ -288,37 +273,40 @@ impl Flow<'_> {
         (gathered, stays): (Word, Word),
         leaves: &[Word],
     ) -> Option<()> {
-        let before = self.leading_to_label(gathered);
+        let before: Vec<Word> = self.body.before(gathered).iter().copied().collect();
         for leaf in leaves {
-            retarget(self.block(*leaf)?, left, gathered);
+            self.body
+                .edit(*leaf, |block| retarget(block, left, gathered))?;
         }
-        let mut first = Vec::new();
-        let at = self.index(left)?;
-        for phi in phis(&mut self.function.blocks[at]) {
-            let ty = phi.result_type?;
-            let is_leaf = |pair: &&[Operand]| {
-                pair.last()
-                    .is_some_and(|o| leaves.iter().any(|leaf| *o == Operand::IdRef(*leaf)))
-            };
-            let pairs = std::mem::take(&mut phi.operands);
-            let (mut inner, outer): (Vec<_>, Vec<_>) = pairs.chunks(2).partition(is_leaf);
-            let null = self.module.constant_null(ty);
-            let others: Vec<[Operand; 2]> = before
-                .iter()
-                .map(|label| [null, *label].map(Operand::IdRef))
-                .collect();
-            inner.extend(others.iter().map(|pair| &pair[..]));
-            let value = push(self.module, &mut first, (Op::Phi, ty), inner.concat());
-            phi.operands = outer.concat();
-            phi.operands.extend([value, gathered].map(Operand::IdRef));
-        }
+        let module = &mut *self.module;
+        let mut first = self.body.edit(left, |block| {
+            let mut first = Vec::new();
+            for phi in phis(block) {
+                let ty = phi.result_type?;
+                let (mut inner, outer) = parted(phi, leaves);
+                let null = module.constant_null(ty);
+                inner.extend(
+                    before
+                        .iter()
+                        .flat_map(|label| [null, *label].map(Operand::IdRef)),
+                );
+                let value = push(module, &mut first, (Op::Phi, ty), inner);
+                phi.operands = outer;
+                phi.operands.extend([value, gathered].map(Operand::IdRef));
+            }
+            Some(first)
+        })??;
         let is_only = before.is_empty();
         if !is_only {
-            let bool = self.module.type_bool();
-            let [yes, no] = [
-                self.module.constant_true(bool),
-                self.module.constant_false(bool),
-            ];
+            let module = &mut *self.module;
+            let [bool, yes, no] = *self.bools.get_or_insert_with(|| {
+                let bool = module.type_bool();
+                [
+                    bool,
+                    module.constant_true(bool),
+                    module.constant_false(bool),
+                ]
+            });
             let yes = leaves.iter().map(|leaf| [yes, *leaf]);
             let no = before.iter().map(|label| [no, *label]);
             let pairs = yes.chain(no).flatten().map(Operand::IdRef);
@@ -338,15 +326,96 @@ impl Flow<'_> {
         } else {
             first.push(branch(left));
         }
-        let block = self.block(gathered)?;
-        block.instructions.pop();
-        block.instructions.extend(first);
-        Some(())
+        self.body.edit(gathered, |block| {
+            block.instructions.pop();
+            block.instructions.extend(first);
+        })
+    }
+}
+
+/// The pairs of a phi that come from some blocks, and the others. Takes them from it.
+fn parted(phi: &mut Instruction, from: &[Word]) -> (Vec<Operand>, Vec<Operand>) {
+    let from: HashSet<Word> = from.iter().copied().collect();
+    let pairs = std::mem::take(&mut phi.operands);
+    let comes_from = |pair: &&[Operand]| {
+        let label = pair.last().and_then(Operand::id_ref_any);
+        label.is_some_and(|label| from.contains(&label))
+    };
+    let (inner, outer): (Vec<_>, Vec<_>) = pairs.chunks(2).partition(comes_from);
+    (inner.concat(), outer.concat())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const ENTRY: Word = 1;
+    const HEADER: Word = 2;
+    const CONTINUE: Word = 3;
+    const MERGE: Word = 4;
+
+    fn block(label: Word, instructions: Vec<Instruction>) -> Block {
+        let label = Some(Instruction::new(Op::Label, None, Some(label), Vec::new()));
+        Block {
+            label,
+            instructions,
+        }
     }
 
-    fn leading_to_label(&self, to: Word) -> Vec<Word> {
-        let blocks = self.function.blocks.iter();
-        let labels = blocks.filter(|b| targets(b).any(|target| target == to));
-        labels.filter_map(Block::label_id).collect()
+    fn instruction(op: Op, ids: &[Word]) -> Instruction {
+        let operands = ids.iter().copied().map(Operand::IdRef).collect();
+        Instruction::new(op, None, None, operands)
+    }
+
+    /// A loop of switches, each with a case that leaves the loop. Work that grows with the square of
+    /// their number would not end.
+    #[test]
+    fn many_switches_are_gathered() {
+        let many: Word = 20_000;
+        let label = |n: Word| 10 + n;
+        let mut blocks = vec![
+            block(ENTRY, vec![branch(HEADER)]),
+            block(
+                HEADER,
+                vec![
+                    instruction(Op::LoopMerge, &[MERGE, CONTINUE]),
+                    branch(label(0)),
+                ],
+            ),
+        ];
+        blocks.extend((0..many).map(|n| {
+            let next = label(n + 1);
+            let mut switch = instruction(Op::Switch, &[5, next]);
+            let case = [Operand::LiteralBit32(1), Operand::IdRef(MERGE)];
+            switch.operands.extend(case);
+            let merge = instruction(Op::SelectionMerge, &[next]);
+            block(label(n), vec![merge, switch])
+        }));
+        blocks.push(block(label(many), vec![branch(CONTINUE)]));
+        blocks.push(block(CONTINUE, vec![branch(HEADER)]));
+        blocks.push(block(MERGE, vec![instruction(Op::Return, &[])]));
+        let mut module = rspirv::dr::Module::new();
+        let mut function = rspirv::dr::Function::new();
+        function.blocks = blocks;
+        module.functions.push(function);
+        module.header = Some(rspirv::dr::ModuleHeader::new(label(many) + 1));
+        let mut builder = Builder::new_from_module(module);
+        gather(&mut builder);
+        let module = builder.module();
+        let blocks = &module.functions[0].blocks;
+        let leading: Vec<&Block> = blocks
+            .iter()
+            .filter(|b| targets(b).any(|to| to == MERGE))
+            .collect();
+        assert_eq!(leading.len(), many as usize);
+        let leaves = |b: &&Block| find(b, Op::BranchConditional).is_some();
+        assert!(leading.iter().all(leaves));
+        // Each switch has a leaf and two blocks behind it, in order.
+        assert_eq!(blocks.len(), 5 + 4 * many as usize);
+        let labels: Vec<Word> = blocks.iter().filter_map(Block::label_id).collect();
+        let of_switches = labels
+            .iter()
+            .filter(|l| (label(0)..=label(many)).contains(l));
+        assert!(of_switches.is_sorted());
     }
 }

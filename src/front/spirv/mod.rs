@@ -1,9 +1,10 @@
 //! Reads SPIR-V modules by naga's reader, in the order of these modules: `listing` reads the words
 //! and lists them as a text, `order` checks them, `prune` takes the stages, `lacks` names what is not read, `blocks`,
-//! `combined`, `constants`, `exits`, `instructions`, `interface`, `layout`, `members`, `pointers` and `switches` replace
+//! `body`, `combined`, `constants`, `exits`, `instructions`, `interface`, `layout`, `members`, `pointers` and `switches` replace
 //! what naga's reader lacks or misreads, `names` makes identifiers, and `loops` and `parameters` settle the IR.
 
 mod blocks;
+mod body;
 mod combined;
 mod constants;
 mod exits;

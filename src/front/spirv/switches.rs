@@ -25,8 +25,11 @@ pub(super) fn order(module: &mut Builder) {
         .collect();
     let mut functions = std::mem::take(&mut module.module_mut().functions);
     for function in &mut functions {
-        for found in find(function) {
-            change(module, function, &found, &values);
+        let all = find(function);
+        let needs_bool = all.iter().any(|found| found.needs_place);
+        let bool = needs_bool.then(|| module.type_bool());
+        for found in all {
+            change(module, function, &found, (&values, bool));
         }
     }
     module.module_mut().functions = functions;
@@ -37,21 +40,44 @@ struct Found {
     /// Index of the block of the switch.
     block: usize,
     merge: Word,
+    /// The index of the merge block.
+    merge_block: Option<usize>,
     /// The literals of the cases and their targets, each before the one that it falls into. The
     /// default is among them if it needs a place.
     cases: Vec<(Option<u32>, Word)>,
     needs_place: bool,
 }
 
+/// The blocks of a function.
+struct Flow<'f> {
+    blocks: &'f [Block],
+    /// Their indices.
+    labels: HashMap<Word, usize>,
+    loops: HashMap<Word, blocks::LoopEnd>,
+}
+
+impl Flow<'_> {
+    fn targets(&self, label: Word) -> impl Iterator<Item = Word> {
+        let block = self.labels.get(&label).and_then(|at| self.blocks.get(*at));
+        block.into_iter().flat_map(blocks::targets)
+    }
+}
+
 fn find(function: &Function) -> Vec<Found> {
-    let blocks = function.blocks.iter();
-    let labels: HashMap<Word, &Block> = blocks.filter_map(|b| Some((b.label_id()?, b))).collect();
+    let blocks = &function.blocks;
+    let labels = blocks.iter().enumerate();
+    let labels = labels.filter_map(|(at, b)| Some((b.label_id()?, at)));
+    let flow = Flow {
+        blocks,
+        labels: labels.collect(),
+        loops: blocks::loop_ends(blocks),
+    };
     let mut found = Vec::new();
     for (index, block) in function.blocks.iter().enumerate() {
         let switch = blocks::find(block, Op::Switch);
         let merge = blocks::find(block, Op::SelectionMerge).and_then(|i| ids(i).next());
         if let (Some(switch), Some(merge), Some(own)) = (switch, merge, block.label_id()) {
-            found.extend(Found::of(index, switch, &labels, [own, merge]));
+            found.extend(Found::of(index, switch, &flow, [own, merge]));
         }
     }
     found
@@ -61,7 +87,7 @@ impl Found {
     fn of(
         block: usize,
         switch: &Instruction,
-        labels: &HashMap<Word, &Block>,
+        flow: &Flow<'_>,
         [own, merge]: [Word; 2],
     ) -> Option<Self> {
         let default = ids(switch).nth(1)?;
@@ -81,13 +107,11 @@ impl Found {
                 if label != from && is_entered.contains(&label) && label != merge {
                     return Some(label);
                 }
-                if seen.insert(label) {
-                    open.extend(
-                        labels
-                            .get(&label)
-                            .into_iter()
-                            .flat_map(|b| blocks::targets(b)),
-                    );
+                // The end of a loop around leads to no case but over the switch.
+                let end = flow.loops.get(&label);
+                let is_around = end.is_some_and(|end| !seen.contains(&end.header));
+                if !is_around && seen.insert(label) {
+                    open.extend(flow.targets(label));
                 }
             }
             None
@@ -133,6 +157,7 @@ impl Found {
         (!is_same).then_some(Self {
             block,
             merge,
+            merge_block: flow.labels.get(&merge).copied(),
             cases,
             needs_place,
         })
@@ -143,7 +168,7 @@ fn change(
     module: &mut Builder,
     function: &mut Function,
     found: &Found,
-    values: &HashMap<Word, Word>,
+    (values, bool): (&HashMap<Word, Word>, Option<Word>),
 ) {
     let block = &mut function.blocks[found.block];
     let (Some(own), Some(mut switch)) = (block.label_id(), block.instructions.pop()) else {
@@ -159,7 +184,7 @@ fn change(
         return;
     }
     let selector = ids(&switch).next().unwrap_or_default();
-    let Some(ty) = values.get(&selector).copied() else {
+    let (Some(ty), Some(bool)) = (values.get(&selector).copied(), bool) else {
         block.instructions.push(switch);
         return;
     };
@@ -169,7 +194,6 @@ fn change(
     let literals: Vec<u32> = found.cases.iter().filter_map(|(n, _)| *n).collect();
     let taken: HashSet<u32> = literals.iter().copied().collect();
     let unused = (0..).find(|n| !taken.contains(n)).unwrap_or_default();
-    let bool = module.type_bool();
     let mut known = module.constant_false(bool);
     for n in &literals {
         let constant = module.constant_bit32(ty, *n);
@@ -199,8 +223,8 @@ fn change(
     }
     block.instructions.push(switch);
     // The merge follows the switch now, though control never takes this way.
-    let is_merge = |b: &&mut Block| b.label_id() == Some(found.merge);
-    let Some(merge) = function.blocks.iter_mut().find(is_merge) else {
+    let merge = found.merge_block;
+    let Some(merge) = merge.and_then(|at| function.blocks.get_mut(at)) else {
         return;
     };
     for phi in &mut merge.instructions {
