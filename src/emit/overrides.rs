@@ -80,6 +80,20 @@ fn settle_with(
                 "give it one in the source: this target has no overrides and uses their defaults"
                     .to_owned(),
         }),
+        Err(PipelineConstantError::ConstantEvaluatorError(e)) => {
+            let names = module.overrides.iter().filter_map(|(_, o)| o.name.as_ref());
+            let names: Vec<String> = names.map(|name| format!("`{name}`")).collect();
+            Err(EmitError::Inexpressible {
+                file: file.to_owned(),
+                target,
+                what: format!(
+                    "a value that the defaults of the overrides ({}) decide cannot be computed: {e}",
+                    names.join(", ")
+                ),
+                remedy: "give them other defaults, or emit WGSL, where the host gives their values"
+                    .to_owned(),
+            })
+        }
         Err(e) => Err(EmitError::Writer {
             file: file.to_owned(),
             target,

@@ -454,10 +454,29 @@ const INFINITE_CONSTANTS: &str = "%inf = OpConstant %float 0x1p+128
 %ninf = OpConstant %float -0x1p+128
 %nan = OpConstant %float 0x1.8p+128
 %vinf = OpConstantComposite %v2 %inf %f2
+%ppf = OpTypePointer Private %float
+%ppv = OpTypePointer Private %v2
+%far = OpVariable %ppf Private %inf
+%fars = OpVariable %ppv Private %vinf
 ";
 
-/// Constants that are infinite or no number, alone and in a composite.
-const INFINITE: [(&str, &str); 2] = [
+/// Constants that are infinite or no number, alone and in a composite, and variables that begin with
+/// them.
+const INFINITE: [(&str, &str); 3] = [
+    (
+        "%begin = OpLoad %float %far
+%both = OpLoad %v2 %fars
+%second = OpCompositeExtract %float %both 0
+OpStore %far %f1
+%now = OpLoad %float %far
+%b1 = OpFOrdEqual %bool %begin %inf
+%b2 = OpFOrdEqual %bool %second %inf
+%all = OpLogicalAnd %bool %b1 %b2
+%k = OpSelect %float %all %now %f2
+OpStore %xv %k
+",
+        "x = 1.0;",
+    ),
     (
         "OpStore %xv %inf
 %held = OpLoad %float %xv

@@ -160,23 +160,40 @@ pub(super) fn settle(module: &mut Builder, lengths: &Lengths) {
     annotations.retain(|i| !(i.operands.get(1) == Some(&spec_id) && is_fixed(ids(i).next())));
 }
 
+/// The first specialisation constant whose default is infinite or no number, with its name.
+pub(super) fn not_finite(module: &Module) -> Option<(Word, String)> {
+    let known = Known::of(module);
+    let found = module.types_global_values.iter().find(|i| {
+        i.class.opcode == Op::SpecConstant
+            && is_float(i, &known.globals)
+            && infinite_bits(i).is_some()
+    });
+    let id = found?.result_id?;
+    Some((id, known.name(id)))
+}
+
+fn is_float(i: &Instruction, globals: &HashMap<Word, Instruction>) -> bool {
+    let ty = i.result_type.and_then(|ty| globals.get(&ty));
+    ty.is_some_and(|ty| {
+        ty.class.opcode == Op::TypeFloat && ty.operands.first().and_then(literal) == Some(32)
+    })
+}
+
+/// The bits of a constant of 32 bits that is infinite or no number, if it is a float.
+fn infinite_bits(i: &Instruction) -> Option<u32> {
+    let bits = i.operands.first().and_then(literal)?;
+    (!f32::from_bits(bits).is_finite()).then_some(bits)
+}
+
 /// Makes operations of the constants that are infinite or no number, and composites of these: naga
 /// takes no such literal, but functions may compute the value.
 pub(super) fn compute_infinite(module: &mut Builder) {
     let globals = globals(module.module_ref());
-    let is_float = |i: &Instruction| {
-        let ty = i.result_type.and_then(|ty| globals.get(&ty));
-        ty.is_some_and(|ty| {
-            ty.class.opcode == Op::TypeFloat && ty.operands.first().and_then(literal) == Some(32)
-        })
-    };
     let mut computed = HashSet::new();
     let (mut scalars, mut composites) = (Vec::new(), Vec::new());
     for (at, i) in module.module_ref().types_global_values.iter().enumerate() {
-        let bits = i.operands.first().and_then(literal);
-        let bits = bits.filter(|bits| !f32::from_bits(*bits).is_finite());
-        match (i.class.opcode, bits) {
-            (Op::Constant, Some(bits)) if is_float(i) => scalars.push((at, bits)),
+        match (i.class.opcode, infinite_bits(i)) {
+            (Op::Constant, Some(bits)) if is_float(i, &globals) => scalars.push((at, bits)),
             (Op::ConstantComposite, _) if ids(i).any(|id| computed.contains(&id)) => {
                 composites.push(at);
             }

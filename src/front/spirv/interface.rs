@@ -156,18 +156,27 @@ pub(super) fn drop_memory_decorations(module: &mut Builder) {
 }
 
 /// Stores the initial values of outputs where the entry points begin: naga's reader drops those
-/// that no instruction writes.
+/// that no instruction writes. It reads none that is computed of constants, so that variables of the
+/// module get theirs there too.
 pub(super) fn store_initial(module: &mut Builder) {
     let all = globals(module.module_ref());
     let mut initial: HashMap<Word, Word> = HashMap::new();
+    let mut private = Vec::new();
     for i in &mut module.module_mut().types_global_values {
-        let value = ids(i).next();
-        if prune::is_initial_output(i)
-            && let (Some(id), Some(value)) = (i.result_id, value)
-        {
-            i.operands.truncate(1);
-            initial.insert(id, value);
+        let (Some(id), Some(value)) = (i.result_id, ids(i).next()) else {
+            continue;
+        };
+        let of = all.get(&value).map(|value| value.class.opcode);
+        let is_computed = matches!(of, Some(Op::SpecConstantOp | Op::SpecConstantComposite));
+        let is_variable = i.class.opcode == Op::Variable;
+        let is_private = is_variable && storage_class(i) == Some(StorageClass::Private);
+        if is_private && is_computed {
+            private.push(id);
+        } else if !prune::is_initial_output(i) {
+            continue;
         }
+        i.operands.truncate(1);
+        initial.insert(id, value);
     }
     if initial.is_empty() {
         return;
@@ -186,7 +195,9 @@ pub(super) fn store_initial(module: &mut Builder) {
             continue;
         };
         let mut start = Vec::new();
-        for id in variables {
+        // From version 1.4 an entry point lists the module's variables too.
+        let outputs = variables.into_iter().filter(|id| !private.contains(id));
+        for id in outputs.chain(private.iter().copied()) {
             let Some(value) = initial.get(&id) else {
                 continue;
             };
@@ -196,7 +207,8 @@ pub(super) fn store_initial(module: &mut Builder) {
                 let operands = [to, value].map(Operand::IdRef).to_vec();
                 block.push(Instruction::new(Op::Store, None, None, operands));
             };
-            let Some(ty) = ty.filter(|ty| ty.class.opcode == Op::TypeStruct) else {
+            let is_struct = |ty: &&Instruction| ty.class.opcode == Op::TypeStruct;
+            let Some(ty) = ty.filter(is_struct).filter(|_| !private.contains(&id)) else {
                 store(&mut start, id, *value);
                 continue;
             };

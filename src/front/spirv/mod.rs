@@ -262,10 +262,15 @@ fn one(
         let note = "`debugPrintf` is dropped: WebGPU prints nothing";
         declared.notes.push(note.to_owned());
     }
+    if let Some((id, name)) = constants::not_finite(builder.module_ref()) {
+        let message = format!("the default of the specialisation constant `{name}` is not finite");
+        let error = text.error(Code::Unsupported, message, text.of_result(id));
+        return Err(error.note("WGSL has no such literal: give it a finite default"));
+    }
     constants::compute_infinite(&mut builder);
+    interface::store_initial(&mut builder);
     constants::settle(&mut builder, lengths);
     interface::drop_memory_decorations(&mut builder);
-    interface::store_initial(&mut builder);
     declared.point_size |= interface::split_per_vertex(&mut builder);
     if precise::keep(&mut builder) {
         declared.notes.push(super::PRECISE_NOTE.to_owned());
