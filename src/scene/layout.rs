@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use naga::{ArraySize, Handle, Module, ScalarKind, Type, TypeInner, VectorSize};
+use preshade_passes::reflect::wgsl_type;
 
 use super::{SceneError, Semantic, Value};
 
@@ -26,6 +27,13 @@ pub(crate) struct Leaf<'a> {
     pub semantic: Option<Semantic>,
     /// Its bytes in the variable.
     pub bytes: Range<usize>,
+}
+
+fn counted(numbers: usize) -> String {
+    match numbers {
+        1 => "1 number".to_owned(),
+        n => format!("{n} numbers"),
+    }
 }
 
 impl Leaf<'_> {
@@ -254,10 +262,15 @@ impl<'a> Packer<'a> {
             Some((Value::Numbers(numbers), by_draw)) => {
                 let wanted = scalar_count(self.module, ty, self.dynamic);
                 if numbers.len() != wanted && numbers.len() != 1 {
+                    let ty = wgsl_type(self.module, ty);
                     return Err(SceneError::new(format!(
-                        "`{}` holds {wanted} numbers, but {} are given",
+                        "`{}` ({ty}) holds {}, but {} given",
                         join(&self.path, true),
-                        numbers.len()
+                        counted(wanted),
+                        match numbers.len() {
+                            1 => "1 is".to_owned(),
+                            n => format!("{n} are"),
+                        }
                     ))
                     .about(join(&self.path, true)));
                 }
@@ -271,9 +284,12 @@ impl<'a> Packer<'a> {
             Some((Value::Semantic(name), _)) => {
                 is_filled = false;
                 self.semantic = Some(Semantic::from_name(name).ok_or_else(|| {
-                    SceneError::new(format!("unknown value `${name}`"))
-                        .suggest(name, Semantic::names())
-                        .about(join(&self.path, true))
+                    let (path, ty) = (join(&self.path, true), wgsl_type(self.module, ty));
+                    SceneError::new(format!(
+                        "`{path}` ({ty}) is given the unknown value `${name}`"
+                    ))
+                    .suggest(name, Semantic::names())
+                    .about(join(&self.path, true))
                 })?);
             }
             None => {}

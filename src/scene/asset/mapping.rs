@@ -352,7 +352,9 @@ pub(super) fn told(all: &[(String, Vec<Mapped>)]) -> Vec<String> {
         let of = by_shader.entry(shader).or_default();
         mapped.iter().for_each(|m| *of.entry(m).or_default() += 1);
     }
-    let shaders = by_shader.into_iter().map(|(shader, rows)| {
+    // A shader that reads nothing of the file's materials has nothing to tell.
+    let fed = by_shader.into_iter().filter(|(_, rows)| !rows.is_empty());
+    let shaders = fed.map(|(shader, rows)| {
         let materials = all.iter().filter(|(s, _)| s == shader).count();
         let width = rows.keys().map(|m| m.binding.len()).max().unwrap_or(0);
         let lines = rows.iter().map(|(m, n)| {
@@ -368,4 +370,24 @@ pub(super) fn told(all: &[(String, Vec<Mapped>)]) -> Vec<String> {
         )
     });
     shaders.collect()
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_shader_that_the_file_feeds_nothing_is_not_told() {
+        let fed = Mapped {
+            binding: "tint".to_owned(),
+            from: "`baseColorFactor`".to_owned(),
+        };
+        let all = [
+            ("dark.wgsl".to_owned(), Vec::new()),
+            ("lit.wgsl".to_owned(), vec![fed]),
+        ];
+        let notes = told(&all);
+        let expected = "`lit.wgsl` gets from the file:\n  tint  `baseColorFactor`";
+        assert_eq!(notes, [expected]);
+    }
 }
