@@ -3,6 +3,8 @@
 //! Every command, build script, lock file and search applies its recipes here, with one policy: a
 //! refused step is skipped and reported, and the next step is tried on the plan so far.
 
+use preshade_passes::analysis::refusals;
+use preshade_passes::core::refusals::RefusalInfo;
 use preshade_passes::neighbours;
 use preshade_passes::pass::{Facts, Outcome, Refusal, Refused};
 use preshade_passes::plan::Plan;
@@ -142,11 +144,13 @@ pub fn apply_in(
     let mut plans = frame.materials.to_vec();
     let mut skipped = Vec::new();
     for step in &recipe.steps {
-        let run = |plan: &Plan| match run(step, plan, frame.neighbours, facts) {
+        let tried = |plan: &Plan| run(step, plan, frame.neighbours, facts);
+        let both = plans.iter().zip(frame.materials);
+        let results = both.map(|(plan, original)| match tried(plan) {
             Ok(outcome) => Ok(outcome.plan),
-            Err(refused) => Err(refused.first()),
-        };
-        let results: Vec<Applied> = plans.iter().map(run).collect();
+            Err(refused) => Err(of_material(refused, || tried(original)).first()),
+        });
+        let results: Vec<Applied> = results.collect();
         let drawn = results.iter().zip(&plans);
         let drawn: Vec<Plan> = drawn
             .map(|(r, p)| r.as_ref().unwrap_or(p).clone())
@@ -171,6 +175,19 @@ pub fn apply_in(
     }
     (plans, skipped)
 }
+
+/// The refusal of a step that other steps stand in the way of: what the material itself refuses, if it
+/// does, for then no order helps.
+fn of_material(refused: Refused, alone: impl FnOnce() -> Result<Outcome, Refused>) -> Refused {
+    let is_order = |r: &Refusal| ORDERS.iter().any(|info| info.code == r.code);
+    match refused.refusals.first().is_some_and(is_order) {
+        true => alone().err().unwrap_or(refused),
+        false => refused,
+    }
+}
+
+/// The refusals that blame the steps before.
+const ORDERS: [&RefusalInfo; 2] = [&refusals::NOT_FIRST, &refusals::HAS_PREPASS];
 
 /// Runs one step on a material. It is also refused if its result conflicts with the `neighbours` as
 /// written.
