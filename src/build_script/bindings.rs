@@ -38,7 +38,7 @@ impl Said {
         };
         let buffer = |layout: &BindingLayout| matches!(layout, BindingLayout::Buffer { .. });
         let filtered = |layout: &BindingLayout| match layout {
-            BindingLayout::Sampler { ty } => ty == "filtering",
+            BindingLayout::Sampler { ty } => ty != "comparison",
             BindingLayout::Texture { sample_type, .. } => {
                 ["float", "unfilterable-float"].contains(&sample_type.as_str())
             }
@@ -55,7 +55,7 @@ impl Said {
         unfilterable.map(|(group, binding)| {
             format!(
                 "no filtering is asked for at group {group}, binding {binding}, where the shader \
-                 has no texture of floats and no sampler that filters"
+                 has no texture of floats and no sampler that may filter"
             )
         })
     }

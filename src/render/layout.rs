@@ -439,9 +439,11 @@ fn fitting(planned: wgpu::BindingType, provided: wgpu::BindingType) -> Option<wg
             },
         ) => (ty == is && least <= bytes).then_some(planned),
         (T::Sampler(wanted), T::Sampler(is)) => match (wanted, is) {
-            (wgpu::SamplerBindingType::Filtering, wgpu::SamplerBindingType::NonFiltering) => {
-                Some(provided)
-            }
+            // A scene or a captured app may filter depths, which wgpu takes and browsers refuse.
+            (
+                wgpu::SamplerBindingType::Filtering | wgpu::SamplerBindingType::NonFiltering,
+                wgpu::SamplerBindingType::Filtering | wgpu::SamplerBindingType::NonFiltering,
+            ) => Some(provided),
             _ => (wanted == is).then_some(planned),
         },
         (

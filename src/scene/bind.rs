@@ -13,14 +13,15 @@ use std::sync::Arc;
 
 use naga::{ImageClass, ImageDimension, ScalarKind, ShaderStage, TypeInner};
 use preshade_passes::declared;
-use preshade_passes::plan::{BindingKind, BindingSource, BindingUse, GpuPass};
+use preshade_passes::plan::{BindingKind, BindingLayout, BindingSource, BindingUse, GpuPass};
 use preshade_passes::state::CompareFunction;
 
 use super::flow::BufferRead;
 use super::layout::{self, Leaf, Segment};
 use super::semantic::{SemanticValue, normalise};
 use super::{
-    Draw, Frame, Image, Material, Sampler, Scene, SceneError, Value, material, range, value_path,
+    Draw, Filter, Frame, Image, Material, Sampler, Scene, SceneError, Value, material, range,
+    value_path,
 };
 
 mod guessed;
@@ -852,7 +853,14 @@ pub fn samplers(material: &Material, pass: &GpuPass) -> Result<Vec<SamplerBindin
 }
 
 fn sampler(material: &Material, binding: &BindingUse, name: &str) -> SamplerBinding {
-    let mut sampler = material.samplers.get(name).copied().unwrap_or_default();
+    let given = material.samplers.get(name).copied();
+    let mut sampler = given.unwrap_or_else(|| match &binding.layout {
+        Some(layout) if *layout == BindingLayout::non_filtering() => Sampler {
+            filter: Filter::Nearest,
+            ..Sampler::default()
+        },
+        _ => Sampler::default(),
+    });
     sampler.compare = (binding.kind == BindingKind::ComparisonSampler)
         .then(|| sampler.compare.unwrap_or(CompareFunction::LessEqual));
     SamplerBinding {

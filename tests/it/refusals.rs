@@ -640,3 +640,54 @@ fn shaders_that_do_more_than_shade() {
         );
     }
 }
+
+/// No order helps a step that the material refuses: then its own reason is told.
+#[test]
+fn an_order_is_blamed_only_where_another_helps() {
+    let code = |text: &str| {
+        let plan = plan(text, &MaterialState::default());
+        let recipe = Recipe::parse(["depth-prepass", "early-alpha"]).unwrap();
+        let (_, skipped) = preshade::unstable::pipeline::apply(&plan, &recipe, &Facts::default());
+        let codes = skipped.iter().map(|s| s.refusal.code.clone());
+        codes.collect::<Vec<_>>()
+    };
+    assert_eq!(code(&format!("{VERTEX}{FLAT}")), ["no-discard"]);
+    let late = std::fs::read_to_string("fixtures/shaders/late-alpha.wgsl").unwrap();
+    assert_eq!(code(&late), ["not-first"]);
+}
+
+/// WebGPU filters no depth texture. All passes of the material say so, for they share its bind group.
+#[test]
+fn a_sampler_of_depths_is_non_filtering() {
+    use preshade::unstable::passes::plan::BindingLayout;
+    let text = "@group(0) @binding(0) var leaf: texture_2d<f32>;
+@group(0) @binding(1) var depths: texture_depth_2d;
+@group(0) @binding(2) var both: sampler;
+@group(0) @binding(3) var smooth_one: sampler;
+struct V { @builtin(position) p: vec4f, @location(0) uv: vec2f }
+@vertex fn vs(@location(0) p: vec4f) -> V { return V(p, p.xy); }
+fn depth(t: texture_depth_2d, s: sampler, uv: vec2f) -> f32 { return textureSample(t, s, uv); }
+@fragment fn fs(v: V) -> @location(0) vec4f {
+    let test = textureSample(leaf, both, v.uv);
+    let d = depth(depths, both, v.uv);
+    let more = textureSample(leaf, smooth_one, v.uv);
+    if (test.a < 0.5) { discard; }
+    return test * d + more;
+}
+";
+    let original = plan(text, &MaterialState::default());
+    let recipe = Recipe::parse(["depth-prepass"]).unwrap();
+    let changed = recipe.apply(&original, &Facts::default()).unwrap();
+    assert_eq!(changed.passes.len(), 2);
+    for pass in original.passes.iter().chain(&changed.passes) {
+        let layout = |binding: u32| {
+            let found = pass.bindings.iter().find(|b| b.binding == binding);
+            found.and_then(|b| b.layout.clone())
+        };
+        assert_eq!(layout(2), Some(BindingLayout::non_filtering()));
+        let filtering = BindingLayout::Sampler {
+            ty: "filtering".to_owned(),
+        };
+        assert!(layout(3).is_none_or(|layout| layout == filtering));
+    }
+}

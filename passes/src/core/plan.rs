@@ -391,7 +391,8 @@ pub enum BindingLayout {
     },
     /// `GPUSamplerBindingLayout`.
     Sampler {
-        /// `filtering`, `non-filtering` or `comparison`.
+        /// `filtering`, `non-filtering` or `comparison`. A sampler that a shader of the material
+        /// samples a depth texture with, without a comparison, is `non-filtering`.
         #[serde(rename = "type")]
         ty: String,
     },
@@ -414,6 +415,14 @@ pub enum BindingLayout {
         /// As for a texture.
         view_dimension: String,
     },
+}
+
+impl BindingLayout {
+    /// The layout of a sampler that filters nothing.
+    pub fn non_filtering() -> Self {
+        let ty = "non-filtering".to_owned();
+        Self::Sampler { ty }
+    }
 }
 
 /// A vertex attribute that a pass reads.

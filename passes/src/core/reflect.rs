@@ -1,5 +1,7 @@
 //! The bindings, vertex attributes, outputs and features that an entry point uses.
 
+use std::collections::HashSet;
+
 use naga::valid::GlobalUse;
 use naga::{
     AddressSpace, Binding, Function, Handle, ImageClass, Module, ShaderStage, StorageAccess, Type,
@@ -264,6 +266,24 @@ pub fn conflict(
     })
 }
 
+/// The samplers, but for comparison samplers, that sample a depth texture: WebGPU filters none.
+fn unfiltered(
+    program: &Program,
+    stages: &[(ShaderStage, &str)],
+) -> HashSet<Handle<naga::GlobalVariable>> {
+    let module = program.module();
+    let entries = stages.iter();
+    let entries = entries.filter_map(|(stage, name)| program.entry_point(*stage, name));
+    let keys = entries.flat_map(|(index, _)| &program.info().get_entry_point(index).sampling_set);
+    let is = |global: Handle<naga::GlobalVariable>, kind| {
+        binding_kind(module, &module.global_variables[global]) == Some(kind)
+    };
+    keys.filter(|key| is(key.image, BindingKind::DepthTexture))
+        .filter(|key| is(key.sampler, BindingKind::Sampler))
+        .map(|key| key.sampler)
+        .collect()
+}
+
 /// The bindings of entry points, by group and binding. Those among `known` keep their source;
 /// others are the author's. If two stages have a variable each at one binding, the larger counts.
 pub fn bindings(
@@ -272,6 +292,7 @@ pub fn bindings(
     known: &[BindingUse],
 ) -> Vec<BindingUse> {
     let module = program.module();
+    let unfiltered = unfiltered(program, stages);
     let mut bindings: Vec<BindingUse> = Vec::new();
     for (stage, name) in stages {
         let Some((index, _)) = program.entry_point(*stage, name) else {
@@ -286,15 +307,22 @@ pub fn bindings(
                 continue;
             }
             let here = |b: &&BindingUse| (b.group, b.binding) == (at.group, at.binding);
-            let source = known.iter().find(here);
-            let source = source.map_or(BindingSource::Author, |b| b.source.clone());
+            let known = known.iter().find(here);
+            let source = known.map_or(BindingSource::Author, |b| b.source.clone());
+            let mut layout = binding_layout(module, global, &source);
+            // All passes of a material share its bind groups, and so do those that sample no depth.
+            let was = known.and_then(|b| b.layout.as_ref());
+            let is_non_filtering = was.is_some_and(|was| *was == BindingLayout::non_filtering());
+            if is_non_filtering || unfiltered.contains(&handle) {
+                layout = Some(BindingLayout::non_filtering());
+            }
             let new = BindingUse {
                 group: at.group,
                 binding: at.binding,
                 name: global.name.clone().unwrap_or_default(),
                 kind,
                 visibility: Visibility::default(),
-                layout: binding_layout(module, global, &source),
+                layout,
                 source,
             };
             let i = match bindings.iter().position(|b| here(&b)) {
