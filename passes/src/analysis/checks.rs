@@ -47,6 +47,7 @@ impl Checks {
             matches!(
                 e,
                 Expression::Access { .. }
+                    | Expression::AccessIndex { index: 1.., .. }
                     | Expression::Binary {
                         op: BinaryOperator::Divide | BinaryOperator::Modulo,
                         ..
@@ -165,6 +166,10 @@ impl Walk<'_, '_> {
             Expression::Access { base, index } => {
                 self.found.indices |= !self.is_within(base, index);
             }
+            // A binding has one element at least.
+            Expression::AccessIndex { base, index: 1.. } => {
+                self.found.indices |= self.is_runtime_sized(base)
+            }
             _ => {}
         }
     }
@@ -198,14 +203,29 @@ impl Walk<'_, '_> {
         !is_zero && !overflows
     }
 
-    /// Whether an index is one of `base`.
-    fn is_within(&self, base: Handle<Expression>, index: Handle<Expression>) -> bool {
+    /// The type of a value, or of what a pointer points to.
+    fn pointed(&self, e: Handle<Expression>) -> &TypeInner {
         let module = self.graph.module();
-        let inner = match self.f.ty(module, base) {
+        match self.f.ty(module, e) {
             TypeInner::Pointer { base, .. } => &module.types[*base].inner,
             inner => inner,
-        };
-        let length = match inner {
+        }
+    }
+
+    /// Whether the length of an array is that of the bound buffer.
+    fn is_runtime_sized(&self, array: Handle<Expression>) -> bool {
+        matches!(
+            self.pointed(array),
+            TypeInner::Array {
+                size: ArraySize::Dynamic,
+                ..
+            }
+        )
+    }
+
+    /// Whether an index is one of `base`.
+    fn is_within(&self, base: Handle<Expression>, index: Handle<Expression>) -> bool {
+        let length = match self.pointed(base) {
             TypeInner::Vector { size, .. }
             | TypeInner::ValuePointer {
                 size: Some(size), ..
@@ -319,6 +339,8 @@ mod tests {
             "struct U {{ k: i32, n: u32, v: vec4<f32>, m: mat4x4<f32> }}
              @group(0) @binding(0) var<uniform> u: U;
              @group(0) @binding(1) var<storage> s: array<f32>;
+             struct Tail {{ count: u32, rest: array<vec2<f32>> }}
+             @group(0) @binding(2) var<storage> tail: Tail;
              const TABLE = array<f32, 4>(1.0, 2.0, 3.0, 4.0);
              @fragment fn fs(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {{
                var t = TABLE; var x = 0.0; {body} return vec4(x); }}"
@@ -365,6 +387,12 @@ mod tests {
             ("x = u.v[u.n];", indices),
             ("x = u.m[u.n >> 30u].x;", none),
             ("x = s[u.n];", indices),
+            ("x = s[3];", indices),
+            ("x = s[0];", none),
+            ("let p = &s; x = (*p)[1];", indices),
+            ("x = tail.rest[1].y;", indices),
+            ("x = tail.rest[0].y;", none),
+            ("x = t[3];", none),
             ("for (var i = 0; i < 4; i++) { x += t[i]; }", none),
             ("for (var i = 0; i < 5; i++) { x += t[i]; }", indices),
             ("for (var i = 0; i < 4; i++) { x += t[i + 1]; }", indices),
