@@ -141,6 +141,13 @@ impl Numbers {
         grain: f64::INFINITY,
     };
 
+    /// Whatever bits have.
+    const ANY: Self = Self {
+        range: Interval::ANYTHING,
+        least: f32::from_bits(1) as f64,
+        grain: f32::from_bits(1) as f64,
+    };
+
     fn new(range: Interval, least: f64) -> Self {
         let least = least.max(range.least());
         Self {
@@ -280,6 +287,18 @@ impl Search<'_, '_, '_> {
             }
             _ if !path.is_empty() => joined(|node| !matches!(node, Node::Control(..))),
             Expression::ImageSample { .. } | Expression::ImageLoad { .. } => None,
+            // A reinterpretation keeps the bits, and an integer may have those of any number.
+            Expression::As {
+                kind: ScalarKind::Float,
+                expr,
+                convert: None,
+            } => match f.ty(values.graph.module(), *expr).scalar_kind() {
+                Some(ScalarKind::Float) => self.operand(context, *expr),
+                _ => {
+                    let is_of_draw = values.values[id].fact.rate <= Rate::Draw;
+                    is_of_draw.then(|| vec![Numbers::ANY; width(ty)])
+                }
+            },
             expression => {
                 let found = self.operation(context, expression, ty);
                 let is_of_draw = values.values[id].fact.rate <= Rate::Draw;
@@ -379,7 +398,7 @@ impl Search<'_, '_, '_> {
                 let of = self.operand(context, *expr)?;
                 return Some(of.into_iter().map(Numbers::negated).collect());
             }
-            // A reinterpretation keeps the bits.
+            // The bits as an integer.
             Expression::As { convert: None, .. } => return None,
             _ => {}
         }
@@ -478,7 +497,8 @@ impl Search<'_, '_, '_> {
                 let t = n[2].plus(n[0].negated()).over(n[1].plus(n[0].negated()));
                 let square = t.times(t);
                 self.met |= t.may_be_subnormal() || square.may_be_subnormal();
-                Some(Numbers::new(Interval::UNIT, square.least))
+                // Beyond the edge it is 1.
+                Some(Numbers::new(Interval::UNIT, square.least.min(1.0)))
             }),
             (M::Transpose, [a]) => Some(a.clone()),
             (M::Outer, [a, b]) => Some(vec![together(a)?.times(together(b)?)]),
@@ -617,7 +637,9 @@ fn function(fun: MathFunction, given: &[Numbers]) -> Option<Numbers> {
     let x = given.first()?;
     let least = given.iter().map(|n| n.least).fold(f64::INFINITY, f64::min);
     let least = match fun {
-        M::Abs | M::Saturate | M::Min | M::Max | M::Clamp => least,
+        M::Abs | M::Min | M::Max | M::Clamp => least,
+        // What was larger is 1.
+        M::Saturate => least.min(1.0),
         M::Sign | M::Step | M::Floor | M::Ceil | M::Round | M::Trunc => 1.0,
         M::Fract => least * STEP,
         M::Radians => least.to_radians(),

@@ -306,7 +306,7 @@ fn numbers(member: &str, components: &[&[f32]]) -> SourceRange {
 
 #[test]
 fn what_may_be_subnormal_stays() {
-    let rows: [(&str, [f32; 2], [f32; 4], bool); 22] = [
+    let rows: [(&str, [f32; 2], [f32; 4], bool); 29] = [
         // The gain, the members `a` and `b`, the vector `d`, and whether it stays.
         ("exp2(u.a * u.d.x)", [0.5, 1.0], [0.5, 1.0, 2.0, 3.0], false),
         (
@@ -365,6 +365,45 @@ fn what_may_be_subnormal_stays() {
         ),
         ("exp2(turns(u.a))", [1e-10, 1.0], [0.0; 4], true),
         ("exp2(turns(u.a))", [0.1, 1.0], [0.0; 4], false),
+        // What is clamped to 1 was larger.
+        (
+            "exp2(saturate(u.a) * 1e-19 * 5e-20 * 1e38)",
+            [3.0, 1.0],
+            [0.0; 4],
+            true,
+        ),
+        (
+            "exp2(saturate(u.a) * 1e-19 * 5e-19 * 1e38)",
+            [3.0, 1.0],
+            [0.0; 4],
+            false,
+        ),
+        (
+            "exp2(smoothstep(0.0, 0.5, u.a) * 1e-19 * 5e-20 * 1e38)",
+            [3.0, 1.0],
+            [0.0; 4],
+            true,
+        ),
+        // The bits of an integer, and of a number.
+        (
+            "exp2(bitcast<f32>(u.count) * 1e38)",
+            [0.5, 1.0],
+            [0.0; 4],
+            true,
+        ),
+        (
+            "exp2(bitcast<f32>(bitcast<u32>(u.a) + 1u) + u.b)",
+            [0.5, 1.0],
+            [0.0; 4],
+            true,
+        ),
+        (
+            "exp2(bitcast<f32>(bitcast<u32>(u.a) + 1u))",
+            [0.5, 1.0],
+            [0.0; 4],
+            true,
+        ),
+        ("exp2(f32(u.count) * u.a)", [0.5, 1.0], [0.0; 4], false),
         // Decisions.
         (
             "exp2(select(0.2, 1.5, u.a > 0.0) * 1.3)",
