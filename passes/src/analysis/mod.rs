@@ -1,24 +1,18 @@
 //! Questions that any pass may ask about a program. An analysis reads the graph and changes nothing.
 
-pub mod authored;
 pub mod below;
 pub mod checks;
 pub mod contraction;
 pub mod coverage;
 pub mod cut;
-pub(crate) mod discontinuity;
 pub(crate) mod effects;
-pub mod half_rate;
 pub mod hazard;
 pub(crate) mod implicit_inputs;
-pub mod lit;
 pub mod loops;
 pub mod named;
-pub(crate) mod near_plane;
 pub mod neighbours;
 pub mod opaque;
 pub(crate) mod operations;
-pub mod preamble;
 pub(crate) mod range;
 pub(crate) mod reach;
 pub mod refusals;
@@ -26,10 +20,7 @@ pub(crate) mod rounding;
 pub(crate) mod simplify;
 pub mod subnormal;
 pub mod uniformity;
-pub(crate) mod unwritten;
 pub(crate) mod users;
 pub mod values;
 pub mod view;
-pub mod viewer;
-pub mod world;
 pub mod zero;

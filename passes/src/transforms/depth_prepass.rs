@@ -40,7 +40,6 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::coverage;
 use crate::analysis::effects;
 use crate::analysis::implicit_inputs::PassEffect;
-use crate::analysis::near_plane;
 use crate::analysis::opaque::{self, Opaque};
 use crate::analysis::refusals as shared;
 use crate::core::contract::{Assumption, Contract};
@@ -54,6 +53,7 @@ use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
 use crate::rebuild::depth_pass::{self, PrepassProgram};
 use crate::rebuild::place::{self, PositionInvariance};
 
+mod near_plane;
 pub mod refusals;
 
 /// The pass.

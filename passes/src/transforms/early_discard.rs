@@ -59,9 +59,9 @@ use crate::core::self_test;
 use crate::core::state::{CompareFunction, DepthDirection, DepthFormat, DepthState};
 use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
 use crate::rebuild::depth_pass::{self, PrepassProgram};
-use crate::rebuild::gradients;
 use crate::slice::{self, Criterion, OutputFilter};
 
+mod gradients;
 mod packed;
 mod prologue;
 mod quad;

@@ -34,7 +34,6 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::below;
-use crate::analysis::half_rate::{self, Choice, Stays};
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::loops::LoopEnds;
 use crate::analysis::refusals as shared;
@@ -55,8 +54,10 @@ mod derivatives;
 mod plan;
 pub mod refusals;
 mod text;
+mod values;
 
 use text::Layout;
+use values::{Choice, Stays};
 
 /// The pass.
 pub struct HalfRate;
@@ -303,12 +304,12 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         values: &'v Values<'g, 'p>,
         params: &Params,
     ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
-        let verdicts = half_rate::judge(values);
-        let named = |id: ValueId| half_rate::guide_name(values, id);
+        let verdicts = values::judge(values);
+        let named = |id: ValueId| values::guide_name(values, id);
         let asked = params.guide.as_deref();
         let is_guide =
             |id: ValueId| asked.is_none_or(|all| all.split('+').any(|one| one.trim() == named(id)));
-        let choice = half_rate::choose(values, &verdicts, params.least, &is_guide);
+        let choice = values::choose(values, &verdicts, params.least, &is_guide);
         let left = below::left(values, MOST_LEFT, |id| match verdicts[id] {
             Ok(()) => Some("it saves too little".to_owned()),
             Err(Stays::Uniform | Stays::Shape | Stays::Cheap) => None,
@@ -329,7 +330,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         if let Some(all) = asked.filter(|a| *a != "none")
             && choice.guides.len() < all.split('+').count()
         {
-            let any = half_rate::choose(values, &verdicts, params.least, &|_| true);
+            let any = values::choose(values, &verdicts, params.least, &|_| true);
             let known = any.map_or_else(Vec::new, |c| c.guides);
             let known: Vec<String> = known.into_iter().map(named).collect();
             let reason = format!("`guide={all}` names a value that cannot guide");
@@ -342,7 +343,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         let wanted = outline::wanted(values, choice.moved.iter().copied(), "carried");
         let guides = outline::wanted(values, choice.guides.iter().copied(), "guide");
         let carried = |ids: &[ValueId]| -> Vec<Carried> {
-            let widths = ids.iter().filter_map(|id| half_rate::width(values, *id));
+            let widths = ids.iter().filter_map(|id| values::width(values, *id));
             widths.map(|width| Carried { width }).collect()
         };
         let layout = Layout::of(&carried(&choice.moved), &carried(&choice.guides));

@@ -62,6 +62,7 @@ use crate::slice::Termination;
 mod advice;
 mod candidates;
 pub mod choose;
+mod discontinuity;
 mod form;
 pub mod movable;
 mod moved;

@@ -62,25 +62,31 @@ use crate::core::refusals::RefusalInfo;
 use crate::core::state::{AttachmentOps, ColorTarget, DepthDirection, DepthState, Multisample};
 use crate::rebuild::depth_only::{self, Placed, VertexStage};
 use crate::rebuild::depth_pass;
-use crate::rebuild::outputs::{
-    self, Direction, Extended, Face, Failed, Normal, Shows, Velocity, Wanted,
-};
 use crate::rebuild::place::PositionInvariance;
-use crate::rebuild::viewer::{self, Dropped, Stays};
 use crate::slice::OutputFilter;
 
+mod authored;
 mod calls;
+mod coverage;
 mod cutoff;
 mod distance;
 mod effect;
+pub mod extend;
 mod follows;
 mod jitter;
+mod lit;
 mod names;
 mod notes;
 mod other_view;
 mod params;
 pub mod refusals;
+mod remap;
+mod unwritten;
+mod viewer;
+mod world_position;
 
+use coverage::{Dropped, Stays};
+use extend::{Direction, Extended, Face, Failed, Normal, Shows, Velocity, Wanted};
 use names::refusal;
 use params::list;
 pub use params::{Asked, Axes, ClipY, ColourTarget, Params, Precision, Viewer};
@@ -198,7 +204,7 @@ impl Pass for Outputs {
         let mut extended = match wanted.is_empty() {
             true => None,
             false => {
-                Some(outputs::extend(&author, &wanted, params.group).map_err(|why| failed(&why))?)
+                Some(extend::extend(&author, &wanted, params.group).map_err(|why| failed(&why))?)
             }
         };
         let of_extended = extended.as_ref();
@@ -464,7 +470,7 @@ fn check_limits(pass: &GpuPass, author: &GpuPass) -> Result<(), Box<Refusal>> {
 fn without_viewer(opaque: &Opaque<'_>, said: &Said) -> Result<Option<Dropped>, Box<Refusal>> {
     let stages = (Some(opaque.vertex), opaque.fragment);
     let follows = view::of_stages(&opaque.graph, stages, said);
-    viewer::dropped(opaque, &follows).map_err(|why| match why {
+    coverage::dropped(opaque, &follows).map_err(|why| match why {
         Stays::Built(why) => Box::new(Refusal::bug(NAME, why)),
         Stays::Discard(why) => refusal(&refusals::VIEWER_DECIDES, why),
     })

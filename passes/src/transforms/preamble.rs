@@ -10,7 +10,7 @@
 //!          fs(uv):  exposure = preamble_values.exposure;  ..  color * exposure
 //! ```
 //!
-//! A minimum cut ([`crate::analysis::preamble`]) chooses the values. They are cut out as `hoist` cuts
+//! A minimum cut ([`values`]) chooses the values. They are cut out as `hoist` cuts
 //! out its own, but their destination is a compute pass of one invocation for each draw, ahead of
 //! the frame's render passes. It has the draw's bindings, and fills a buffer that the main pass
 //! reads as a uniform.
@@ -41,7 +41,6 @@ use crate::analysis::below;
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::loops::LoopEnds;
 use crate::analysis::named::span;
-use crate::analysis::preamble::{self, Choice, Class, Judged, Stays, Terms};
 use crate::analysis::refusals as shared;
 use crate::analysis::rounding;
 use crate::analysis::simplify::{self, FragmentStage};
@@ -66,6 +65,10 @@ use crate::rebuild::outline::{self, Extracted, Failed, Names, Wanted};
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::remainder::{self, Given};
 use crate::slice::Termination;
+
+mod values;
+
+use values::{Choice, Class, Judged, Stays, Terms};
 
 /// The pass.
 pub struct Preamble;
@@ -252,10 +255,10 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             };
             facts.steady_textures.iter().any(is_it)
         };
-        let judged = preamble::judge(values, &known, rounding::most(stage.pass), &is_steady);
+        let judged = values::judge(values, &known, rounding::most(stage.pass), &is_steady);
         let weakest = params.terms().weakest;
         let left = below::left(values, MOST_LEFT, |id| why(&judged, weakest, id));
-        let Some(choice) = preamble::choose(values, &judged, &params.terms()) else {
+        let Some(choice) = values::choose(values, &judged, &params.terms()) else {
             return Err((nothing(values, &judged, params), left));
         };
         let wanted = outline::wanted(values, choice.moved.iter().copied(), "constant");
@@ -355,7 +358,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         let contract = self.contract(given);
         let change = self.change();
         next.add_step(Preamble::INFO.name, params, &change, contract);
-        for name in preamble::textures(self.values, &self.choice.moved) {
+        for name in values::textures(self.values, &self.choice.moved) {
             next.notes.push(format!(
                 "`{name}` is read at the start of the frame: if a pass writes it before the draw, take the original"
             ));
@@ -371,7 +374,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
     fn given(&self) -> Vec<Assumption> {
         let mut given = self.stage.given.clone();
         given.push(Assumption::StagesAgree);
-        if !preamble::textures(self.values, &self.choice.moved).is_empty() {
+        if !values::textures(self.values, &self.choice.moved).is_empty() {
             given.push(Assumption::SteadyTextures);
         }
         if self.choice.class == Class::Rounded {
@@ -559,7 +562,7 @@ fn free_name(module: &Module) -> String {
 
 /// The refusal if nothing pays, with the one parameter that would help.
 fn nothing(values: &Values<'_, '_>, judged: &Judged, params: &Params) -> Box<Refusal> {
-    let pays = |params: &Params| preamble::choose(values, judged, &params.terms()).is_some();
+    let pays = |params: &Params| values::choose(values, judged, &params.terms()).is_some();
     let rounding = Params {
         allow: Allow::Rounding,
         ..params.clone()

@@ -74,6 +74,52 @@ fn no_transform_imports_another() {
     assert_eq!(found, listed(TRANSFORMS));
 }
 
+/// What only one transform uses is that transform's.
+#[test]
+fn each_shared_module_has_two_users() {
+    let imports = imports("src");
+    let above = texts("../src");
+    // The root re-exports modules for the crates above.
+    let exported = paths(&texts("src")[&vec!["lib".to_owned()]]);
+    let rooms = ["analysis", "rebuild"];
+    let shared: BTreeSet<&[String]> = imports
+        .keys()
+        .filter(|m| m.len() > 1 && rooms.contains(&m[0].as_str()))
+        .map(|m| &m[..2])
+        .collect();
+    let mut homeless = BTreeSet::new();
+    for of in shared {
+        let name = of.join("::");
+        let path = format!("preshade_passes::{name}");
+        let mut users = BTreeSet::new();
+        if exported.iter().any(|e| e == of) || above.values().any(|text| text.contains(&path)) {
+            users.insert("preshade".to_owned());
+        }
+        let (mut reached, mut open) = (BTreeSet::new(), vec![of]);
+        while let Some(next) = open.pop() {
+            let importing = edges(&imports)
+                .filter(|(from, to)| to.starts_with(next) && !from.starts_with(next));
+            for (from, _) in importing {
+                match from.first().map(String::as_str) {
+                    None => {}
+                    Some("transforms") if from.len() > 1 => drop(users.insert(from[1].clone())),
+                    Some(room) if rooms.contains(&room) && from.len() > 1 => {
+                        if reached.insert(&from[..2]) {
+                            open.push(&from[..2]);
+                        }
+                    }
+                    Some(room) if rooms.contains(&room) => {}
+                    Some(room) => drop(users.insert(room.to_owned())),
+                }
+            }
+        }
+        if users.len() < 2 && !users.contains("preshade") {
+            homeless.insert(format!("{name} <- {users:?}"));
+        }
+    }
+    assert_eq!(homeless, listed(&[]));
+}
+
 /// The children of one module may import each other: the file `room/name.rs` and the folder
 /// `room/name` are one module.
 #[test]
@@ -113,9 +159,7 @@ fn against(imports: &BTreeMap<Module, BTreeSet<Module>>, order: &[&[&str]]) -> B
 
 /// The modules that each module of a crate's sources imports, tests apart.
 fn imports(sources: &str) -> BTreeMap<Module, BTreeSet<Module>> {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(sources);
-    let mut texts = BTreeMap::new();
-    read(&root, &mut Vec::new(), &mut texts);
+    let texts = texts(sources);
     let found = texts.iter().map(|(module, text)| {
         let named = paths(text)
             .into_iter()
@@ -123,6 +167,14 @@ fn imports(sources: &str) -> BTreeMap<Module, BTreeSet<Module>> {
         (module.clone(), named.filter(|to| to != module).collect())
     });
     found.collect()
+}
+
+/// The code of each module of a crate's sources, tests apart.
+fn texts(sources: &str) -> BTreeMap<Module, String> {
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join(sources);
+    let mut texts = BTreeMap::new();
+    read(&root, &mut Vec::new(), &mut texts);
+    texts
 }
 
 fn read(folder: &Path, at: &mut Module, texts: &mut BTreeMap<Module, String>) {

@@ -5,10 +5,10 @@ use naga::{
     VectorSize,
 };
 
+use super::gradients;
 use super::{DepthTexture, Mode, Quad, packed};
 use crate::core::state::{DepthDirection, DepthFormat};
 use crate::rebuild::ahead::Ahead;
-use crate::rebuild::gradients;
 use crate::rebuild::place;
 use crate::rebuild::quad::{self, HIDDEN};
 use crate::rebuild::snippet::{InjectError, link_snippet};

@@ -1,8 +1,8 @@
 //! The plan with both passes, and the words for it.
 
 use super::build::Built;
+use super::values;
 use super::{Edges, Found, HalfRate, Params};
-use crate::analysis::half_rate;
 use crate::analysis::named::span;
 use crate::core::budget::Budget;
 use crate::core::contract::Contract;
@@ -91,7 +91,7 @@ impl Found<'_, '_, '_> {
         let names: Vec<String> = names.collect();
         let guides = self.choice.guides.iter();
         let guides: Vec<String> = guides
-            .map(|id| format!("`{}`", half_rate::guide_name(self.values, *id)))
+            .map(|id| format!("`{}`", values::guide_name(self.values, *id)))
             .collect();
         let guided = match guides.is_empty() {
             true => "no value tells edges".to_owned(),

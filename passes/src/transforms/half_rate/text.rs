@@ -13,7 +13,7 @@
 use std::fmt::Write;
 
 use super::Carried;
-use crate::analysis::half_rate::words;
+use super::values::words;
 
 /// Names of our own functions.
 pub const PIXEL: &str = "half_rate_pixel";

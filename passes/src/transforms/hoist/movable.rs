@@ -8,10 +8,10 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::choose;
+use super::discontinuity;
 use super::form::{Form, forms};
 use crate::analysis::below;
 use crate::analysis::contraction;
-use crate::analysis::discontinuity;
 use crate::analysis::hazard;
 use crate::analysis::loops::{LoopEnds, iterated};
 use crate::analysis::operations;

@@ -1,8 +1,8 @@
 //! Values of functions that are called more than once.
 
+use super::authored::{Authored, calls_of};
 use super::names::refusal;
 use super::refusals;
-use crate::analysis::authored::{Authored, calls_of};
 use crate::analysis::opaque::Opaque;
 use crate::core::pass::Refusal;
 

@@ -2,14 +2,14 @@
 
 use naga::{Binding, ScalarKind, TypeInner, VectorSize};
 
+use super::extend::{Distance, Member, Shows, Surface};
 use super::names::{self, refusal};
+use super::world_position::{self, NoWorld};
 use super::{Params, calls, refusals};
 use crate::analysis::opaque::Opaque;
 use crate::analysis::view::{self, Said};
-use crate::analysis::world::{self, NoWorld};
 use crate::core::pass::Refusal;
 use crate::core::program::Program;
-use crate::rebuild::outputs::{Distance, Member, Shows, Surface};
 
 /// The surface, the light and the range of the parameters.
 pub fn distance(opaque: &Opaque<'_>, params: &Params, said: &Said) -> Result<Shows, Box<Refusal>> {
@@ -47,7 +47,7 @@ pub fn surface(opaque: &Opaque<'_>, params: &Params, said: &Said) -> Result<Surf
         return Ok(Surface::Value(value));
     }
     let follows = view::of_stages(&opaque.graph, (Some(opaque.vertex), opaque.fragment), said);
-    let why = match world::position(&opaque.graph, opaque.vertex, &follows) {
+    let why = match world_position::position(&opaque.graph, opaque.vertex, &follows) {
         Ok(world) => return Ok(Surface::World(world)),
         Err(NoWorld::None) => {
             "no product of a view's matrix and a vector leads to the position".to_owned()

@@ -2,14 +2,14 @@
 
 use naga::{Handle, Module, Type, TypeInner};
 
+use super::extend::Member;
+use super::extend::without_jitter::{Unsteady, steady};
 use super::names::{self, refusal};
 use super::{Params, list, refusals, with_main};
 use crate::core::mapping;
 use crate::core::pass::Refusal;
 use crate::core::plan::Plan;
 use crate::core::program::Program;
-use crate::rebuild::outputs::Member;
-use crate::rebuild::outputs::steady::{Unsteady, steady};
 
 /// Letters of a vector's components.
 const LETTERS: [&str; 2] = ["xyzw", "rgba"];

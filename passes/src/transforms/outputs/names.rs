@@ -6,18 +6,18 @@ use naga::{
     AddressSpace, Binding, GlobalVariable, Handle, Module, ScalarKind, TypeInner, VectorSize,
 };
 
+use super::authored::{self, Authored, Place};
+use super::extend::Member;
+use super::lit;
+use super::unwritten;
 use super::{Asked, Params, jitter, list, refusals};
-use crate::analysis::authored::{self, Authored, Place};
-use crate::analysis::lit;
 use crate::analysis::opaque::Opaque;
-use crate::analysis::unwritten;
 use crate::core::declared;
 use crate::core::mapping::{self, Path};
 use crate::core::pass::{Misnamed, Refusal};
 use crate::core::program::Program;
 use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
-use crate::rebuild::outputs::Member;
 
 /// Most candidates that a refusal lists.
 const MOST: usize = 12;

@@ -1,9 +1,9 @@
 //! What a host should know of the pictures.
 
+use super::extend::{Normal, Shows, Wanted};
 use super::{Params, distance};
 use crate::analysis::opaque::Opaque;
 use crate::core::reflect;
-use crate::rebuild::outputs::{Normal, Shows, Wanted};
 use crate::slice::{self, Criterion, OutputFilter};
 
 /// Words in the names of attributes that place an instance.

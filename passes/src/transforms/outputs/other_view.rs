@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use naga::{GlobalVariable, Handle, Module, ShaderStage, Type, TypeInner};
 
 use super::names::refusal;
+use super::remap::{self, Unmapped};
 use super::{Params, refusals};
 use crate::analysis::opaque::Opaque;
 use crate::analysis::view::{self, Said};
@@ -13,7 +14,6 @@ use crate::core::pass::Refusal;
 use crate::core::plan::{BindingSource, GpuPass, Plan, Role};
 use crate::core::program::Program;
 use crate::rebuild::place;
-use crate::rebuild::remap::{self, Unmapped};
 
 /// Sources of the bindings of the other view, by group and binding.
 pub type Sources = BTreeMap<(u32, u32), BindingSource>;

@@ -6,8 +6,8 @@ use super::Member;
 use crate::core::mapping::name_of;
 use crate::core::program::{Invalid, Program};
 use crate::graph::FunctionId;
-use crate::rebuild::remap::{self, Pair};
 use crate::rebuild::variable::private;
+use crate::transforms::outputs::remap::{self, Pair};
 
 /// Why a jitter cannot be left out.
 #[derive(Debug)]

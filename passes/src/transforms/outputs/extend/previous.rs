@@ -14,9 +14,9 @@ use crate::core::plan::BindingSource;
 use crate::graph::FunctionId;
 use crate::rebuild::ahead::Ahead;
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
-use crate::rebuild::remap::{self, Pair};
 use crate::rebuild::variable::private;
 use crate::slice::{self, Criterion, OutputFilter, Slice};
+use crate::transforms::outputs::remap::{self, Pair};
 
 /// Suffix of the copies of functions and buffers.
 const PREVIOUS: &str = "previous";

@@ -6,7 +6,7 @@ use naga::{
     VectorSize,
 };
 
-use crate::analysis::authored::{Authored, Place};
+use super::authored::{Authored, Place};
 use crate::analysis::reach::with_operands;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::graph::Graph;

@@ -8,9 +8,9 @@ use naga::{
     ResourceBinding, Sampling, Scalar, Span, StructMember, Type, TypeInner, VectorSize,
 };
 
-use crate::analysis::authored::Authored;
+use super::authored::Authored;
+use super::world_position::World;
 use crate::analysis::opaque::Opaque;
-use crate::analysis::world::World;
 use crate::core::declared::{self, Declaration, Declared};
 use crate::core::mapping;
 use crate::core::plan::{AttributeUse, BindingSource, HostValue};
@@ -19,13 +19,13 @@ use crate::core::reflect;
 use crate::rebuild::depth_only::Placed;
 use crate::rebuild::writer::FunctionWriter;
 
-mod apart;
 mod capture;
 mod fragment;
-mod numbers;
+mod locations;
 mod previous;
-pub mod steady;
+mod separate_calls;
 mod vertex;
+pub mod without_jitter;
 
 /// A picture to write.
 #[derive(Clone, Debug)]
@@ -265,8 +265,8 @@ impl Extended {
     /// slice needs few of the author's.
     pub fn renumber(&mut self, placed: &mut Placed) {
         let [varying, attribute] = self.first;
-        numbers::varyings(placed, varying);
-        let to = numbers::attributes(placed, attribute);
+        locations::varyings(placed, varying);
+        let to = locations::attributes(placed, attribute);
         let attributes = self.attributes.iter();
         self.attributes = attributes
             .map(|(location, of)| (to.get(location).copied().unwrap_or(*location), *of))

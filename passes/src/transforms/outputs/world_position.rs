@@ -3,7 +3,7 @@
 
 use naga::{BinaryOperator, Binding, BuiltIn, Expression, Handle, Literal, TypeInner, VectorSize};
 
-use crate::analysis::authored::Authored;
+use super::authored::Authored;
 use crate::analysis::reach::with_users;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::analysis::view;

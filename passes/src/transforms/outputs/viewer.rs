@@ -14,11 +14,11 @@ use crate::analysis::view;
 use crate::graph::rate::Rate;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 
-mod beside;
 mod conditions;
 mod kills;
 mod loads;
-mod rest;
+mod surrounding_tests;
+mod without_viewer;
 
 /// What takes the place of an expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,7 +129,7 @@ impl<'g, 'p> Stage<'g, 'p> {
                     && self.is(&self.decides, (context, e))
                     && self.depends((context, coordinate))
                 {
-                    changes.extend(rest::of_coordinate(self, (context, coordinate)));
+                    changes.extend(without_viewer::of_coordinate(self, (context, coordinate)));
                 }
             }
         }

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use naga::{Expression, Handle, Statement, TypeInner};
 
-use super::rest::{Author, Joined, Mode, Rest, Search};
+use super::without_viewer::{Author, Joined, Mode, Rest, Search};
 use super::{At, Changes, Instead};
 use crate::core::operands;
 use crate::graph::memory::{Origin, VersionId};

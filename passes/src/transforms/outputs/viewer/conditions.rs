@@ -2,7 +2,7 @@
 
 use naga::{BinaryOperator, Expression, Handle, Literal, LocalVariable, Statement, UnaryOperator};
 
-use super::rest::{self, Joined, Mode, Rest};
+use super::without_viewer::{self, Joined, Mode, Rest};
 use super::{At, Changes, Instead, Reads, Stage, Unclear};
 use crate::graph::{FunctionGraph, StmtId};
 
@@ -145,7 +145,7 @@ impl Stage<'_, '_> {
             }
             _ => {}
         }
-        match rest::of(self, at, Mode::Alpha) {
+        match without_viewer::of(self, at, Mode::Alpha) {
             Rest::Author(author) => {
                 changes.extend(author.changes);
                 Ok(Part::author(self.reads(at)))
@@ -217,8 +217,8 @@ impl Stage<'_, '_> {
     ) -> Result<Part, Unclear> {
         let sides = [(at.0, left), (at.0, right)];
         let rests = sides.map(|side| match self.depends(side) {
-            true => rest::of(self, side, Mode::Alpha),
-            false => Rest::Author(rest::Author::default()),
+            true => without_viewer::of(self, side, Mode::Alpha),
+            false => Rest::Author(without_viewer::Author::default()),
         });
         let unclear = Err(Unclear(at));
         match rests {
@@ -249,14 +249,14 @@ impl Stage<'_, '_> {
     fn with_threshold(
         &self,
         at: At,
-        author: rest::Author,
+        author: without_viewer::Author,
         [value, threshold]: [At; 2],
         changes: &mut Changes,
     ) -> Result<Part, Unclear> {
         if self.reads(value) == Reads::Nothing && !self.has_test(at) {
             return Ok(Part::Viewer);
         }
-        match rest::of(self, threshold, Mode::Threshold) {
+        match without_viewer::of(self, threshold, Mode::Threshold) {
             Rest::Author(other) => {
                 changes.extend(author.changes);
                 changes.extend(other.changes);

@@ -6,12 +6,12 @@ use naga::{
 };
 
 use super::{Extending, Failed};
-use crate::analysis::authored::{Authored, Place};
 use crate::core::reflect;
 use crate::graph::{FunctionGraph, FunctionId};
 use crate::rebuild::after::after;
 use crate::rebuild::returns;
 use crate::rebuild::writer::FunctionWriter;
+use crate::transforms::outputs::authored::{Authored, Place};
 
 /// Where the entry point finds a value as it returns.
 #[derive(Clone, Debug)]

@@ -1,5 +1,5 @@
 //! Leaves out of a fragment stage's coverage what depends on the viewer: parallax, fades by
-//! distance. [`analysis::viewer`](crate::analysis::viewer) says what takes its place.
+//! distance. [`analysis::viewer`](super::viewer) says what takes its place.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -8,9 +8,9 @@ use naga::{
     Statement, UnaryOperator,
 };
 
+use super::viewer::{self, Changes, Instead, Stage, Unclear};
 use crate::analysis::opaque::Opaque;
 use crate::analysis::values::ContextId;
-use crate::analysis::viewer::{self, Changes, Instead, Stage, Unclear};
 use crate::core::operands;
 use crate::core::program::Program;
 use crate::graph::{FunctionGraph, Graph, text};
