@@ -5,7 +5,7 @@ use naga::{DerivativeAxis, DerivativeControl, Expression, GlobalVariable, Handle
 use super::machine::{Activation, Machine, part};
 use super::number::Number;
 use super::value::{self, Scalar, Value};
-use super::{Derivative, Lookup, Sampling, Stuck, flips, layout, math, undefined};
+use super::{Derivative, Lookup, Sampling, Stuck, flips, layout, math, notes, undefined};
 
 impl<'a, F: Number> Machine<'a, F> {
     /// The value of an operand.
@@ -99,8 +99,12 @@ impl<'a, F: Number> Machine<'a, F> {
             },
             Expression::Load { pointer } => {
                 self.read_operand(frame, *pointer)?;
-                let place = self.read(known(frame, *pointer)?)?;
+                let pointer = known(frame, *pointer)?;
+                let place = self.read(pointer)?;
                 self.room(place.scalars())?;
+                if F::NOTES {
+                    self.note_read(pointer, place);
+                }
                 place.clone()
             }
             operation @ (Expression::Unary { .. }
@@ -174,6 +178,11 @@ impl<'a, F: Number> Machine<'a, F> {
         let operands = operands.into_iter().flatten().map(|o| known(frame, o));
         let operands = operands.collect::<Result<Vec<&Value<F>>, _>>()?;
         let value = math::operation(operation, &operands)?;
+        if F::NOTES
+            && let (Expression::Binary { op, .. }, [a, b]) = (operation, &operands[..])
+        {
+            notes::comparison(frame.function, e, *op, [a, b]);
+        }
         self.flips += flips::of(operation, &operands, &value);
         if self.undefined.is_none() {
             let what = undefined::of(operation, &operands);

@@ -11,7 +11,7 @@ use naga::{
 use super::expression::kind;
 use super::number::Number;
 use super::value::{self, Scalar, Value};
-use super::{Environment, RunResult, Stuck, Traced, Undefined, layout};
+use super::{Environment, RunResult, Stuck, Traced, Undefined, layout, notes};
 
 /// Most scalars in private and local memory. Each takes many bytes, and is copied with its
 /// composite.
@@ -328,7 +328,11 @@ impl<'a, F: Number> Machine<'a, F> {
                 return self.block(if taken { accept } else { reject }, frame);
             }
             Statement::Switch { selector, cases } => {
+                let site = *selector;
                 let selector = self.get(frame, *selector)?.scalar()?;
+                if F::NOTES {
+                    notes::cases(frame.function, site, selector, cases);
+                }
                 let matches = |value: &SwitchValue| match (value, selector) {
                     (SwitchValue::I32(a), Scalar::I32(b)) => *a == b,
                     (SwitchValue::U32(a), Scalar::U32(b)) => *a == b,
@@ -429,6 +433,18 @@ impl<'a, F: Number> Machine<'a, F> {
             at = part(at, *step)?;
         }
         Ok(at)
+    }
+
+    /// Notes the scalars of a buffer that a pointer reads.
+    pub(super) fn note_read(&self, pointer: &Value<F>, read: &Value<F>) {
+        let Ok((address, path)) = target(pointer) else {
+            return;
+        };
+        let mut globals = self.module.global_variables.iter();
+        let global = globals.find(|(handle, _)| handle.index() == address);
+        if let Some(at) = global.and_then(|(_, global)| layout::place(global)) {
+            notes::read(at, &mut path.to_vec(), read);
+        }
     }
 
     /// The target of a pointer, for writing: copied on the first write.

@@ -25,6 +25,7 @@ mod layout;
 mod machine;
 pub(crate) mod math;
 mod matrix;
+mod notes;
 mod number;
 pub mod overrides;
 mod shadow;

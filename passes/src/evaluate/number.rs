@@ -4,6 +4,7 @@ use std::fmt::Debug;
 
 use naga::{BinaryOperator, MathFunction};
 
+use super::value::Scalar;
 use super::{Stuck, bits};
 
 /// A float of the interpreter: `f32`, `f64`, or a representation of several numbers.
@@ -11,6 +12,16 @@ use super::{Stuck, bits};
 /// Integers and booleans are always single values: a number that can't be converted to one stops
 /// the evaluation.
 pub trait Number: Copy + Debug {
+    /// Whether it notes what decides ([`Self::compared`], [`Self::read`]).
+    const NOTES: bool = false;
+
+    /// Notes a comparison of two scalars. `site` is the same for the same text, and its second number
+    /// tells the components of a vector or the cases of a switch apart.
+    fn compared(_site: (u64, usize), _op: BinaryOperator, _sides: [Scalar<Self>; 2]) {}
+
+    /// Notes that a scalar of a buffer was read: its group and binding, and the way to it.
+    fn read(_at: (u32, u32), _way: &[usize], _scalar: Scalar<Self>) {}
+
     /// A number from the shader's text or a buffer.
     fn of(number: f32) -> Self;
 

@@ -124,12 +124,12 @@ pub struct Inputs {
     same: BTreeMap<u32, u32>,
     /// Numbers that inputs reach.
     numbers: Option<Arc<Numbers>>,
-    /// Single floats that have another value.
+    /// Single scalars that have another value.
     pins: Pins,
 }
 
-/// Single floats of inputs, and their values.
-pub(super) type Pins = Arc<BTreeMap<Source, f32>>;
+/// Single scalars of inputs, and their values.
+pub(super) type Pins = Arc<BTreeMap<Source, Scalar>>;
 
 impl Inputs {
     /// The inputs of a seed for the variables of a module, within a guard.
@@ -267,7 +267,7 @@ impl Inputs {
         self.attributes.insert((location, component), value);
     }
 
-    /// Gives single floats other values.
+    /// Gives single scalars other values.
     pub(super) fn pin(&mut self, pins: &Pins) {
         let resources = Arc::make_mut(&mut self.resources);
         for (source, number) in pins.iter() {
@@ -278,8 +278,8 @@ impl Inputs {
                         Value::Composite(parts) => parts.get_mut(*step as usize),
                         _ => None,
                     });
-                    if let Some(Value::Scalar(Scalar::F32(x))) = part {
-                        *x = *number;
+                    if let Some(Value::Scalar(scalar)) = part {
+                        replace(scalar, *number);
                     }
                 }
                 // These are asked for one by one.
@@ -299,10 +299,9 @@ impl Inputs {
             one => std::slice::from_mut(one),
         };
         for (component, part) in (0..).zip(parts) {
-            if let (Some(number), Value::Scalar(Scalar::F32(x))) =
-                (self.pins.get(&source(component)), part)
+            if let (Some(number), Value::Scalar(scalar)) = (self.pins.get(&source(component)), part)
             {
-                *x = *number;
+                replace(scalar, *number);
             }
         }
     }
@@ -524,9 +523,10 @@ impl Inputs {
     /// A texel channel that has one value everywhere.
     pub fn fixed_texel(&self, binding: Option<(u32, u32)>, channel: u32) -> Option<f32> {
         let (group, binding) = binding?;
-        let pinned = self.pins.get(&Source::Texel((group, binding), channel));
-        let fixed = pinned.or_else(|| self.texels.get(&(group, binding, channel)));
-        fixed.copied()
+        match self.pins.get(&Source::Texel((group, binding), channel)) {
+            Some(Scalar::F32(pinned)) => Some(*pinned),
+            _ => self.texels.get(&(group, binding, channel)).copied(),
+        }
     }
 
     /// An attribute component that a guard fixes.
@@ -545,6 +545,13 @@ impl Inputs {
             (u, v)
         };
         [1.0 - u - v, u, v]
+    }
+}
+
+/// Replaces a scalar by one of its type.
+fn replace(scalar: &mut Scalar, by: Scalar) {
+    if std::mem::discriminant(scalar) == std::mem::discriminant(&by) {
+        *scalar = by;
     }
 }
 

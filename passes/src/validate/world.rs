@@ -296,7 +296,12 @@ pub(super) fn taped<'a>(
     let components = |value: Value, source: &dyn Fn(u32) -> Option<Source>| {
         let one = |(i, part): (u32, Value)| match (part, source(i)) {
             (Value::Scalar(Scalar::F32(x)), Some(source)) => Value::number(Taped::input(source, x)),
-            (part, _) => exactly(&part),
+            (part, source) => {
+                if let (Value::Scalar(scalar), Some(source)) = (&part, source) {
+                    Taped::read_integer(source, *scalar);
+                }
+                exactly(&part)
+            }
         };
         match value {
             Value::Composite(parts) => Value::Composite((0..).zip(parts).map(one).collect()),

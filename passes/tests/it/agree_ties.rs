@@ -7,7 +7,8 @@ use crate::agree::{classes, held};
 /// A material whose fragment stage computes `c` from `v.uv`, `u` and the texture.
 fn material(body: &str) -> String {
     format!(
-        "struct U {{ mvp: mat4x4<f32>, v: vec4<f32>, a: f32, b: f32, n: i32, k: i32 }}
+        "struct U {{ mvp: mat4x4<f32>, v: vec4<f32>, a: f32, b: f32, n: i32, k: i32,
+            w: vec4<i32>, m: u32 }}
         @group(0) @binding(0) var<uniform> u: U;
         @group(0) @binding(1) var tex: texture_2d<f32>;
         @group(0) @binding(2) var smp: sampler;
@@ -118,6 +119,94 @@ fn ties_and_what_stands_behind_them_are_tried() {
             let is_found =
                 |c: &Class| matches!(c, Class::Color | Class::KeepsHidden | Class::Loses);
             assert!(classes.iter().any(is_found), "{a}\n{b}\n{classes:?}");
+        }
+    }
+}
+
+/// Conditions that hold where several equations do, or one between integers that are computed.
+const RARE: [&str; 19] = [
+    "u.n == 1917 && u.k == -23",
+    "(u.n == 1917) & (u.k == -23)",
+    "u.n == 1917 && t.x == u.b && u.k == -23",
+    "(u.m & 7u) == 5u && u.k == 77",
+    "(u.m & 0xff00ff00u) == 0x12003400u && u.k == 77",
+    "(u.m & 0xffu) == 0x80u && (u.m >> 24u) == 0x7fu",
+    "(u.m >> 16u) == 7u",
+    "extractBits(u.m, 9u, 7u) == 93u",
+    "u.n * 3 + u.k == 777",
+    "u.n / 7 == 391 && u.k % 97 == 45",
+    "u.n - 5 > 1917 && u.n - 5 < 1920",
+    "f32(u.n) * 0.5 == 1917.5",
+    "i32(v.uv.x * 5.0) * 2 + 1 == 4095",
+    "i32(v.uv.x * 5.0) + u.k == 4095 && u.n == 1917",
+    "all(u.w == vec4<i32>(11, -27, 391, 4001))",
+    "all(u.v == vec4<f32>(0.37, -2.3, 7.9, 1.1))",
+    "all(u.mvp[0] == u.v.wzyx) && u.mvp[1].y == 0.37",
+    "(u.mvp * u.v).x == 3.0",
+    "sqrt(u.a) > 3.5 && u.b > 19.0 && u.v.z < -4.0",
+];
+
+/// Cases of selectors that are computed.
+const CASES: [[&str; 2]; 3] = [
+    ["u.n * 2 + 1", "4095"],
+    ["i32(u.m >> 24u) - 7", "93"],
+    ["u.n + u.k", "777"],
+];
+
+#[test]
+fn what_stands_behind_several_equations_is_tried() {
+    let behind = RARE.map(|condition| format!("if ({condition}) {{ c = 1.0; }}"));
+    let cases = CASES.map(|[selector, case]| {
+        format!("switch {selector} {{ case 3, {case}: {{ c = 1.0; }} default: {{}} }}")
+    });
+    for body in behind.iter().chain(&cases) {
+        let without = body
+            .replace("c = 1.0", "c = 0.0")
+            .replace("case 3, ", "case 3: { c = 1.0; } case ");
+        for (a, b) in [(body, &without), (&without, body)] {
+            let classes = found(a, b);
+            assert!(classes.contains(&Class::Color), "{a}\n{b}\n{classes:?}");
+        }
+    }
+}
+
+/// Each pair says the same in other words.
+const ALIKE: [[&str; 2]; 7] = [
+    [
+        "if (u.n == 1917 && u.k == -23) { c = 1.0; }",
+        "if (u.k == -23) { if (u.n == 1917) { c = 1.0; } }",
+    ],
+    [
+        "if ((u.m & 0xff00u) == 0x1200u) { c = 1.0; }",
+        "if (((u.m >> 8u) & 0xffu) == 0x12u) { c = 1.0; }",
+    ],
+    [
+        "switch u.n * 2 + 1 { case 4095: { c = 1.0; } default: {} }",
+        "if (u.n * 2 + 1 == 4095) { c = 1.0; }",
+    ],
+    [
+        "if (u.n * 3 + u.k == 777) { c = 1.0; }",
+        "if (u.k - 777 == -(u.n * 3)) { c = 1.0; }",
+    ],
+    [
+        "if (all(u.w == vec4<i32>(11, -27, 391, 4001))) { c = 1.0; }",
+        "if (u.w.w == 4001 && u.w.z == 391 && u.w.y == -27 && u.w.x == 11) { c = 1.0; }",
+    ],
+    [
+        "if (all(u.mvp[1] == u.v)) { c = 1.0; }",
+        "if (!any(u.v != u.mvp[1])) { c = 1.0; }",
+    ],
+    [
+        "if (u.n > 1917) { c = 1.0; }",
+        "if (u.n >= 1918) { c = 1.0; }",
+    ],
+];
+
+#[test]
+fn what_says_the_same_of_integers_agrees() {
+    for [first, second] in ALIKE {
+        for (a, b) in [(first, second), (second, first)] {
+            assert_eq!(found(a, b), [], "{a}\n{b}");
         }
     }
 }

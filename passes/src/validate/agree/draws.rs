@@ -11,7 +11,7 @@ use crate::validate::inputs::{Inputs, Pins, Profile, Random};
 use crate::validate::levels::{Levels, Reading};
 use crate::validate::world::PassStages;
 
-/// Which inputs: those of a seed, with single floats pinned.
+/// Which inputs: those of a seed, with single scalars pinned.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Point {
     pub(super) seed: u64,

@@ -33,6 +33,7 @@ mod motion;
 mod normals;
 mod notes;
 mod parts;
+mod probed;
 mod products;
 mod promises;
 mod quote;

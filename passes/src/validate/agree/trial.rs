@@ -446,10 +446,11 @@ impl<'a> Two<'a> {
         let ordinary = start.next_multiple_of(PROFILES);
         let before = self.budget.left();
         let mut is_expensive = false;
-        let mut ties = Ties::new(match what {
+        let solved = match what {
             What::Positions | What::Coverage | What::Colors => count / SOLVED,
             _ => 0,
-        });
+        };
+        let mut ties = Ties::new(solved, before.saturating_sub(allowed));
         let mut seeds = 0..;
         loop {
             let solved = ties.next();
@@ -543,7 +544,7 @@ impl<'a> Two<'a> {
             if ended && is_base && ties.wants(solved.as_ref()) {
                 for place in Self::places(what, inputs.corner()) {
                     let data = (stages, &inputs, rules);
-                    self.near_ties(&mut ties, (&point, depth), data, place);
+                    self.near_ties(&mut ties, (&point, solved.as_ref()), data, place);
                 }
             }
             self.budget.keep(inputs);

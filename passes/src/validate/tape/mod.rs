@@ -15,7 +15,7 @@ mod inverse;
 pub(super) use inverse::Along;
 
 use super::stage::Slot;
-use crate::evaluate::{Lookup, Number, Sampling};
+use crate::evaluate::{Lookup, Number, Sampling, Scalar};
 
 /// Most operations on a tape.
 const MOST: usize = 1 << 16;
@@ -92,6 +92,32 @@ pub(super) struct Decision {
     op: Option<BinaryOperator>,
 }
 
+/// Two scalars that were compared, and that the tape knows by their values alone: integers, and floats
+/// made of them.
+#[derive(Clone, Copy, Debug)]
+pub(super) struct Plain {
+    /// The comparison, and which component or case.
+    pub(super) site: (u64, usize),
+    pub(super) op: BinaryOperator,
+    pub(super) sides: [f64; 2],
+    /// The integers that were read before.
+    pub(super) reads: usize,
+    /// The decisions that were made before.
+    pub(super) decisions: usize,
+}
+
+impl Plain {
+    /// Whether it is an equality.
+    pub(super) fn is_equality(&self) -> bool {
+        matches!(self.op, BinaryOperator::Equal | BinaryOperator::NotEqual)
+    }
+
+    /// The result of the comparison with these sides.
+    pub(super) fn holds(&self, [a, b]: [f64; 2]) -> bool {
+        f64::holds(self.op, a, b).unwrap_or_default()
+    }
+}
+
 /// A texture access, as numbers.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Seen {
@@ -124,6 +150,9 @@ impl Seen {
 pub(super) struct Tape {
     nodes: Vec<Node>,
     pub(super) decisions: Vec<Decision>,
+    pub(super) plain: Vec<Plain>,
+    /// The integers of inputs that were read.
+    pub(super) reads: Vec<(Source, Scalar)>,
     pub(super) lookups: Vec<Seen>,
 }
 
@@ -199,6 +228,17 @@ impl Taped {
         }
     }
 
+    /// Notes that an integer of an input was read.
+    pub(super) fn read_integer(source: Source, value: Scalar) {
+        if matches!(value, Scalar::I32(_) | Scalar::U32(_)) {
+            TAPE.with_borrow_mut(|tape| {
+                if tape.reads.len() < MOST {
+                    tape.reads.push((source, value));
+                }
+            });
+        }
+    }
+
     /// Notes a texture access.
     pub(super) fn looked_up(lookup: &Lookup<'_, Self>) {
         let bits = |all: &[Self]| all.iter().map(|x| x.value.to_bits()).collect();
@@ -259,6 +299,21 @@ impl Taped {
 }
 
 impl Decision {
+    /// Whether its comparison comes to another end with other sides.
+    pub(super) fn flips(&self, [a, b]: [f32; 2]) -> bool {
+        let own = self.sides.map(|side| side.value);
+        let holds = |[a, b]: [f32; 2]| self.op.and_then(|op| f32::holds(op, a, b));
+        holds([a, b]) != holds(own)
+    }
+
+    /// Whether it is an equality.
+    pub(super) fn is_equality(&self) -> bool {
+        matches!(
+            self.op,
+            Some(BinaryOperator::Equal | BinaryOperator::NotEqual)
+        )
+    }
+
     /// Whether another program made it with the same numbers.
     pub(super) fn is_shared(&self, others: &[Self]) -> bool {
         let numbers = |decision: &Self| {
@@ -335,6 +390,47 @@ fn is_rounded(op: BinaryOperator, [a, b]: [f64; 2], value: f32, truth: f64) -> b
 }
 
 impl Number for Taped {
+    const NOTES: bool = true;
+
+    fn compared(site: (u64, usize), op: BinaryOperator, sides: [Scalar<Self>; 2]) {
+        use Scalar::{F32, I32, U32};
+        let sides = match sides {
+            [I32(a), I32(b)] => [a, b].map(f64::from),
+            [U32(a), U32(b)] => [a, b].map(f64::from),
+            [F32(a), F32(b)] if a.is_constant() && b.is_constant() => {
+                [a.value, b.value].map(f64::from)
+            }
+            _ => return,
+        };
+        TAPE.with_borrow_mut(|tape| {
+            if tape.plain.len() < MOST {
+                tape.plain.push(Plain {
+                    site,
+                    op,
+                    sides,
+                    reads: tape.reads.len(),
+                    decisions: tape.decisions.len(),
+                });
+            }
+        });
+    }
+
+    fn read(at: (u32, u32), way: &[usize], scalar: Scalar<Self>) {
+        let value = match scalar {
+            Scalar::I32(n) => Scalar::I32(n),
+            Scalar::U32(n) => Scalar::U32(n),
+            _ => return,
+        };
+        let mut steps = [NO_STEP; 8];
+        if way.len() <= steps.len() {
+            steps
+                .iter_mut()
+                .zip(way)
+                .for_each(|(to, step)| *to = *step as u32);
+            Self::read_integer(Source::Buffer(at, steps), value);
+        }
+    }
+
     fn of(number: f32) -> Self {
         Self {
             value: number,
