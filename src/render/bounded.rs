@@ -114,19 +114,14 @@ fn bounded_plan(
             continue;
         };
         loops.extend(found);
-        let flag = BindingUse {
-            group: binding.group,
-            binding: binding.binding,
-            name: String::new(),
-            kind: BindingKind::StorageReadWrite,
-            visibility: Visibility::default(),
-            source: BindingSource::Geometry {
-                part: GeometryPart::Frame {
-                    buffer: BUFFER.to_owned(),
-                },
-            },
-            layout: None,
+        let part = GeometryPart::Frame {
+            buffer: BUFFER.to_owned(),
         };
+        let flag = BindingUse::added(
+            [binding.group, binding.binding],
+            BindingKind::StorageReadWrite,
+            BindingSource::Geometry { part },
+        );
         for pass in copy.passes.iter_mut().filter(|p| p.program == *key) {
             pass.bindings.push(flag.clone());
             reflect::fill(pass, &program);

@@ -136,15 +136,7 @@ pub fn scene(text: &str, size: [u32; 2], count: u32) -> Result<Scene, Failure> {
 
 /// A binding of the frozen shaders that is not the scene's.
 fn binding(binding: u32, kind: BindingKind, source: BindingSource) -> BindingUse {
-    BindingUse {
-        group: 0,
-        binding,
-        name: String::new(),
-        kind,
-        visibility: Visibility::default(),
-        source,
-        layout: None,
-    }
+    BindingUse::added([0, binding], kind, source)
 }
 
 /// A hand-written form as a plan: the frozen entry points, and the state that goes with them.
@@ -180,14 +172,8 @@ pub fn handwritten(forward: &Plan, form: &str) -> Result<Plan, Failure> {
         plan.passes = vec![prepass, main];
         return Ok(plan);
     }
-    plan.attachments.push(Attachment {
-        name: IDS.to_owned(),
-        format: AttachmentFormat::Color("rg32uint".to_owned()),
-        samples: 1,
-        sampled: true,
-        clear: ClearValue::Color([0.0; 4]),
-        divisor: 1,
-    });
+    plan.attachments
+        .push(Attachment::color(IDS, "rg32uint", [0.0; 4]));
     let mut ids = GpuPass {
         role: Role::Ids,
         phase: Phase::Depth,

@@ -202,6 +202,18 @@ impl Attachment {
         }
     }
 
+    /// A colour attachment of one sample that a later pass samples.
+    pub fn color(name: impl Into<String>, format: impl Into<String>, clear: [f64; 4]) -> Self {
+        Self {
+            name: name.into(),
+            format: AttachmentFormat::Color(format.into()),
+            samples: 1,
+            sampled: true,
+            clear: ClearValue::Color(clear),
+            divisor: 1,
+        }
+    }
+
     /// Its size for a host's colour attachment of this one: width and height in pixels.
     pub fn size(&self, host: [u32; 2]) -> [u32; 2] {
         host.map(|length| length.div_ceil(self.divisor.max(1)))
@@ -368,6 +380,21 @@ pub struct BindingUse {
     /// structures, external textures).
     #[serde(default)]
     pub layout: Option<BindingLayout>,
+}
+
+impl BindingUse {
+    /// A binding that is not the author's, at a group and a number. [`reflect::fill`] adds the rest.
+    pub fn added([group, binding]: [u32; 2], kind: BindingKind, source: BindingSource) -> Self {
+        Self {
+            group,
+            binding,
+            name: String::new(),
+            kind,
+            visibility: Visibility::default(),
+            source,
+            layout: None,
+        }
+    }
 }
 
 /// The bind group layout entry of a binding, in WebGPU's words, without its visibility.

@@ -54,9 +54,7 @@ use crate::analysis::view::{self, Said};
 use crate::core::contract::Contract;
 use crate::core::limits;
 use crate::core::pass::{Example, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Use};
-use crate::core::plan::{
-    Attachment, AttachmentFormat, ClearValue, Draws, GpuPass, Phase, Plan, Role,
-};
+use crate::core::plan::{Attachment, ClearValue, Draws, GpuPass, Phase, Plan, Role};
 use crate::core::program::Program;
 use crate::core::refusals::RefusalInfo;
 use crate::core::state::{AttachmentOps, ColorTarget, DepthDirection, DepthState, Multisample};
@@ -308,12 +306,8 @@ fn add_targets(next: &mut Plan, extended: &Extended, wanted: &[Wanted]) {
     for (wanted, format) in wanted.iter().zip(&extended.formats) {
         let name = format!("{ATTACHMENT}{}", wanted.name);
         next.attachments.push(Attachment {
-            name: name.clone(),
-            format: AttachmentFormat::Color((*format).to_owned()),
-            samples: 1,
-            sampled: true,
             clear: clear_value(wanted),
-            divisor: 1,
+            ..Attachment::color(&name, *format, [0.0; 4])
         });
         let written = !matches!(wanted.shows, Shows::Nothing);
         pass.targets.push(Some(ColorTarget {

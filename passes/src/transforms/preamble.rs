@@ -54,7 +54,7 @@ use crate::core::pass::{
 };
 use crate::core::plan::{
     BindingKind, BindingSource, BindingUse, ComputePass, DrawBuffer, Draws, GeometryPart, ORIGINAL,
-    Plan, Role, Visibility, When,
+    Plan, Role, When,
 };
 use crate::core::program::Program;
 use crate::core::reflect;
@@ -456,20 +456,11 @@ struct Built {
 impl Built {
     /// The values' binding with its source, for [`reflect::fill`].
     fn binding(&self) -> BindingUse {
-        let [group, binding] = self.at;
-        BindingUse {
-            group,
-            binding,
-            name: String::new(),
-            kind: BindingKind::Uniform,
-            visibility: Visibility::default(),
-            source: BindingSource::Geometry {
-                part: GeometryPart::Values {
-                    buffer: VALUES.to_owned(),
-                },
-            },
-            layout: None,
-        }
+        let part = GeometryPart::Values {
+            buffer: VALUES.to_owned(),
+        };
+        let source = BindingSource::Geometry { part };
+        BindingUse::added(self.at, BindingKind::Uniform, source)
     }
 }
 

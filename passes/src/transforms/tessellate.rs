@@ -40,7 +40,7 @@ use crate::core::pass::{
 };
 use crate::core::pattern;
 use crate::core::plan::{BindingKind, BindingSource, BindingUse, ComputePass, Draws, GeometryPart};
-use crate::core::plan::{GpuPass, Plan, Step, VertexBuffer, Visibility, When};
+use crate::core::plan::{GpuPass, Plan, Step, VertexBuffer, When};
 use crate::core::program::Program;
 use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
@@ -526,14 +526,10 @@ impl DividedMaterial<'_> {
             .into_iter()
             .chain(streams)
             .enumerate()
-            .map(|(index, part)| BindingUse {
-                group: slots.group,
-                binding: slots.first + index as u32,
-                name: String::new(),
-                kind: BindingKind::StorageRead,
-                visibility: Visibility::default(),
-                source: BindingSource::Geometry { part },
-                layout: None,
+            .map(|(index, part)| {
+                let at = [slots.group, slots.first + index as u32];
+                let source = BindingSource::Geometry { part };
+                BindingUse::added(at, BindingKind::StorageRead, source)
             })
             .collect()
     }

@@ -30,7 +30,7 @@ use crate::core::contract::{Assumption, Contract, Surface, Turned};
 use crate::core::pass::{
     Change, Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
 };
-use crate::core::plan::{Attachment, ClearValue, GpuPass, Plan, Role};
+use crate::core::plan::{Attachment, GpuPass, Plan, Role};
 use crate::core::rasterizer::Rasterizer;
 use crate::core::refusals::RefusalInfo;
 use crate::core::self_test;
@@ -363,14 +363,8 @@ impl<'a> SplitMaterial<'a> {
         let mut next = plan.clone();
         next.passes.clear();
         next.programs.clear();
-        next.attachments.push(Attachment {
-            name: IDS.to_owned(),
-            format: params.words.format(),
-            samples: 1,
-            sampled: true,
-            clear: ClearValue::Color([0.0; 4]),
-            divisor: 1,
-        });
+        let ids = Attachment::color(IDS, params.words.color(), [0.0; 4]);
+        next.attachments.push(ids);
         self.ids(&mut next, params, slots).map_err(bug)?;
         self.check_varyings(&next, params)?;
         if (params.form, params.select()) == (ShadingForm::Fragment, Select::Depth) {

@@ -9,7 +9,7 @@
 
 use naga::{Binding, BuiltIn, Expression, Scalar, ShaderStage, TypeInner, VectorSize};
 
-use crate::core::plan::{Attachment, AttachmentFormat, ClearValue};
+use crate::core::plan::Attachment;
 use crate::core::state::{ColorTarget, DepthDirection};
 use crate::rebuild::color;
 use crate::rebuild::depth_only::Placed;
@@ -54,14 +54,8 @@ pub fn stored(depth: f32) -> [u8; 4] {
 
 /// The attachment, cleared to the far plane.
 pub fn attachment(direction: DepthDirection) -> Attachment {
-    Attachment {
-        name: PREPASS_PACKED.to_owned(),
-        format: AttachmentFormat::Color(FORMAT.to_owned()),
-        samples: 1,
-        sampled: true,
-        clear: ClearValue::Color([f64::from(direction.clear_depth()); 4]),
-        divisor: 1,
-    }
+    let far = f64::from(direction.clear_depth());
+    Attachment::color(PREPASS_PACKED, FORMAT, [far; 4])
 }
 
 /// The colour target of the pre-pass.

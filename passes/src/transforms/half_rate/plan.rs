@@ -9,8 +9,7 @@ use crate::core::contract::Contract;
 use crate::core::guard::Guard;
 use crate::core::pass::{Change, Outcome, Pass, Site, SiteCost};
 use crate::core::plan::{
-    Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ClearValue, Draws,
-    GpuPass, ORIGINAL, Phase, Plan, Role, Visibility,
+    Attachment, BindingKind, BindingSource, BindingUse, Draws, GpuPass, ORIGINAL, Phase, Plan, Role,
 };
 use crate::core::reflect;
 use crate::core::state::ColorTarget;
@@ -36,12 +35,8 @@ impl Found<'_, '_, '_> {
             })
             .collect();
         next.attachments.extend(names.iter().map(|name| Attachment {
-            name: name.clone(),
-            format: AttachmentFormat::Color(FORMAT.to_owned()),
-            samples: 1,
-            sampled: true,
-            clear: ClearValue::Color([0.0; 4]),
             divisor: 2,
+            ..Attachment::color(name, FORMAT, [0.0; 4])
         }));
         let mut half = GpuPass {
             role: Role::HalfRate,
@@ -135,14 +130,9 @@ impl Built {
     fn bindings(&self, names: &[String]) -> Vec<BindingUse> {
         let [group, first] = self.at;
         let all = names.iter().enumerate();
-        all.map(|(i, name)| BindingUse {
-            group,
-            binding: first + i as u32,
-            name: String::new(),
-            kind: BindingKind::Texture,
-            visibility: Visibility::default(),
-            source: BindingSource::Attachment { name: name.clone() },
-            layout: None,
+        all.map(|(i, name)| {
+            let source = BindingSource::Attachment { name: name.clone() };
+            BindingUse::added([group, first + i as u32], BindingKind::Texture, source)
         })
         .collect()
     }

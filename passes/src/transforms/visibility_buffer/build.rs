@@ -16,13 +16,13 @@ use crate::core::declared::Declared;
 use crate::core::geometry::Geometry;
 use crate::core::pass::{Pass, Refusal};
 use crate::core::plan::{
-    Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ClearValue, ComputePass,
-    Draws, GeometryPart, GpuPass, Phase, Plan, Role, VertexBuffer, Visibility, When,
+    Attachment, BindingKind, BindingSource, BindingUse, ClearValue, ComputePass, Draws,
+    GeometryPart, GpuPass, Phase, Plan, Role, VertexBuffer, When,
 };
 use crate::core::reflect;
 use crate::core::state::{
-    AttachmentOps, ColorTarget, CompareFunction, CullMode, DepthBias, DepthFormat, DepthState,
-    PrimitiveState, Topology,
+    AttachmentOps, ColorTarget, CompareFunction, CullMode, DepthBias, DepthDirection, DepthFormat,
+    DepthState, PrimitiveState, Topology,
 };
 use crate::rebuild::place;
 use crate::rebuild::snippet::Linked;
@@ -148,14 +148,11 @@ impl SplitMaterial<'_> {
             ..self.full_screen()
         };
         reflect::fill(&mut pass, &program);
+        let direction = DepthDirection::Forward;
         plan.attachments.push(Attachment {
-            name: DRAWS.to_owned(),
-            format: AttachmentFormat::Depth(DepthFormat::Depth16unorm),
-            samples: 1,
-            sampled: false,
             // Draw numbers start at 1.
             clear: ClearValue::Depth(0.0),
-            divisor: 1,
+            ..Attachment::depth(DRAWS, DepthFormat::Depth16unorm, direction, 1)
         });
         plan.passes.push(pass);
         plan.programs
@@ -226,18 +223,12 @@ impl SplitMaterial<'_> {
         let module = place::retain(&keeps.module, &[(ShaderStage::Compute, kept::ENTRY)]);
         let program = self.opaque.program.with_module(module);
         let program = program.map_err(|e| e.to_string())?;
-        let bound = |attributes: usize| BindingUse {
-            group: slots.group,
-            binding: slots.first + Slots::STREAMS + attributes as u32,
-            name: String::new(),
-            kind: BindingKind::StorageRead,
-            visibility: Visibility::default(),
-            source: BindingSource::Geometry {
-                part: GeometryPart::Vertices {
-                    buffer: kept::BUFFER.to_owned(),
-                },
-            },
-            layout: None,
+        let bound = |attributes: usize| {
+            let binding = slots.first + Slots::STREAMS + attributes as u32;
+            let part = GeometryPart::Vertices {
+                buffer: kept::BUFFER.to_owned(),
+            };
+            lists::bound((slots.group, binding), BindingSource::Geometry { part })
         };
         let mut bindings = parts(slots, &keeps.attributes, params.formats);
         bindings.push(bound(keeps.attributes.len()));
@@ -288,16 +279,10 @@ impl SplitMaterial<'_> {
             known.push(self.keep(plan, keeps, params, slots).map_err(bug)?);
             first += 1;
         }
-        known.extend((first..).zip(&targets).map(|(binding, target)| BindingUse {
-            group: slots.group,
-            binding,
-            name: String::new(),
-            kind: BindingKind::StorageTexture,
-            visibility: Visibility::default(),
-            source: BindingSource::SceneColor {
-                location: target.location,
-            },
-            layout: None,
+        known.extend((first..).zip(&targets).map(|(binding, target)| {
+            let location = target.location;
+            let source = BindingSource::SceneColor { location };
+            BindingUse::added([slots.group, binding], BindingKind::StorageTexture, source)
         }));
         let lists = Lists::of(params);
         known.extend(lists.bindings(slots.group, first + targets.len() as u32));

@@ -20,7 +20,7 @@ use crate::core::declared::Declared;
 use crate::core::geometry::{Formats, Geometry};
 use crate::core::plan::{
     BindingKind, BindingSource, BindingUse, ComputePass, Draws, FrameBuffer, FrameWords,
-    GeometryPart, Phase, Plan, Visibility, When,
+    GeometryPart, Phase, Plan, When,
 };
 use crate::core::program::Program;
 use crate::core::reflect;
@@ -289,15 +289,7 @@ fn of_frame(buffer: &str) -> BindingSource {
 
 /// A read-only buffer or texture of the plan's own.
 pub fn bound((group, binding): (u32, u32), source: BindingSource) -> BindingUse {
-    BindingUse {
-        group,
-        binding,
-        name: String::new(),
-        kind: BindingKind::StorageRead,
-        visibility: Visibility::default(),
-        source,
-        layout: None,
-    }
+    BindingUse::added([group, binding], BindingKind::StorageRead, source)
 }
 
 /// The ids at 0, the draw table at 1, and `more`.

@@ -3,9 +3,7 @@
 use super::IDS;
 use super::text::Slots;
 use crate::core::geometry::Formats;
-use crate::core::plan::{
-    AttributeUse, BindingKind, BindingSource, BindingUse, GeometryPart, Visibility,
-};
+use crate::core::plan::{AttributeUse, BindingSource, BindingUse, GeometryPart};
 use crate::core::program::Program;
 
 /// WebGPU's limit of bindings per group (`maxBindingsPerBindGroup`).
@@ -64,14 +62,6 @@ pub fn parts(slots: Slots, attributes: &[AttributeUse], formats: Formats) -> Vec
     fixed
         .into_iter()
         .chain((Slots::STREAMS..).zip(streams.map(geometry)))
-        .map(|(at, source)| BindingUse {
-            group: slots.group,
-            binding: slots.first + at,
-            name: String::new(),
-            kind: BindingKind::StorageRead,
-            visibility: Visibility::default(),
-            source,
-            layout: None,
-        })
+        .map(|(at, source)| super::lists::bound((slots.group, slots.first + at), source))
         .collect()
 }
