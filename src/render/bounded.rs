@@ -6,7 +6,7 @@ use std::sync::atomic::Ordering;
 
 use preshade_passes::bounded::{self, Bounded};
 use preshade_passes::plan::{
-    BindingKind, BindingSource, BindingUse, FrameBuffer, FrameWords, GeometryPart, Plan, Visibility,
+    BindingKind, BindingSource, BindingUse, FrameBuffer, FrameWords, GeometryPart, Plan,
 };
 use preshade_passes::reflect;
 use preshade_passes::uniforms::UniformScalar;

@@ -6,8 +6,8 @@ use std::collections::BTreeMap;
 use preshade::unstable::front::{self, Options, Source};
 use preshade::unstable::passes::geometry::Geometry;
 use preshade::unstable::passes::plan::{
-    Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ClearValue, ComputePass,
-    Draws, GpuPass, Phase, Plan, Role, Visibility, When,
+    Attachment, BindingKind, BindingSource, BindingUse, ComputePass, Draws, GpuPass, Phase, Plan,
+    Role, When,
 };
 use preshade::unstable::passes::program::Program;
 use preshade::unstable::passes::reflect;

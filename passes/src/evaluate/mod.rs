@@ -28,6 +28,7 @@ mod matrix;
 mod notes;
 mod number;
 pub mod overrides;
+mod scalar;
 mod shadow;
 mod undefined;
 mod value;

@@ -1,12 +1,13 @@
 //! Tells a number's type what was compared and read ([`Number::NOTES`]).
 
 use std::hash::{DefaultHasher, Hash, Hasher};
+use std::mem::discriminant;
 
 use naga::{BinaryOperator, Expression, Function, Handle, SwitchCase, SwitchValue};
 
-use super::expression::kind;
 use super::number::Number;
-use super::value::{Scalar, Value};
+use super::scalar::Scalar;
+use super::value::Value;
 use crate::graph::operands;
 
 /// Operations below a comparison that tell it from others.
@@ -82,7 +83,7 @@ fn shape(function: &Function, e: Handle<Expression>) -> u64 {
 
 fn shaped(function: &Function, e: Handle<Expression>, depth: usize, to: &mut DefaultHasher) {
     let expression = &function.expressions[e];
-    kind(expression).hash(to);
+    discriminant(expression).hash(to);
     match expression {
         Expression::Literal(literal) => format!("{literal:?}").hash(to),
         Expression::AccessIndex { index, .. } | Expression::FunctionArgument(index) => {

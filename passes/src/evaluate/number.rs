@@ -4,7 +4,7 @@ use std::fmt::Debug;
 
 use naga::{BinaryOperator, MathFunction};
 
-use super::value::Scalar;
+use super::scalar::Scalar;
 use super::{Stuck, bits};
 
 /// A float of the interpreter: `f32`, `f64`, or a representation of several numbers.

@@ -3,20 +3,8 @@
 use naga::{Expression, Handle, Literal, Module, ScalarKind, Type, TypeInner};
 
 use super::number::Number;
+pub use super::scalar::Scalar;
 use super::{Stuck, math};
-
-/// A scalar. `F` is the float type.
-#[derive(Clone, Copy, Debug)]
-pub enum Scalar<F = f32> {
-    /// `f32`.
-    F32(F),
-    /// `i32`.
-    I32(i32),
-    /// `u32`.
-    U32(u32),
-    /// `bool`.
-    Bool(bool),
-}
 
 /// A function of scalars, of one component each.
 pub type ScalarFunction<'f, F> = dyn FnMut(&[Scalar<F>]) -> Result<Scalar<F>, Stuck> + 'f;
