@@ -674,6 +674,7 @@ fn dangling() -> Box<LinkError> {
 }
 
 #[cfg(test)]
+#[allow(clippy::unwrap_used)]
 mod tests {
     use naga::{Literal, Scalar};
 

@@ -103,12 +103,9 @@ fn each_shared_module_has_two_users() {
                 match from.first().map(String::as_str) {
                     None => {}
                     Some("transforms") if from.len() > 1 => drop(users.insert(from[1].clone())),
-                    Some(room) if rooms.contains(&room) && from.len() > 1 => {
-                        if reached.insert(&from[..2]) {
-                            open.push(&from[..2]);
-                        }
+                    Some(room) if rooms.contains(&room) => {
+                        open.extend(from.get(..2).filter(|shared| reached.insert(*shared)));
                     }
-                    Some(room) if rooms.contains(&room) => {}
                     Some(room) => drop(users.insert(room.to_owned())),
                 }
             }
