@@ -383,7 +383,7 @@ pub struct BindingUse {
 }
 
 impl BindingUse {
-    /// A binding that is not the author's, at a group and a number. [`reflect::fill`] adds the rest.
+    /// A binding that is not the author's, at a group and a number. [`fill`](crate::core::reflect::fill) adds the rest.
     pub fn added([group, binding]: [u32; 2], kind: BindingKind, source: BindingSource) -> Self {
         Self {
             group,
