@@ -349,6 +349,16 @@ fn verify_draws_auxiliary_pictures_and_judges_them() {
     let session = Session::new(gpu(), &scene, ShaderForm::Text).unwrap();
     let timed = settings(Timed::Headline);
     let outcome = verify(&session, &[variant], &timed, &mut |_| {}).unwrap();
+    // Nothing is drawn where it is black, and the longest velocity is as far from grey as can be.
+    let (name, picture) = &outcome.pictures[0].outputs[0];
+    assert_eq!(name, "velocity");
+    let mut colors: BTreeSet<&[u8]> = picture.rgba.chunks(4).collect();
+    assert!(colors.remove(&[0, 0, 0, 255][..]) && colors.len() > 20);
+    assert!(
+        colors
+            .iter()
+            .any(|c| c[..2].iter().any(|n| matches!(n, 0 | 255)))
+    );
     let report = outcome.report.variants.into_iter().nth(1).unwrap();
     assert_eq!(report.verdict, Verdict::Holds);
     let outputs = report.outputs.unwrap();

@@ -1,6 +1,6 @@
 //! Auxiliary pictures for people to look at.
 
-use super::{Error, alone, frames, pass_of};
+use super::{Error, alone, covered, frames, pass_of};
 use crate::measure::Session;
 use crate::measure::record::Picture;
 use crate::measure::verify::Variant;
@@ -39,27 +39,35 @@ pub(crate) fn pictures(
     let mut prepared = Prepared::new(&inputs, &drawn, &FrameSettings::of(&scene))?;
     prepared.aim(&now, DrawOrder::FrontToBack);
     let drawn = prepared.render()?;
+    let mut covered: Vec<bool> = covered(&drawn).collect();
+    if !covered.contains(&true) {
+        // Its surfaces lie on a plane.
+        covered.clear();
+    }
     let targets = pass.targets.iter().zip(&drawn.colors);
     let named = targets.filter_map(|(target, image)| {
         let name = target.as_ref()?.attachment.as_deref()?;
         let name = name.strip_prefix("outputs-").unwrap_or(name);
-        Some((name.to_owned(), shown(image.as_ref()?)))
+        Some((name.to_owned(), shown(image.as_ref()?, &covered)))
     });
     Ok(named.collect())
 }
 
-/// An image as colours. Numbers of floats lie around grey, with the largest magnitude at the ends. Each
-/// integer has a colour of its own, and 0 is black.
-fn shown(image: &ColorImage) -> Picture {
+/// An image as colours, black where nothing is drawn. Numbers of floats lie around grey, with the largest
+/// magnitude at the ends. Each integer has a colour of its own, and 0 is black.
+fn shown(image: &ColorImage, covered: &[bool]) -> Picture {
+    let is_covered = |i: usize| covered.get(i).copied().unwrap_or(true);
     let pixels = 0..image.size[0] as usize * image.size[1] as usize;
     let largest = |i: usize| {
         image.rgba(i)[..3]
             .iter()
             .fold(0.0, |m: f32, v| m.max(v.abs()))
     };
-    let finite = pixels.clone().map(largest).filter(|v| v.is_finite());
+    let drawn = pixels.clone().filter(|i| is_covered(*i));
+    let finite = drawn.map(largest).filter(|v| v.is_finite());
     let scale = finite.fold(f32::MIN_POSITIVE, f32::max);
     let texel = |i: usize| match image.integers(i) {
+        _ if !is_covered(i) => [0, 0, 0],
         Some([0, 0, 0, 0]) => [0, 0, 0],
         Some(id) => {
             let hash = blake3::hash(&id.map(i64::to_le_bytes).concat());
