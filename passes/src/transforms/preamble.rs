@@ -10,7 +10,7 @@
 //!          fs(uv):  exposure = preamble_values.exposure;  ..  color * exposure
 //! ```
 //!
-//! A minimum cut (`values.rs`) chooses the values. They are cut out as `hoist` cuts
+//! A minimum cut chooses the values. They are cut out as `hoist` cuts
 //! out its own, but their destination is a compute pass of one invocation for each draw, ahead of
 //! the frame's render passes. It has the draw's bindings, and fills a buffer that the main pass
 //! reads as a uniform.
