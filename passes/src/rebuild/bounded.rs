@@ -11,6 +11,7 @@ use naga::{
     Scalar, ScalarKind, ShaderStage, Span, Statement, StorageAccess, Type, TypeInner,
 };
 
+use super::variable;
 use super::writer::FunctionWriter;
 use crate::core::operands;
 use crate::core::program::{Invalid, Program};
@@ -167,28 +168,6 @@ fn function_of(module: &mut Module, id: FunctionId) -> &mut Function {
     }
 }
 
-/// A private variable, or one with a binding.
-fn variable(
-    module: &mut Module,
-    name: &str,
-    space: AddressSpace,
-    inner: TypeInner,
-    binding: Option<ResourceBinding>,
-) -> Handle<GlobalVariable> {
-    let ty = module
-        .types
-        .insert(Type { name: None, inner }, Span::UNDEFINED);
-    let variable = GlobalVariable {
-        name: Some(name.to_owned()),
-        space,
-        binding,
-        ty,
-        init: None,
-        memory_decorations: naga::MemoryDecorations::empty(),
-    };
-    module.global_variables.append(variable, Span::UNDEFINED)
-}
-
 /// The variables that count the turns of an invocation.
 struct Counters {
     /// The turns of this invocation so far. More than `most` once the fragment is discarded.
@@ -201,8 +180,12 @@ struct Counters {
 
 impl Counters {
     fn add(module: &mut Module, most: u32) -> Self {
-        let number = TypeInner::Scalar(Scalar::U32);
-        let mut add = |name| variable(module, name, AddressSpace::Private, number.clone(), None);
+        let number = Type {
+            name: None,
+            inner: TypeInner::Scalar(Scalar::U32),
+        };
+        let ty = module.types.insert(number, Span::UNDEFINED);
+        let mut add = |name| variable::private(module, name, ty, None);
         Self {
             turns: add("preshade_turns"),
             met: add("preshade_met"),
@@ -236,12 +219,22 @@ impl Flag {
             group,
             binding: (0..).find(is_free).unwrap_or(0),
         };
-        let space = AddressSpace::Storage {
-            access: StorageAccess::LOAD | StorageAccess::STORE,
+        let atomic = Type {
+            name: None,
+            inner: TypeInner::Atomic(Scalar::U32),
         };
-        let atomic = TypeInner::Atomic(Scalar::U32);
+        let flag = GlobalVariable {
+            name: Some("preshade_loop".to_owned()),
+            space: AddressSpace::Storage {
+                access: StorageAccess::LOAD | StorageAccess::STORE,
+            },
+            binding: Some(place),
+            ty: module.types.insert(atomic, Span::UNDEFINED),
+            init: None,
+            memory_decorations: naga::MemoryDecorations::empty(),
+        };
         Self {
-            variable: variable(module, "preshade_loop", space, atomic, Some(place)),
+            variable: module.global_variables.append(flag, Span::UNDEFINED),
             place,
         }
     }

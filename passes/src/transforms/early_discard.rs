@@ -545,23 +545,19 @@ fn bind_depth(
     produced: &str,
 ) {
     for pass in next.passes.iter_mut().filter(|p| p.role == Role::Main) {
+        let source = BindingSource::Attachment {
+            name: match params.texture {
+                DepthTexture::Depth | DepthTexture::Float => produced.to_owned(),
+                DepthTexture::Packed => PREPASS_PACKED.to_owned(),
+            },
+        };
         pass.bindings.push(BindingUse {
-            layout: None,
-            group,
-            binding,
             name: prologue::TEXTURE.to_owned(),
-            kind: BindingKind::DepthTexture,
             visibility: Visibility {
-                vertex: false,
                 fragment: true,
                 ..Visibility::default()
             },
-            source: BindingSource::Attachment {
-                name: match params.texture {
-                    DepthTexture::Depth | DepthTexture::Float => produced.to_owned(),
-                    DepthTexture::Packed => PREPASS_PACKED.to_owned(),
-                },
-            },
+            ..BindingUse::added([group, binding], BindingKind::DepthTexture, source)
         });
         if let (MainAttachment::Readonly, Some(depth)) = (params.attachment, &mut pass.depth) {
             // The nearest fragment ties with the stored depth; the strict comparison would drop it.

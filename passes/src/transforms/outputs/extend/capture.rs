@@ -1,16 +1,13 @@
 //! A value of the author's, wherever it is computed, at the end of the fragment stage.
 
-use naga::{
-    AddressSpace, Expression, Function, GlobalVariable, Handle, LocalVariable, Span, Statement,
-    Type,
-};
+use naga::{Expression, Function, GlobalVariable, Handle, LocalVariable, Span, Statement, Type};
 
 use super::{Extending, Failed};
 use crate::core::reflect;
 use crate::graph::{FunctionGraph, FunctionId};
 use crate::rebuild::after::after;
-use crate::rebuild::returns;
 use crate::rebuild::writer::FunctionWriter;
+use crate::rebuild::{returns, variable};
 use crate::transforms::outputs::authored::{Authored, Place};
 
 /// Where the entry point finds a value as it returns.
@@ -141,17 +138,7 @@ impl Extending<'_, '_> {
     /// A private variable for a value of a function.
     fn private(&mut self, value: &Authored) -> Handle<GlobalVariable> {
         let ty: Handle<Type> = self.ty(value.inner.clone());
-        let variable = GlobalVariable {
-            name: Some(kept(value)),
-            space: AddressSpace::Private,
-            binding: None,
-            ty,
-            init: None,
-            memory_decorations: naga::MemoryDecorations::empty(),
-        };
-        self.module
-            .global_variables
-            .append(variable, Span::UNDEFINED)
+        variable::private(&mut self.module, &kept(value), ty, None)
     }
 }
 
