@@ -11,6 +11,7 @@ use std::hint::black_box;
 use std::time::Instant;
 
 use preshade::unstable::emit::{self, Options, Target};
+use preshade::unstable::front::options;
 use preshade::unstable::front::{self, Color, Source};
 use preshade::unstable::passes::examples;
 use preshade::unstable::passes::graph::Graph;
@@ -220,7 +221,7 @@ fn time(step: &str, made: &Made) -> Result<f64> {
             black_box(Program::new(
                 module,
                 Default::default(),
-                preshade::unstable::passes::program::Language::Wgsl,
+                preshade_passes::core::source::Language::Wgsl,
             ))?;
             Ok(())
         }),
@@ -250,7 +251,7 @@ fn time(step: &str, made: &Made) -> Result<f64> {
 }
 
 fn program(source: &Source) -> Result<(Program, Plan)> {
-    let parsed = front::parse(std::slice::from_ref(source), &front::Options::default())
+    let parsed = front::parse(std::slice::from_ref(source), &options::Options::default())
         .map_err(|e| e.render(Color::Never))?;
     let (program, fragment) = (parsed.program, parsed.fragment.as_deref());
     let plan = Plan::original(

@@ -12,6 +12,7 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use preshade::unstable::emit::{self, Options, Target};
+use preshade::unstable::front::options;
 use preshade::unstable::front::{self, Color, Source};
 use preshade::unstable::passes::graph::Graph;
 use preshade::unstable::passes::hoist::movable::Finite;
@@ -79,7 +80,7 @@ fn hoist_grows() -> Result<(), Box<dyn std::error::Error>> {
     let trees = [4, 6, 8, 10].map(|n| (format!("{} calls", 2 << n), tree(n)));
     for (name, text) in lines.into_iter().chain(trees) {
         let source = Source::new("made.wgsl", text);
-        let parsed = front::parse(&[source], &front::Options::default())
+        let parsed = front::parse(&[source], &options::Options::default())
             .map_err(|e| e.render(Color::Never))?;
         let fragment = parsed.fragment.as_deref();
         let state = MaterialState::default();
@@ -178,7 +179,7 @@ fn measure(source: &Source) -> Result<(usize, Medians), Box<dyn std::error::Erro
     for _ in 0..RUNS {
         let mut run = [0.0; STEPS.len()];
         let clock = Instant::now();
-        let parsed = front::parse(std::slice::from_ref(source), &front::Options::default())
+        let parsed = front::parse(std::slice::from_ref(source), &options::Options::default())
             .map_err(|e| e.render(Color::Never))?;
         let program = parsed.program.clone();
         run[0] = ms(clock);

@@ -4,7 +4,8 @@
 use std::error::Error;
 use std::path::Path;
 
-use preshade::{Facts, MaterialState, Options, Recipe, Shader, Source, Target, rewrite};
+use preshade::unstable::front::options::Options;
+use preshade::{Facts, MaterialState, Recipe, Shader, Source, Target, rewrite};
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -82,11 +82,13 @@ mod search;
 mod verify;
 
 #[cfg(feature = "compiler")]
+pub use crate::front::options::Options;
+#[cfg(feature = "compiler")]
 pub use build_script::{compile, configure};
 #[cfg(feature = "compiler")]
 pub use emit::{File, Target};
 #[cfg(feature = "compiler")]
-pub use front::{Options, Source};
+pub use front::Source;
 #[cfg(feature = "compiler")]
 pub use pipeline::{Output, Shader, Skipped, rewrite};
 #[cfg(feature = "compiler")]

@@ -125,6 +125,20 @@ const NAMED: [Named; 15] = [
     },
 ];
 
+/// The author of a device's shaders. It decides whether wgpu compiles run-time checks (of indices,
+/// loops and divisions) into them.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Trust {
+    /// The user's own shaders: only the checks that they need, so that they draw
+    /// what they draw in a browser. For some shaders needless checks cost more than the measured
+    /// transforms gain.
+    #[default]
+    Own,
+    /// Somebody else's shaders: all checks, as in a browser. Indices are clamped, loops end, and x
+    /// / 0 is x, as in WGSL.
+    Strangers,
+}
+
 /// Limits by name. [`u64::MAX`] is none.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
@@ -274,10 +288,10 @@ impl Limits {
 
     /// Who wrote the shaders: a stranger, if variants are measured in processes of their own.
     #[cfg(feature = "verify")]
-    pub fn trust(&self) -> crate::render::Trust {
+    pub fn trust(&self) -> crate::limits::Trust {
         match self.isolates() {
-            true => crate::render::Trust::Strangers,
-            false => crate::render::Trust::Own,
+            true => crate::limits::Trust::Strangers,
+            false => crate::limits::Trust::Own,
         }
     }
 

@@ -3,6 +3,7 @@
 //! Every command, build script, lock file and search applies its recipes here, with one policy: a
 //! refused step is skipped and reported, and the next step is tried on the plan so far.
 
+use crate::front::options;
 use preshade_passes::analysis::refusals;
 use preshade_passes::core::refusals::RefusalInfo;
 use preshade_passes::neighbours;
@@ -22,7 +23,7 @@ pub struct Shader<'a> {
     /// One WGSL file, or a vertex and a fragment file.
     pub sources: &'a [front::Source],
     /// Entry points, definitions, limits.
-    pub options: &'a front::Options,
+    pub options: &'a options::Options,
     /// The pipeline state that the material is drawn with.
     pub state: &'a MaterialState,
 }

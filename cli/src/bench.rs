@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Source};
 use preshade::unstable::measure::{self, Estimate, Session, TimingSettings};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::{
@@ -18,10 +19,9 @@ use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade::unstable::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene, Value};
 use serde::Serialize;
 
-use crate::output;
 use crate::verify::parse_seconds;
 use crate::view::parse_size;
-use crate::{Ending, Failure, Format};
+use crate::{Ending, Failure, Format, output};
 
 mod grass;
 mod museum;

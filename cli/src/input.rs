@@ -8,24 +8,23 @@ use preshade::unstable::capture::file::Api;
 use preshade::unstable::capture::{self, Capture};
 use preshade::unstable::command::material::{define, name_of, reads_facing};
 use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::options;
 use preshade::unstable::front::{self, Source};
-use preshade::unstable::measure;
 use preshade::unstable::measure::record::Pictures;
 use preshade::unstable::passes::naga::{Binding, ShaderStage};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::program::Language;
-use preshade::unstable::passes::reflect;
 use preshade::unstable::passes::state::{CullMode, MaterialState};
 use preshade::unstable::recipe::Recipe;
-use preshade::unstable::regular;
 use preshade::unstable::render::{AdapterChoice, Gpu, Rendered};
 use preshade::unstable::scene::{self, Material, Scene, Variable, Variables};
+use preshade::unstable::{measure, regular};
+use preshade_passes::core::interface;
+use preshade_passes::core::source::Language;
 
 use crate::limits::LimitArgs;
-use crate::many;
 use crate::state::StateArgs;
-use crate::{Failure, output, worker};
+use crate::{Failure, many, output, worker};
 
 /// A shader and its pipeline state, or a scene.
 #[derive(Clone, Default, clap::Args)]
@@ -135,10 +134,10 @@ impl GlslArgs {
             .map_err(|e| Failure(format!("error: {e}")))
     }
 
-    fn clip_space(&self) -> Option<front::ClipSpace> {
+    fn clip_space(&self) -> Option<options::ClipSpace> {
         self.clip.map(|clip| match clip {
-            Clip::ZeroToOne => front::ClipSpace::AsWritten,
-            Clip::MinusOneToOne => front::ClipSpace::OpenGl,
+            Clip::ZeroToOne => options::ClipSpace::AsWritten,
+            Clip::MinusOneToOne => options::ClipSpace::OpenGl,
         })
     }
 }
@@ -426,7 +425,7 @@ impl ShaderArgs {
         let program = &parsed.program;
         let vertex = program.entry_point(ShaderStage::Vertex, &parsed.vertex);
         let writes_varyings = vertex.is_some_and(|(_, entry)| {
-            let outputs = reflect::outputs(program.module(), &entry.function);
+            let outputs = interface::outputs(program.module(), &entry.function);
             let mut bindings = outputs.iter().map(|io| &io.binding);
             bindings.any(|b| matches!(b, Some(Binding::Location { .. })))
         });
@@ -604,8 +603,8 @@ impl ShaderArgs {
     }
 
     /// Options for the parser.
-    fn options(&self) -> Result<front::Options, Failure> {
-        Ok(front::Options {
+    fn options(&self) -> Result<options::Options, Failure> {
+        Ok(options::Options {
             vertex: self.vertex.clone(),
             fragment: self.fragment.clone(),
             defines: self.glsl.defines()?,

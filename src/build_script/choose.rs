@@ -12,6 +12,7 @@ use super::stamp::Trace;
 use super::{Asked, BuildConfig, BuildError};
 use crate::emit::{self, File, Target};
 use crate::front;
+use crate::front::options;
 use crate::lock::{Inputs, Left, Lock, LockError, Locked, Mismatch};
 use crate::pipeline::{self, Applied, Frame};
 use crate::recipe::{Recipe, Step};
@@ -201,11 +202,11 @@ pub(super) fn give_up(
 /// them.
 fn parse(
     sources: &[front::Source],
-    options: &front::Options,
+    options: &options::Options,
     left: Option<&Left>,
 ) -> Result<front::Parsed, BuildError> {
     if let Some(left) = left {
-        let as_locked = front::Options {
+        let as_locked = options::Options {
             vertex: options.vertex.clone().or(left.vertex.clone()),
             fragment: options.fragment.clone().or(left.fragment.clone()),
             ..options.clone()

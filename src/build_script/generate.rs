@@ -3,13 +3,12 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-use preshade_passes::evaluate::overrides::Constant;
+use preshade_passes::core::overrides::Constant;
 use preshade_passes::guard::{self, Place};
 use preshade_passes::plan::{BindingSource, BindingUse, Plan};
 
 use super::bindings::{Said, Shared};
-use super::passes;
-use super::wgpu_words as words;
+use super::{passes, wgpu_words as words};
 use crate::emit::File;
 
 /// The code that a host calls: `host.rs`, which is compiled with this crate's tests.

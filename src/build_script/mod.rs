@@ -65,20 +65,19 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
+use bindings::Said;
+use choose::Keeping;
+pub use error::BuildError;
+use generate::Drawn;
 use preshade_passes::state::MaterialState;
+use stamp::Trace;
 
 use crate::emit::{self, File, Target};
 use crate::front;
+use crate::front::options;
 use crate::lock::{Left, Lock, LockError};
 use crate::recipe::Recipe;
 use crate::regular::ReadError;
-
-use bindings::Said;
-use choose::Keeping;
-use generate::Drawn;
-use stamp::Trace;
-
-pub use error::BuildError;
 
 /// The options of a build: see the module.
 #[must_use]
@@ -101,7 +100,7 @@ pub struct BuildConfig {
     variants: Vec<(String, Vec<String>)>,
     name: Option<String>,
     state: Option<MaterialState>,
-    options: front::Options,
+    options: options::Options,
     targets: Vec<Target>,
     lock: Option<PathBuf>,
     types: Option<String>,
@@ -189,7 +188,7 @@ impl BuildConfig {
 
     /// The clip space of GLSL positions. Default: the dialect's.
     #[must_use]
-    pub fn clip_space(mut self, clip_space: front::ClipSpace) -> Self {
+    pub fn clip_space(mut self, clip_space: options::ClipSpace) -> Self {
         self.options.clip_space = Some(clip_space);
         self
     }

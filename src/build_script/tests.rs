@@ -1,6 +1,7 @@
 //! Generated modules agree with their plans.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+use crate::front::options;
 use preshade_passes::guard;
 
 use preshade_passes::pass::Facts;
@@ -111,7 +112,7 @@ fn a_host_cannot_set_what_a_variant_has_decided() {
 fn a_variant_that_cannot_be_made_is_the_original() {
     let text = include_str!("../../fixtures/shaders/toon.wgsl");
     let sources = [front::Source::new("toon.wgsl", text)];
-    let parsed = front::parse(&sources, &front::Options::default()).unwrap();
+    let parsed = front::parse(&sources, &options::Options::default()).unwrap();
     let state = MaterialState::default();
     let original = parsed.plan("toon", &state);
     let variant = |pass| {

@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 
+use preshade_passes::core::declared::ROW_NOTES;
 use preshade_passes::evaluate::overrides;
 use preshade_passes::state::{
     Blend, BlendComponent, ColorTarget, DepthBias, FrontFace, MaterialState, Multisample,
@@ -10,12 +11,11 @@ use preshade_passes::state::{
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::Error;
 use super::file::{self, Cull, RenderPipeline, ShaderLanguage};
 use super::folder::{Capture, get};
-use super::points;
-use super::webgl;
-use crate::front::{self, ROW_NOTES, Source};
+use super::{Error, points, webgl};
+use crate::front::options;
+use crate::front::{self, Source};
 use crate::scene::{Material, Rows};
 
 /// Why a draw is not in the scene.
@@ -127,7 +127,7 @@ pub(super) fn read(
     }
     // If both modules call theirs `main`, linking gives the second another name.
     let wanted = fragment.and_then(|f| f.entry_point.clone());
-    let options = front::Options {
+    let options = options::Options {
         vertex: vertex.entry_point.clone(),
         fragment: wanted.filter(|f| sources.len() == 1 || vertex.entry_point.as_ref() != Some(f)),
         clip_space: of.clip_space,

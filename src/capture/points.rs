@@ -1,8 +1,8 @@
 //! WebGL's points as squares of two triangles: WebGPU's points are one pixel large and have no coordinate.
 
 use naga::{Binding, Interpolation, ShaderStage};
+use preshade_passes::core::interface;
 use preshade_passes::program::Program;
-use preshade_passes::reflect;
 
 use super::material::Reader;
 use super::webgl::CORNER;
@@ -85,7 +85,7 @@ pub(super) fn with_flat_varyings(program: &Program) -> Result<Program, String> {
     for index in 0..module.entry_points.len() {
         let entry = &mut module.entry_points[index];
         if entry.stage == ShaderStage::Vertex {
-            reflect::edit_outputs(&mut module, index, |name, _, binding| {
+            interface::edit_outputs(&mut module, index, |name, _, binding| {
                 flatten(name, binding)
             });
             continue;
@@ -234,8 +234,8 @@ mod tests {
         let module = flat.module();
         for entry in &module.entry_points {
             let varyings = match entry.stage {
-                ShaderStage::Vertex => reflect::outputs(module, &entry.function),
-                _ => reflect::inputs(module, &entry.function),
+                ShaderStage::Vertex => interface::outputs(module, &entry.function),
+                _ => interface::inputs(module, &entry.function),
             };
             for varying in varyings {
                 if let Some(Binding::Location { interpolation, .. }) = varying.binding {

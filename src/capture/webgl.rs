@@ -4,11 +4,10 @@
 use std::collections::BTreeMap;
 
 use naga::ScalarKind;
+use preshade_passes::core::interface;
 use preshade_passes::declared::{Declaration, Type};
 use preshade_passes::plan::{BindingKind, BindingLayout, BindingUse};
-use preshade_passes::reflect;
 
-use super::Error;
 use super::file::{
     self, Api, AttributeFormat, BufferRange, IndexFormat, Named, Packed, RenderPipeline,
     SampledTexture, Topology,
@@ -16,9 +15,8 @@ use super::file::{
 use super::folder::{Capture, get};
 use super::material::Left;
 use super::pass::{Call, Part, PassDraw};
-use super::points;
 use super::scene::{Bound, Maker};
-use super::texels;
+use super::{Error, points, texels};
 use crate::scene::Material;
 use crate::scene::bind::{
     self, BufferBinding, Data, Indices, Rate, SamplerBinding, VertexAttribute, VertexBuffer,
@@ -477,7 +475,7 @@ fn attributes(material: &Material) -> Vec<Input> {
         return Vec::new();
     };
     let declared = &material.program.declared().attributes;
-    let inputs = reflect::inputs(module, &entry.function);
+    let inputs = interface::inputs(module, &entry.function);
     inputs
         .into_iter()
         .filter_map(|io| {

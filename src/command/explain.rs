@@ -3,11 +3,11 @@
 use std::fmt;
 
 use naga::ShaderStage;
+use preshade_passes::core::source::Location;
 use preshade_passes::guard::Assumed;
 use preshade_passes::hoist::Hoist;
 use preshade_passes::pass::{Change, Facts, Frequency, Left, Outcome, Pass, Refusal};
 use preshade_passes::plan::Plan;
-use preshade_passes::program::Location;
 use preshade_passes::specialize::effects::{self, CalledFor, Effect};
 use preshade_passes::specialize::{Specialize, as_drawn};
 use preshade_passes::{PASSES, pass_named};

@@ -1,8 +1,8 @@
 //! A material on its own: its name, its definitions and its pipeline state.
 
 use naga::{Binding, BuiltIn, ShaderStage};
+use preshade_passes::core::interface;
 use preshade_passes::plan::Plan;
-use preshade_passes::reflect;
 use preshade_passes::state::{
     Blend, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState,
     Topology,
@@ -130,7 +130,7 @@ pub fn reads_facing(parsed: &Parsed) -> bool {
     let entry = fragment.and_then(|f| parsed.program.entry_point(ShaderStage::Fragment, f));
     let facing = Some(Binding::BuiltIn(BuiltIn::FrontFacing));
     entry.is_some_and(|(_, entry)| {
-        let inputs = reflect::inputs(module, &entry.function);
+        let inputs = interface::inputs(module, &entry.function);
         inputs.iter().any(|io| io.binding == facing)
     })
 }

@@ -9,7 +9,8 @@ use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 use naga::{AddressSpace, Block, Expression, Function, Handle, Module, Statement};
 use preshade_passes::program::Program;
 
-use crate::front::{self, Color, Options, Source};
+use crate::front::options::Options;
+use crate::front::{self, Color, Source};
 use crate::wgsl::{self, operands, tidy};
 
 /// The effects of a module in order, one line per effect or control flow.
@@ -137,7 +138,7 @@ fn prove(name: &str, text: &str) {
             Program::new(
                 module,
                 std::sync::Arc::default(),
-                preshade_passes::program::Language::Wgsl,
+                preshade_passes::core::source::Language::Wgsl,
             )
             .unwrap()
         }

@@ -30,9 +30,10 @@ use naga::{
 };
 use preshade_passes::budget::Budget;
 use preshade_passes::contract::{Assumption, Contract};
+use preshade_passes::core::source::Invalid;
 use preshade_passes::declared::Depth;
 use preshade_passes::plan::Plan;
-use preshade_passes::program::{Invalid, Program};
+use preshade_passes::program::Program;
 use preshade_passes::rebuild::quad;
 
 use self::author::Authored;
@@ -42,7 +43,8 @@ use super::combined::Place;
 use super::overrides::{self, Settled, Specialised};
 use super::plan_json::{GlslBlock, GlslTexture, StageFile, WeakerPromise};
 use super::{ClipSpace, EmitError, Options, Target, reduce};
-use crate::wgsl::{self, text::Spelling};
+use crate::wgsl;
+use crate::wgsl::text::Spelling;
 
 /// Prepares the program to be written with its author's names.
 pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Authored, EmitError> {

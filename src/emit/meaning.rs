@@ -7,14 +7,16 @@
 use std::borrow::Cow;
 
 use naga::ShaderStage;
+use preshade_passes::core::source::Language;
 use preshade_passes::declared::Depth;
 use preshade_passes::plan::{GpuPass, Plan};
-use preshade_passes::program::{Language, Program};
+use preshade_passes::program::Program;
 use preshade_passes::state::MaterialState;
 use preshade_passes::validate::Effort;
 use preshade_passes::validate::agree::{self, Class, Outcome, Relation};
 
 use super::{ClipSpace, EmitError, Emitted, Options, Target, written_key};
+use crate::front::options;
 use crate::{front, panics};
 
 /// How much of each text's meaning is compared.
@@ -211,11 +213,11 @@ impl Texts<'_> {
         // OpenGL's GLSL keeps its author's clip space.
         let is_open_gl = self.program.declared().depth == Depth::OpenGl;
         let clip_space = match is_open_gl && self.target != Target::GlslVulkan {
-            true => front::ClipSpace::OpenGl,
-            false => front::ClipSpace::AsWritten,
+            true => options::ClipSpace::OpenGl,
+            false => options::ClipSpace::AsWritten,
         };
         let is_wgsl = self.target == Target::Wgsl;
-        let options = front::Options {
+        let options = options::Options {
             vertex: is_wgsl.then(|| pass.vertex.clone()),
             fragment: pass.fragment.clone().filter(|_| is_wgsl),
             clip_space: Some(clip_space),

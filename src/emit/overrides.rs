@@ -11,14 +11,15 @@ use naga::{
     ArraySize, Expression, Function, GlobalVariable, Handle, Literal, Module, Override,
     ShaderStage, Span, Statement, TypeInner,
 };
+use preshade_passes::core::interface;
+use preshade_passes::core::source::{Invalid, Language};
 use preshade_passes::evaluate::overrides::overrides_of;
 use preshade_passes::graph::operands;
 use preshade_passes::plan::Plan;
-use preshade_passes::program::{Invalid, Language, Program};
+use preshade_passes::program::Program;
 use preshade_passes::rebuild::copy::{CopyFunction, Copying};
 use preshade_passes::rebuild::variable::private;
 use preshade_passes::rebuild::writer::FunctionWriter;
-use preshade_passes::reflect;
 
 use super::plan_json::{SpecConstant, StageFile};
 use super::{EmitError, Target, reduce};
@@ -284,7 +285,7 @@ impl<'p> Specialised<'p> {
             let constant = SpecConstant {
                 id,
                 name: own_name,
-                ty: reflect::wgsl_type(module, of.ty),
+                ty: interface::wgsl_type(module, of.ty),
                 default: of.init.and_then(|_| number(default)),
             };
             out.variables.push(Variable {

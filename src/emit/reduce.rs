@@ -41,7 +41,7 @@ pub(super) fn to_stage(
     program: &Program,
     stage: ShaderStage,
     entry: &str,
-) -> Result<Program, Box<preshade_passes::program::Invalid>> {
+) -> Result<Program, Box<preshade_passes::core::source::Invalid>> {
     program.with_module(reduced(program, |s, name| s == stage && name == entry))
 }
 

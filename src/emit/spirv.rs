@@ -7,8 +7,8 @@
 use naga::back::spv::{Options, PipelineOptions, WriterFlags, ZeroInitializeWorkgroupMemoryMode};
 use naga::front::spv as reader;
 use naga::{Binding, BuiltIn, Module, ShaderStage};
+use preshade_passes::core::interface as program_interface;
 use preshade_passes::program::Program;
-use preshade_passes::reflect;
 use rspirv::binary::Assemble;
 use rspirv::dr::{self, Builder, Instruction, Operand};
 use rspirv::spirv::{self, Decoration, Op};
@@ -26,9 +26,8 @@ mod sample_mask;
 
 use super::combined::{Combined, CombinedSamplers};
 use super::overrides::{SpecIds, Specialised};
-use super::partial_pointers;
 use super::plan_json::StageFile;
-use super::{EmitError, ReadBack, Target};
+use super::{EmitError, ReadBack, Target, partial_pointers};
 use crate::front::spirv::instructions;
 use crate::wgsl::fingerprint;
 use crate::words::{ids, pointee, position, replace_ids, rewrite, to_bytes};
@@ -156,7 +155,7 @@ fn has_invariant_position(module: &Module, stage: ShaderStage, entry: &str) -> b
         .entry_points
         .iter()
         .filter(|e| e.stage == stage && e.name == entry)
-        .flat_map(|e| reflect::outputs(module, &e.function))
+        .flat_map(|e| program_interface::outputs(module, &e.function))
         .any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::Position { invariant: true })))
 }
 

@@ -2,8 +2,9 @@
 
 use preshade_passes::budget::Budget;
 use preshade_passes::contract::Contract;
+use preshade_passes::core::source::Language;
 use preshade_passes::plan::{Plan, Step};
-use preshade_passes::program::{Language, Program};
+use preshade_passes::program::Program;
 
 use super::{EmitError, Target};
 use crate::wgsl::{self, WgslError};

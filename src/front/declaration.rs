@@ -6,7 +6,8 @@
 use std::ops::Range;
 
 use naga::{ShaderStage, Span};
-use preshade_passes::program::{SourceFile, SourceMap};
+use preshade_passes::core::interface::stage_name;
+use preshade_passes::core::source::{SourceFile, SourceMap};
 
 /// A word, a number or one sign. Comments and preprocessor lines are skipped.
 #[derive(Clone, Copy)]
@@ -98,18 +99,6 @@ pub(super) fn member(sources: &SourceMap, of: Span, name: &str) -> Option<Span> 
         .find(|d| d.iter().any(|t| t.text == name))
         .and_then(range)
         .map(|r| span(file, start, r))
-}
-
-/// The stage's name in messages.
-pub(super) fn stage_name(stage: ShaderStage) -> &'static str {
-    match stage {
-        ShaderStage::Vertex => "vertex",
-        ShaderStage::Fragment => "fragment",
-        ShaderStage::Compute => "compute",
-        ShaderStage::Task => "task",
-        ShaderStage::Mesh => "mesh",
-        _ => "ray tracing",
-    }
 }
 
 /// The span of an entry point's name in WGSL text, which naga's IR lacks. `None` for GLSL.

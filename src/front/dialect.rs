@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use preshade_passes::program::Searched;
+use preshade_passes::core::source::Searched;
 
-#[cfg(any(feature = "naga-oil", feature = "wesl"))]
-use super::Options;
 use super::Source;
 use super::error::{Code, Error};
+#[cfg(any(feature = "naga-oil", feature = "wesl"))]
+use crate::front::options::Options;
 use crate::wgsl::text::without_comments;
 
 /// A dialect of WGSL.

@@ -1,14 +1,17 @@
 //! Chooses the entry points and checks that the stages fit together.
 
 use naga::{Binding, Module, ShaderStage, compact};
+use preshade_passes::core::interface;
+use preshade_passes::core::source::SourceMap;
 use preshade_passes::plan::BindingUse;
-use preshade_passes::program::{Program, SourceMap};
+use preshade_passes::program::Program;
 use preshade_passes::reflect;
 
-use super::Options;
-use super::declaration::{self, Direction, entry_point, stage_name};
+use super::declaration::{self, Direction, entry_point};
 use super::error::{Code, Error};
+use crate::front::options::Options;
 use crate::wgsl::varying::Varying;
+use preshade_passes::core::interface::stage_name;
 
 pub(super) struct Entries {
     pub vertex: String,
@@ -262,7 +265,7 @@ pub(super) fn check_interface(
     let Some(vertex) = find(ShaderStage::Vertex, &entries.vertex) else {
         return Ok(());
     };
-    let outputs = reflect::outputs(module, &vertex.function);
+    let outputs = interface::outputs(module, &vertex.function);
     let position = outputs.iter().any(|o| {
         matches!(
             o.binding,
@@ -286,7 +289,7 @@ pub(super) fn check_interface(
     else {
         return Ok(());
     };
-    for input in reflect::inputs(module, &fragment.function) {
+    for input in interface::inputs(module, &fragment.function) {
         let Some(wanted) = Varying::of(module, &input) else {
             continue;
         };

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use codespan_reporting::diagnostic::{Diagnostic, Label as Frame};
 use codespan_reporting::term::{self, Config, Styles, StylesWriter, termcolor::Ansi};
 use preshade_passes::core::refusals::RefusalInfo;
-use preshade_passes::program::{Invalid, Location, SourceMap};
+use preshade_passes::core::source::{Invalid, Location, SourceMap};
 
 use super::codes;
 use super::excerpt::{Excerpts, short_lines};
@@ -104,6 +104,9 @@ struct Diagnosis {
     notes: Vec<String>,
     sources: Arc<SourceMap>,
 }
+
+/// The message of a GLSL stage without `main`.
+pub(crate) const NO_MAIN: &str = "there is no function `main`";
 
 /// Parts of naga's messages about valid WGSL, and remedies. `docs/naga-issues.md` has the inputs.
 const LACKS: &[(&str, &str)] = &[

@@ -9,6 +9,7 @@ use std::ops::Range;
 
 use naga::Span;
 
+use super::error::NO_MAIN;
 use super::error::{Code, Error};
 use super::{Source, extension};
 use crate::wgsl::text::without_comments;
@@ -199,9 +200,6 @@ const ALL: [Foreign; 18] = [
     },
 ];
 
-/// The message of a GLSL stage without `main`.
-pub(super) const NO_MAIN: &str = "there is no function `main`";
-
 const EFFECT: &str = "an effect of the npm package postprocessing, which adds `main`, the \
                       uniforms and the vertex stage";
 
@@ -278,7 +276,9 @@ pub(super) fn named(error: Error, sources: &[Source], bases: &[u32]) -> Error {
         if let Some(foreign) = ALL.iter().find(ends) {
             return Some((source, foreign, None));
         }
-        if (!tried && !untried) || source.language() == Some(super::Language::SpirV) {
+        if (!tried && !untried)
+            || source.language() == Some(preshade_passes::core::source::Language::SpirV)
+        {
             return None;
         }
         let text = without_comments(&source.text);
@@ -302,9 +302,9 @@ pub(super) fn named(error: Error, sources: &[Source], bases: &[u32]) -> Error {
 
 fn language(source: &Source) -> &'static str {
     match source.language() {
-        Some(super::Language::Wgsl) => "WGSL",
-        Some(super::Language::Glsl) => "GLSL",
-        Some(super::Language::SpirV) => "SPIR-V",
+        Some(preshade_passes::core::source::Language::Wgsl) => "WGSL",
+        Some(preshade_passes::core::source::Language::Glsl) => "GLSL",
+        Some(preshade_passes::core::source::Language::SpirV) => "SPIR-V",
         None => "text",
     }
 }

@@ -39,6 +39,7 @@ mod module_size;
 #[cfg(feature = "naga-oil")]
 mod naga_oil;
 mod nesting;
+pub mod options;
 #[cfg(feature = "spirv")]
 pub(crate) mod spirv;
 #[cfg(feature = "wesl")]
@@ -47,33 +48,27 @@ mod wgsl;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 mod wrapped_main;
 
-/// The note on `precise`, or `NoContraction`, where it is lost.
-#[cfg(any(feature = "glsl", feature = "spirv"))]
-const PRECISE_NOTE: &str = "`precise` (`NoContraction`) is kept for the position only: elsewhere a \
-                            driver may fuse a multiply and an add";
-
 use std::borrow::Cow;
-use std::path::{Path, PathBuf};
+use std::path::Path;
 use std::sync::Arc;
 
 use naga::ShaderStage;
+#[cfg(any(feature = "naga-oil", feature = "wesl"))]
+use preshade_passes::core::source::Wanted;
+use preshade_passes::core::source::{Language, Searched, SourceMap};
 use preshade_passes::declared::Declared;
 use preshade_passes::link::Linked;
-#[cfg(any(feature = "naga-oil", feature = "wesl"))]
-use preshade_passes::program::Wanted;
-use preshade_passes::program::{Language, Program, Searched, SourceMap};
+use preshade_passes::program::Program;
 
 use self::dialect::{CompiledFrom, Dialect};
 pub use error::{Code, Color, Error, Label};
-#[cfg(feature = "verify")]
-pub(crate) use glsl::ROW_NOTES;
 pub use memory::Memory;
+pub use options::{ClipSpace, Options};
 #[cfg(feature = "verify")]
 pub(crate) use wgsl::for_naga;
 
-use crate::limits::Limits;
-use crate::regular::ReadError;
-use crate::{panics, regular};
+use crate::panics;
+use crate::regular::{self, ReadError};
 
 /// One file of a material.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -174,50 +169,6 @@ impl Source {
 
 fn extension(name: &str) -> Option<&str> {
     Path::new(name).extension()?.to_str()
-}
-
-/// Options of [`parse`].
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Options {
-    /// Vertex entry point. Required if there are several.
-    pub vertex: Option<String>,
-    /// Fragment entry point. Required if there are several.
-    pub fragment: Option<String>,
-    /// GLSL preprocessor definitions: name and value.
-    pub defines: Vec<(String, String)>,
-    /// Folders to search for GLSL's `#include`, after the including file's own.
-    pub include: Vec<PathBuf>,
-    /// Files that `#include` and imports find before those on disk, wherever `root` is.
-    pub files: Memory,
-    /// Included files must be inside of this folder, and source names are relative to it. `None`
-    /// allows any file.
-    pub root: Option<PathBuf>,
-    /// The clip space of GLSL positions. `None`: OpenGL's, except for Vulkan's GLSL.
-    pub clip_space: Option<ClipSpace>,
-    /// Size limits.
-    pub limits: Limits,
-}
-
-#[cfg(any(feature = "naga-oil", feature = "wesl"))]
-impl Options {
-    /// The text of a file in memory. Paths may be below `root`.
-    fn in_memory(&self, path: &Path) -> Option<&str> {
-        let below = |root| path.strip_prefix(root).ok();
-        let path = self.root.as_deref().and_then(below).unwrap_or(path);
-        self.files.text(path)
-    }
-}
-
-/// The clip space that GLSL text is written for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
-pub enum ClipSpace {
-    /// Depth from 0 to 1, as in WebGPU and Vulkan. Positions do not change.
-    #[serde(rename = "zero-to-one")]
-    AsWritten,
-    /// Depth from -1 to 1, as in OpenGL. The vertex stage ends by setting `gl_Position.z` to `(z +
-    /// w) / 2`.
-    #[serde(rename = "minus-one-to-one")]
-    OpenGl,
 }
 
 /// A material's program and its entry points.
@@ -468,10 +419,9 @@ fn link(
     base: u32,
     map: &SourceMap,
 ) -> Result<Linked, Error> {
-    let suffix = second
-        .entry_points
-        .first()
-        .map_or("second", |e| declaration::stage_name(e.stage));
+    let suffix = second.entry_points.first().map_or("second", |e| {
+        preshade_passes::core::interface::stage_name(e.stage)
+    });
     preshade_passes::link::link(first, second, base, suffix).map_err(|e| {
         // Label the members that differ if the text shows them, else the variables.
         let members = e
@@ -591,7 +541,7 @@ fn check_glsl_stages(sources: &[Source]) -> Result<(), Error> {
                 "{} and {} are both {} shaders",
                 sources[0].name,
                 sources[1].name,
-                declaration::stage_name(stages[0])
+                preshade_passes::core::interface::stage_name(stages[0])
             ),
         ));
     }

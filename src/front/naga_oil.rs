@@ -20,13 +20,15 @@ use naga_oil::compose::{
     ComposableModuleDescriptor, Composer, ComposerError, ComposerErrorInner, NagaModuleDescriptor,
     ShaderDefValue, get_preprocessor_data,
 };
-use preshade_passes::program::{Language, Program, Searched, Wanted};
+use preshade_passes::core::source::{Language, Searched, Wanted};
+use preshade_passes::program::Program;
 
+use super::Source;
 use super::dialect::{
     Compiled, CompiledFrom, Defined, beside, definitions, files_below, no_module, path_of,
 };
 use super::error::{Code, Error};
-use super::{Options, Source};
+use crate::front::options::Options;
 use crate::wgsl::{self, WgslError};
 
 /// Compiles a file and its imports to WGSL.

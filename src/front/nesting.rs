@@ -5,9 +5,9 @@ use std::ops::Range;
 
 use naga::Span;
 
-use super::Language;
 use super::error::{Code, Error};
 use crate::limits::Limits;
+use preshade_passes::core::source::Language;
 
 /// Maximum operators per expression outside of brackets: a chain of `+` is a tree as deep as it is
 /// long. The same limit holds for closed brackets, because `a[0][0]` nests too.

@@ -13,7 +13,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use preshade_passes::program::{Searched, Wanted};
+use preshade_passes::core::source::{Searched, Wanted};
 use wesl::syntax::PathOrigin;
 use wesl::{
     CompileOptions, Diagnostic, EscapeMangler, ImportError, ModulePath, ResolveError, Resolver,
@@ -23,7 +23,8 @@ use super::dialect::{
     Compiled, CompiledFrom, Defined, beside, definitions, no_module, path_of, text_within,
 };
 use super::error::{Code, Error};
-use super::{Memory, Options, Source};
+use super::{Memory, Source};
+use crate::front::options::Options;
 
 /// Compiles a file and its imports to WGSL.
 pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Error> {

@@ -1,6 +1,7 @@
 //! Locks are obeyed, and differences are reported.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+use crate::front::options;
 use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};
 use preshade_passes::pass::{Constant, Facts};
 use preshade_passes::plan::Plan;
@@ -19,12 +20,12 @@ fn sources(text: &str) -> [front::Source; 1] {
 }
 
 fn original(text: &str) -> Plan {
-    let parsed = front::parse(&sources(text), &front::Options::default()).unwrap();
+    let parsed = front::parse(&sources(text), &options::Options::default()).unwrap();
     parsed.plan("lit", &MaterialState::default())
 }
 
 fn inputs(text: &str) -> Inputs {
-    let parsed = front::parse(&sources(text), &front::Options::default()).unwrap();
+    let parsed = front::parse(&sources(text), &options::Options::default()).unwrap();
     Inputs::of(&parsed, &[], &MaterialState::default())
 }
 

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::evaluate::overrides;
+use preshade_passes::core::overrides;
 use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};
 use preshade_passes::plan::{GpuPass, Plan};
 use preshade_passes::specialize::{Params, Specialized};

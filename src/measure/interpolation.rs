@@ -7,11 +7,12 @@
 
 use std::collections::{BTreeMap, HashMap};
 
+use preshade_passes::core::interface;
 use preshade_passes::core::pattern::Pattern;
+use preshade_passes::geometry;
 use preshade_passes::pass::{Facts, Interpolation, Pass};
 use preshade_passes::plan::Plan;
 use preshade_passes::tessellate::{self, Tessellate};
-use preshade_passes::{geometry, reflect};
 
 use super::frequency::choosing;
 use super::{Error, Session};
@@ -112,12 +113,12 @@ fn tessellated(original: &Plan, alone: &Plan, level: u32) -> Option<(Plan, Compo
 }
 
 /// The outputs of the vertex stage.
-fn outputs(plan: &Plan) -> Option<(&naga::Module, Vec<reflect::Io>)> {
+fn outputs(plan: &Plan) -> Option<(&naga::Module, Vec<interface::Io>)> {
     let main = plan.main()?;
     let program = plan.program(main)?;
     let (_, entry) = program.entry_point(naga::ShaderStage::Vertex, &main.vertex)?;
     let module = program.module();
-    Some((module, reflect::outputs(module, &entry.function)))
+    Some((module, interface::outputs(module, &entry.function)))
 }
 
 /// The author's own varyings do not count: no choice changes them.

@@ -9,16 +9,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use naga::{Module, TypeInner};
+use preshade_passes::core::interface;
 use preshade_passes::evaluate::{Scalar, Value};
+use preshade_passes::graph::Graph;
 use preshade_passes::pass::{Numbers, Source, SourceRange};
-use preshade_passes::reflect;
 
 use super::originals;
 use super::vertices::{self, Vertices};
 use crate::scene::bind::{self, DrawBindings};
 use crate::scene::flow::StageFlow;
 use crate::scene::{Draw, Frame, Material, Scene, SceneError};
-use preshade_passes::graph::Graph;
 
 /// Steps of the interpreter over all vertices of a material.
 pub const MOST_STEPS: u64 = 400_000;
@@ -109,7 +109,7 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, SceneError> {
                 }
             }
         }
-        let outputs = reflect::outputs(module, &point.function);
+        let outputs = interface::outputs(module, &point.function);
         ends.settle(seen, outputs.iter().filter_map(|o| o.binding.as_ref()));
         for source in unknown {
             ends.numbers.remove(&source);
@@ -372,7 +372,7 @@ fn invented(material: &Material, entry: usize, bound: &DrawBindings) -> BTreeSet
         return members;
     }
     let graph = Graph::build(&material.program);
-    let outputs = reflect::outputs(module, &module.entry_points[entry].function);
+    let outputs = interface::outputs(module, &module.entry_points[entry].function);
     let Some(flow) = StageFlow::new(&graph, entry) else {
         let locations = outputs.iter().filter_map(|o| location(o.binding.as_ref()));
         members.extend(locations.map(|location| Source::Varying { location }));

@@ -12,6 +12,7 @@ use preshade_passes::state::{
 
 use super::Session;
 use crate::front;
+use crate::front::options;
 use crate::render::{ColorImage, Error, Gpu, ShaderForm};
 use crate::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Image, Light, Material, Mesh, Scene, Stream,
@@ -123,7 +124,7 @@ fn drawn(gpu: &Gpu, source: &str, triangle: &[[f32; 3]; 3]) -> Result<ColorImage
         message,
     };
     let text = front::Source::new("rasterizer.wgsl", source);
-    let parsed = front::parse(&[text], &front::Options::default());
+    let parsed = front::parse(&[text], &options::Options::default());
     let parsed = parsed.map_err(|e| failed(e.to_string()))?;
     let material = Material {
         name: "rasterizer".to_owned(),

@@ -6,13 +6,13 @@
 //! early depth test.
 
 use naga::{Expression, Literal, ShaderStage};
+use preshade_passes::core::interface;
 use preshade_passes::pass::Facts;
 use preshade_passes::plan::{BindingSource, BindingUse, GpuPass, Phase, Plan, Role};
 use preshade_passes::program::Program;
 use preshade_passes::rebuild::color;
-use preshade_passes::reflect;
 use preshade_passes::state::{Blend, ColorTarget, CompareFunction, DepthDirection};
-use preshade_passes::visibility_buffer;
+use preshade_passes::{reflect, visibility_buffer};
 use serde::{Deserialize, Serialize};
 
 use super::{Error, Session, counting};
@@ -381,7 +381,7 @@ fn every_late_fragment(mut plan: Plan) -> Plan {
             .and_then(|(p, f)| Some((p.module(), p.entry_point(ShaderStage::Fragment, f)?.1)));
         entry.is_some_and(|(module, entry)| {
             let depth = Some(naga::Binding::BuiltIn(naga::BuiltIn::FragDepth));
-            reflect::outputs(module, &entry.function)
+            interface::outputs(module, &entry.function)
                 .iter()
                 .any(|o| o.binding == depth)
         })

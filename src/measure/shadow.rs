@@ -8,8 +8,8 @@
 use std::collections::BTreeMap;
 
 use preshade_passes::contract::Verdict;
+use preshade_passes::core::interface;
 use preshade_passes::plan::{Attachment, GpuPass, Phase, Plan, SCENE_DEPTH};
-use preshade_passes::reflect;
 use preshade_passes::state::{DepthDirection, Multisample};
 use serde::{Deserialize, Serialize};
 
@@ -97,7 +97,7 @@ pub(super) fn has_invariant_position(plan: &Plan) -> bool {
     });
     let invariant = naga::Binding::BuiltIn(naga::BuiltIn::Position { invariant: true });
     entry.is_some_and(|(module, function)| {
-        reflect::outputs(module, function)
+        interface::outputs(module, function)
             .iter()
             .any(|io| io.binding.as_ref() == Some(&invariant))
     })

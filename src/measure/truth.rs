@@ -15,19 +15,18 @@ use std::collections::BTreeMap;
 
 use naga::{Binding, BuiltIn, ShaderStage};
 use preshade_passes::bound::exactly;
+use preshade_passes::core::interface::Io;
 use preshade_passes::evaluate::{
     Derivative, Environment, Lookup, Number, Scalar, Shadowed, Stuck, Value, ulps,
 };
 use preshade_passes::plan::Plan;
-use preshade_passes::reflect::Io;
 use preshade_passes::state::Topology;
 use preshade_passes::validate::inputs::Random;
 use preshade_passes::validate::stage::{At, POSITION, Ran, Slot, Stage, VaryingKind, interpolated};
 use serde::Serialize;
 
 use super::vertices::{self, STEPS, Vertices};
-use crate::scene::bind;
-use crate::scene::{Draw, Scene};
+use crate::scene::{Draw, Scene, bind};
 
 /// The points to evaluate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

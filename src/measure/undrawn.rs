@@ -7,10 +7,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
+use preshade_passes::core::source::Location;
 use preshade_passes::guard::{Assumed, Bounds, Place};
 use preshade_passes::pass::{Facts, Undrawn};
 use preshade_passes::plan::Plan;
-use preshade_passes::program::Location;
 use preshade_passes::specialize::branches::{Branch, BranchId, Way, branches};
 use preshade_passes::uniforms::{UniformScalar, uniform_scalars};
 

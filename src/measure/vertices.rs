@@ -222,7 +222,7 @@ fn outputs<F: Number>(
         Some(one) => vec![one],
         None => Vec::new(),
     };
-    let outputs = preshade_passes::reflect::outputs(module, function).into_iter();
+    let outputs = preshade_passes::core::interface::outputs(module, function).into_iter();
     outputs
         .zip(values)
         .filter_map(|(output, value)| Some((output.binding?, value)))

@@ -8,9 +8,9 @@ use preshade_passes::checks::Checks;
 use serde::{Deserialize, Serialize};
 use wgpu::{Backends, DeviceType, ErrorFilter, Features};
 
-use super::trusted::{self, Trust};
 use super::turns::Turns;
-use super::{Error, limits};
+use super::{Error, limits, trusted};
+use crate::limits::Trust;
 use crate::panics;
 
 /// Which adapter to draw on.

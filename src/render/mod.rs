@@ -38,6 +38,7 @@ pub(crate) mod textures;
 mod trusted;
 pub mod turns;
 
+pub use crate::limits::Trust;
 pub use frame::{ComputedVertices, FrameSettings, Prepared, Rendered};
 pub use gpu::{AdapterChoice, AdapterReport, Card, Gpu, adapters, cards};
 pub use inputs::SceneInputs;
@@ -46,7 +47,6 @@ pub use picture::{ColorImage, DepthImage};
 pub use self_test::{SelfTestResult, self_test};
 pub use shader::{ShaderForm, Variant};
 pub use subdivided::{DrawSubdivision, SubdivisionCost, Surplus};
-pub use trusted::Trust;
 
 /// How errors begin that say nothing of a shader but that it was not measured.
 pub const NOT_MEASURED: &str = "not measured: ";

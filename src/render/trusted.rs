@@ -2,22 +2,9 @@
 //! checks.
 #![allow(unsafe_code)]
 
+use crate::limits::Trust;
 use preshade_passes::checks::Checks;
 use wgpu::{Device, ShaderModule, ShaderModuleDescriptor, ShaderRuntimeChecks};
-
-/// The author of a device's shaders. It decides whether wgpu compiles run-time checks (of indices,
-/// loops and divisions) into them.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Trust {
-    /// The user's own shaders: only the checks that they need ([`Checks::needed`]), so that they draw
-    /// what they draw in a browser. For some shaders needless checks cost more than the measured
-    /// transforms gain.
-    #[default]
-    Own,
-    /// Somebody else's shaders: all checks, as in a browser. Indices are clamped, loops end, and x
-    /// / 0 is x, as in WGSL.
-    Strangers,
-}
 
 /// Compiles a shader with the checks that `trust` demands, and those that it needs. A device has one
 /// level of trust, and the texts of a material have the same needs, so comparisons never mix two

@@ -948,7 +948,9 @@ fn texture(
 }
 
 /// The inputs of a material's vertex entry point, with struct arguments split into members.
-fn vertex_inputs(material: &Material) -> Result<Vec<preshade_passes::reflect::Io>, SceneError> {
+fn vertex_inputs(
+    material: &Material,
+) -> Result<Vec<preshade_passes::core::interface::Io>, SceneError> {
     let (_, entry) = material
         .program
         .entry_point(ShaderStage::Vertex, &material.vertex)
@@ -958,7 +960,7 @@ fn vertex_inputs(material: &Material) -> Result<Vec<preshade_passes::reflect::Io
                 material.name, material.vertex
             ))
         })?;
-    Ok(preshade_passes::reflect::inputs(
+    Ok(preshade_passes::core::interface::inputs(
         material.program.module(),
         &entry.function,
     ))

@@ -16,7 +16,7 @@ use super::mesh::{
 };
 use super::variables::Variable;
 use super::{DrawOrder, Sampler};
-use crate::front::ClipSpace;
+use crate::front::options::ClipSpace;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -13,7 +13,7 @@ use preshade_passes::state::{Blend, ColorTarget};
 use toml::Spanned;
 
 use super::asset::Parts;
-use super::bind::unknown_stream;
+use super::bind::{self, unknown_stream};
 use super::camera::{self, Orbit, Pose};
 use super::file::{
     BlendName, CameraEntry, DrawEntry, FieldKind, MaterialEntry, RawValue, Scale, SceneFile,
@@ -23,8 +23,9 @@ use super::place::Folder;
 use super::roles::Roles;
 use super::{
     Access, Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, SceneError, Stream,
-    Value, Variables, bind, error, material, meshes, numbers, range, size, value_path, variables,
+    Value, Variables, error, material, meshes, numbers, range, size, value_path, variables,
 };
+use crate::front::options;
 use crate::limits::Limits;
 use crate::{front, regular};
 
@@ -457,7 +458,7 @@ impl Loader<'_> {
             .map(|f| self.folder.folder(f))
             .collect::<Result<_, _>>()
             .map_err(|e| self.source.at(e, files[0].span()))?;
-        let options = front::Options {
+        let options = options::Options {
             defines: defines.clone().into_iter().collect(),
             vertex: entry.entry.vertex.clone(),
             fragment: entry.entry.fragment.clone(),

@@ -8,17 +8,14 @@ use naga::{
     ShaderStage, TypeInner,
 };
 use preshade_passes::analysis::values::ValueId;
+use preshade_passes::core::interface::Io;
 use preshade_passes::graph::Graph;
-use preshade_passes::reflect::Io;
 
 use super::bind::{is_instance_data, known_stream};
-use super::discards;
-use super::divisors;
 use super::flow::{BufferRead, Nearest, StageFlow};
 use super::layout::{leaf_shape, runtime_array};
-use super::loops;
 use super::pulled::Pulled;
-use super::{Image, Semantic, Value, skin};
+use super::{Image, Semantic, Value, discards, divisors, loops, skin};
 use crate::front::Parsed;
 
 /// The inputs of a shader whose purpose is known.

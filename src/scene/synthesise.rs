@@ -11,12 +11,12 @@ use preshade_passes::state::{MaterialState, Topology};
 
 use super::bind::known_stream;
 use super::camera::{Pose, Range};
-use super::mesh::{Cuboid, Morph, Plane, Skin, Sphere, Vertices, WireSphere};
+use super::mesh::{self, Cuboid, Morph, Plane, Skin, Sphere, Vertices, WireSphere};
 use super::noise::random;
 use super::roles::Roles;
 use super::semantic::normalise;
 use super::{
-    Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, Stream, Value, material, mesh,
+    Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, Stream, Value, material,
 };
 use crate::front::Parsed;
 
@@ -202,7 +202,7 @@ impl Wants {
             morph: false,
         };
         if let Some((_, entry)) = program.entry_point(ShaderStage::Vertex, &parsed.vertex) {
-            for io in preshade_passes::reflect::inputs(module, &entry.function) {
+            for io in preshade_passes::core::interface::inputs(module, &entry.function) {
                 let name = io.name.as_deref().unwrap_or("");
                 if let Some(naga::Binding::Location { .. }) = io.binding {
                     wants.data = true;

@@ -16,8 +16,9 @@ use naga::{
     Arena, BinaryOperator as B, Expression, Function, Handle, LocalVariable, MathFunction as M,
     Module, Range, ScalarKind, Span, Type, TypeInner, UniqueArena,
 };
+use preshade_passes::core::source::Language;
 use preshade_passes::graph::operands;
-use preshade_passes::program::{Language, Program};
+use preshade_passes::program::Program;
 use preshade_passes::rebuild::copy::{Copies, CopyFunction, Copying};
 use preshade_passes::rebuild::writer::FunctionWriter;
 

@@ -6,8 +6,8 @@ use naga::diagnostic_filter::DiagnosticFilterNode;
 use naga::{
     AddressSpace, Arena, Binding, Expression, Handle, Literal, Module, ShaderStage, Type, TypeInner,
 };
+use preshade_passes::core::interface::{self, Io};
 use preshade_passes::graph::operands;
-use preshade_passes::reflect::{self, Io};
 
 use super::varying::Varying;
 
@@ -30,11 +30,11 @@ pub(crate) fn of(module: &Module) -> Vec<String> {
         // Each is of another rule, so their order means nothing.
         filters.sort();
         lines.push(format!("{at}: diagnostics {filters:?}"));
-        for input in reflect::inputs(module, &entry.function) {
+        for input in interface::inputs(module, &entry.function) {
             let flat = entry.stage != ShaderStage::Fragment;
             lines.push(format!("{at}: input {}", io(module, &input, flat)));
         }
-        for output in reflect::outputs(module, &entry.function) {
+        for output in interface::outputs(module, &entry.function) {
             let flat = entry.stage != ShaderStage::Vertex;
             lines.push(format!("{at}: output {}", io(module, &output, flat)));
         }
@@ -141,7 +141,7 @@ fn layout(module: &Module, ty: Handle<Type>) -> String {
             format!("binding_array<{}, {size:?}>", layout(module, *base))
         }
         TypeInner::Scalar(_) | TypeInner::Vector { .. } | TypeInner::Matrix { .. } => {
-            reflect::wgsl_type(module, ty)
+            interface::wgsl_type(module, ty)
         }
         inner => format!("{inner:?}"),
     }
@@ -213,8 +213,8 @@ pub(crate) fn interface(module: &Module, stage: ShaderStage, entry: &str) -> Vec
         Some(Binding::BuiltIn(naga::BuiltIn::FragDepth)) => Some("depth".to_owned()),
         _ => None,
     };
-    let inputs = reflect::inputs(module, &point.function);
-    let outputs = reflect::outputs(module, &point.function);
+    let inputs = interface::inputs(module, &point.function);
+    let outputs = interface::outputs(module, &point.function);
     lines.extend(
         inputs
             .iter()

@@ -1,7 +1,7 @@
 //! A value interpolated from vertices to fragments, with explicit defaults.
 
 use naga::{Binding, Interpolation, Module, Sampling, ScalarKind, TypeInner};
-use preshade_passes::reflect::{self, Io};
+use preshade_passes::core::interface::{self, Io};
 
 /// A vertex output or fragment input at a location.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -51,7 +51,7 @@ impl Varying {
         };
         Some(Self {
             location,
-            ty: reflect::wgsl_type(module, io.ty),
+            ty: interface::wgsl_type(module, io.ty),
             interpolation: format!("{how} {sampling}"),
         })
     }

@@ -6,6 +6,7 @@ use std::fmt::Write as _;
 
 use glam::{Mat4, Vec3};
 use preshade::unstable::front;
+use preshade::unstable::front::options;
 use preshade::unstable::measure::originals;
 use preshade::unstable::passes::evaluate::{self, Environment, Scalar, Value};
 use preshade::unstable::passes::state::{
@@ -132,7 +133,7 @@ fn unit(x: f32) -> vec3<f32> {{
 #[test]
 fn words_are_the_same_words() {
     let text = front::Source::new("words.wgsl", source());
-    let parsed = front::parse(&[text], &front::Options::default())
+    let parsed = front::parse(&[text], &options::Options::default())
         .unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
     let program = parsed.program.clone();
     let stage = naga::ShaderStage::Fragment;

@@ -3,7 +3,8 @@
 
 use std::path::Path;
 
-use preshade::unstable::front::{self, Color, Options, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Color, Source};
 use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings, record};
 use preshade::unstable::passes::state::MaterialState;
 use preshade::unstable::render::ShaderForm;

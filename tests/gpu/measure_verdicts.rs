@@ -5,6 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
+use preshade::unstable::front::options;
 use preshade::unstable::measure::record::{Report, VariantReport};
 use preshade::unstable::measure::{
     self, Session, Settings, Timed, TimingSettings, Variant, verify,
@@ -367,7 +368,7 @@ fn a_made_up_scene_without_ties_does_not_remove_a_discard() {
     let text = include_str!("../app/shaders/leaf.wgsl");
     let parsed = front::parse(
         &[Source::new("leaf.wgsl", text)],
-        &front::Options::default(),
+        &options::Options::default(),
     );
     let scene = synthesise(parsed.unwrap(), MaterialState::default()).resized([64, 36]);
     let facts = measure::facts(&Session::new(gpu(), &scene, ShaderForm::Text).unwrap()).unwrap();

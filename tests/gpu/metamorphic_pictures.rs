@@ -5,7 +5,8 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Source};
 use preshade::unstable::measure::record::VariantReport;
 use preshade::unstable::measure::{
     self, Session, Settings, Timed, TimingSettings, Variant, verify,

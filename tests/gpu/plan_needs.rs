@@ -7,6 +7,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use preshade::unstable::emit::{self, PlanFile, Target};
+use preshade::unstable::front::options;
 use preshade::unstable::front::{self, Source};
 use preshade::unstable::measure;
 use preshade::unstable::passes::pass::Facts;
@@ -116,7 +117,7 @@ fn a_device_with_what_the_plans_name_and_no_more_draws_them() {
 fn the_layouts_of_plans_serve_two_variables_at_one_binding() {
     let text = include_str!("../materials/shared-binding.wgsl");
     let source = Source::new("shared-binding.wgsl", text);
-    let parsed = front::parse(&[source], &front::Options::default()).unwrap();
+    let parsed = front::parse(&[source], &options::Options::default()).unwrap();
     let scene = synthesise(parsed, MaterialState::default()).resized([97, 61]);
     for steps in [
         &[][..],

@@ -4,7 +4,8 @@
 use std::path::Path;
 
 use preshade::unstable::emit;
-use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Source};
 use preshade::unstable::measure::record::VariantReport;
 use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade::unstable::passes::contract::Verdict;

@@ -15,7 +15,7 @@ use derive::{Composed, Wanted, derive};
 use naga::ShaderStage;
 use naga::compact::{KeepUnused, compact};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
-use preshade::unstable::passes::reflect;
+use preshade_passes::core::interface;
 
 use crate::dialects::{bevys_definitions, wgsl};
 
@@ -81,7 +81,7 @@ fn interface(vertex: &Composed, fragment: &Composed, wanted: Wanted) -> String {
         .entry_points
         .iter()
         .find(|e| e.stage == ShaderStage::Fragment);
-    let outputs = fragment.map_or_else(Vec::new, |f| reflect::outputs(&module, &f.function));
+    let outputs = fragment.map_or_else(Vec::new, |f| interface::outputs(&module, &f.function));
     for output in outputs {
         if let Some(naga::Binding::Location { location, .. }) = output.binding {
             let name = output.name.as_deref().unwrap_or("only");

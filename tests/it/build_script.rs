@@ -8,7 +8,8 @@ use std::time::SystemTime;
 
 use preshade::build_script::{BuildConfig, BuildError, Built, configure};
 use preshade::unstable::emit::Target;
-use preshade::unstable::front::{Options, Source, parse};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{Source, parse};
 use preshade::unstable::lock::{Inputs, Lock, Locked};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;

@@ -4,7 +4,8 @@
 use std::path::{Path, PathBuf};
 
 use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::{self, Memory, Options, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Memory, Source};
 use preshade_passes::plan::Plan;
 use preshade_passes::state::MaterialState;
 

@@ -3,8 +3,9 @@
 
 use std::time::{Duration, Instant};
 
-use preshade::unstable::front::{self, Code, Color, Error, Options, Parsed, Source};
-use preshade_passes::program::Language;
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Code, Color, Error, Parsed, Source};
+use preshade_passes::core::source::Language;
 
 const VERTEX: &str = r"
 struct Camera { view_proj: mat4x4<f32>, eye: vec3<f32> }

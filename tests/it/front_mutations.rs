@@ -3,6 +3,7 @@
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 
 use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::options;
 use preshade::unstable::front::{self, Source};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
@@ -69,7 +70,7 @@ fn mutate(text: &str, random: &mut Random) -> String {
 
 /// Parses and, where that works, emits; says whether it did.
 fn survives(sources: &[Source]) -> bool {
-    let Ok(parsed) = front::parse(sources, &front::Options::default()) else {
+    let Ok(parsed) = front::parse(sources, &options::Options::default()) else {
         return false;
     };
     let plan = Plan::original(

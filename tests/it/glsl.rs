@@ -5,9 +5,8 @@
 use std::path::{Path, PathBuf};
 
 use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::{
-    self, ClipSpace, Code, Color, Options, Parsed, Source, normalised_glsl,
-};
+use preshade::unstable::front::options::{ClipSpace, Options};
+use preshade::unstable::front::{self, Code, Color, Parsed, Source, normalised_glsl};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::state::{MaterialState, Topology};

@@ -2,7 +2,8 @@
 //! plainer one beside it does.
 #![cfg(feature = "glsl")]
 
-use preshade::unstable::front::{self, Code, Color, Options, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Code, Color, Source};
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::state::MaterialState;
 use preshade::unstable::passes::validate::Effort;

@@ -3,7 +3,9 @@
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 
 use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::{self, Code, Color, Options, Parsed, Source, normalised_glsl};
+use preshade::unstable::front::options;
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Code, Color, Parsed, Source, normalised_glsl};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::state::MaterialState;
@@ -917,7 +919,7 @@ void main() { c = vec4(x, VULKAN_OR_0, 0.0, 1.0); }
         };
         front::parse(&sources, &options).unwrap_or_else(|e| panic!("{}", e.render(Color::Never)))
     };
-    let vulkan = read(text("float(VULKAN)"), Some(front::ClipSpace::AsWritten));
+    let vulkan = read(text("float(VULKAN)"), Some(options::ClipSpace::AsWritten));
     assert!(vulkan.program.declared().notes.is_empty());
     let vulkan = wgsl(vulkan);
     assert!(
@@ -928,7 +930,7 @@ void main() { c = vec4(x, VULKAN_OR_0, 0.0, 1.0); }
     let notes = guessed.program.declared().notes.join("\n");
     assert!(notes.contains("`--define VULKAN=100`"), "{notes}");
     assert!(wgsl(guessed).contains("0.75"));
-    let opengl = read(text("0.0"), Some(front::ClipSpace::OpenGl));
+    let opengl = read(text("0.0"), Some(options::ClipSpace::OpenGl));
     assert!(opengl.program.declared().notes.is_empty());
 }
 

@@ -2,7 +2,8 @@
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 
 use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::{self, Code, Color, Options, Parsed, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Code, Color, Parsed, Source};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::state::MaterialState;

@@ -6,7 +6,8 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::{Options, Source, parse};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{Source, parse};
 use preshade::unstable::parameters::{Parameter, parameters};
 use preshade::unstable::passes::PASSES;
 use preshade::unstable::passes::contract::Contract;

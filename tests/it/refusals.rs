@@ -2,7 +2,8 @@
 //! the original is kept.
 
 use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Source};
 use preshade::unstable::passes::contract::{Assumption, Contract};
 use preshade::unstable::passes::frame::{FrameLoad, FramePlan};
 use preshade::unstable::passes::neighbours;

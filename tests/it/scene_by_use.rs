@@ -5,7 +5,8 @@
 use std::path::Path;
 
 use glam::Mat4;
-use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Source};
 use preshade::unstable::passes::state::MaterialState;
 use preshade::unstable::scene::bind::{self, DrawBindings, unplaced};
 use preshade::unstable::scene::{self, Scene};

@@ -3,7 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::front::{self, Color, Options, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Color, Source};
 
 fn files(folder: &str, suffix: &str) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))

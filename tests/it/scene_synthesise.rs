@@ -3,7 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::front::{self, Options, Parsed, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Parsed, Source};
 use preshade::unstable::passes::state::{DepthDirection, MaterialState};
 use preshade::unstable::scene::bind::{self, DrawBindings};
 use preshade::unstable::scene::{self, Scene};

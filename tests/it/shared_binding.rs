@@ -1,7 +1,8 @@
 //! Two variables at one group and binding, each in a stage of its own: legal WGSL. The plan's
 //! layout serves both, or the material is refused by name.
 
-use preshade::unstable::front::{self, Code, Color, Options, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Code, Color, Source};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::{BindingLayout, Plan};
 use preshade::unstable::passes::state::MaterialState;

@@ -4,7 +4,8 @@
 use std::collections::BTreeMap;
 
 use preshade::unstable::emit::{self, EmitError, File, Meaning, Target};
-use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Source};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::state::MaterialState;

@@ -3,7 +3,8 @@
 use std::fs;
 use std::path::Path;
 
-use preshade::{Facts, MaterialState, Options, Recipe, Shader, Source, Target, rewrite};
+use preshade::unstable::front::options::Options;
+use preshade::{Facts, MaterialState, Recipe, Shader, Source, Target, rewrite};
 
 use preshade::unstable::front;
 use preshade::unstable::passes::plan::Plan;

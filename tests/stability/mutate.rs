@@ -6,8 +6,8 @@ use naga::{
     ShaderStage, Span, Type, TypeInner, VectorSize,
 };
 use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front;
-use preshade::unstable::measure::{self, verdict::breaks};
+use preshade::unstable::front::options;
+use preshade::unstable::measure::verdict::breaks;
 use preshade::unstable::passes::contract::Contract;
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::{Plan, Role};
@@ -15,6 +15,7 @@ use preshade::unstable::passes::rebuild::writer::FunctionWriter;
 use preshade::unstable::passes::returns;
 use preshade::unstable::recipe::Recipe;
 use preshade::unstable::render::{ShaderForm, Variant as Host};
+use preshade::unstable::{front, measure};
 
 use super::case::{Red, Stage, contract};
 use super::root;
@@ -199,7 +200,7 @@ fn naive(stage: &Stage<'_>, file: &str) -> Plan {
     let path = root().join("fixtures/scenes/stability").join(file);
     let text = std::fs::read_to_string(path).unwrap();
     let source = front::Source::new(file, text);
-    let parsed = front::parse(&[source], &front::Options::default())
+    let parsed = front::parse(&[source], &options::Options::default())
         .unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
     let [material] = &stage.inputs.scene().materials[..] else {
         panic!("one material has one shader");

@@ -3,7 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::front::{self, Options, Parsed, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Parsed, Source};
 use preshade::unstable::passes::examples;
 use preshade::unstable::passes::graph::counted::Ends;
 use preshade::unstable::passes::graph::{FunctionId, Graph};

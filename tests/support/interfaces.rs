@@ -5,6 +5,7 @@
 
 use std::collections::HashSet;
 
+use preshade::unstable::front::options;
 use preshade::unstable::front::{self, Color, Source};
 use preshade::unstable::passes::pass::{Facts, Refusal, Use};
 use preshade::unstable::passes::plan::Plan;
@@ -766,7 +767,7 @@ impl Interface {
     /// The material as its author wrote it.
     pub fn parsed(&self) -> front::Parsed {
         let source = Source::new("material.wgsl", self.text());
-        front::parse(&[source], &front::Options::default())
+        front::parse(&[source], &options::Options::default())
             .unwrap_or_else(|e| panic!("{}\n{}", e.render(Color::Never), self.text()))
     }
 

@@ -5,17 +5,20 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use preshade::unstable::front::{self, Options, Source};
-use preshade::unstable::measure::outputs::OutputsReport;
-use preshade::unstable::measure::{self, Estimate, Session, Settings, Timed, TimingSettings};
-use preshade::unstable::measure::{Variant, outputs, shadow};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Source};
+use preshade::unstable::measure::outputs::{self, OutputsReport};
+use preshade::unstable::measure::{
+    self, Estimate, Session, Settings, Timed, TimingSettings, Variant, shadow,
+};
 use preshade::unstable::passes::contract::Verdict;
 use preshade::unstable::passes::plan::{Attachment, GpuPass, Phase, Plan, Role, SCENE_DEPTH};
 use preshade::unstable::passes::reflect;
 use preshade::unstable::passes::state::MaterialState;
 use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::ShaderForm;
-use preshade::unstable::render::{self, FrameSettings, Gpu, Prepared, Rendered, SceneInputs};
+use preshade::unstable::render::{
+    self, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm,
+};
 use preshade::unstable::scene::{self, Draw, DrawOrder, Scene};
 
 use crate::fixtures_support::{materials, root};

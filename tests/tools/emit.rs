@@ -1,6 +1,7 @@
 //! What is emitted reads back, keeps the author's interface, and is the same bytes each time.
 
 use preshade::unstable::emit::{self, File, Target};
+use preshade::unstable::front::options;
 use preshade::unstable::front::{self, Color, Source};
 use preshade::unstable::recipe::Recipe;
 use preshade_passes::pass::Facts;
@@ -61,7 +62,7 @@ pub fn touched(program: &Program) -> Program {
 }
 
 fn plan(name: &str, text: &str) -> Plan {
-    let parsed = front::parse(&[Source::new(name, text)], &front::Options::default())
+    let parsed = front::parse(&[Source::new(name, text)], &options::Options::default())
         .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
     Plan::original(
         "material",
@@ -208,7 +209,7 @@ fn a_deep_expression_can_be_read_again() {
     );
     let parsed = front::parse(
         &[Source::new("deep.wgsl", &text_in)],
-        &front::Options::default(),
+        &options::Options::default(),
     )
     .unwrap();
     // A pass may drop the author's names.
@@ -233,7 +234,7 @@ fn a_deep_expression_can_be_read_again() {
             .filter(of)
             .map(|f| Source::new(&f.name, String::from_utf8_lossy(&f.bytes)))
             .collect();
-        let again = front::parse(&texts, &front::Options::default());
+        let again = front::parse(&texts, &options::Options::default());
         again.unwrap_or_else(|e| panic!("{target:?}: {}", e.render(Color::Never)));
     }
     accept::accept(&[("deep".to_owned(), files)]);
@@ -245,7 +246,7 @@ fn from_glsl(vertex: &str, fragment: &str) -> Plan {
         Source::new("m.vert", vertex),
         Source::new("m.frag", fragment),
     ];
-    let parsed = front::parse(&sources, &front::Options::default())
+    let parsed = front::parse(&sources, &options::Options::default())
         .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
     Plan::original(
         "material",
@@ -622,7 +623,7 @@ fn glsl_reads_like_an_authors_wgsl() {
         Source::new("m.vert", GLSL_VERTEX),
         Source::new("m.frag", GLSL_FRAGMENT),
     ];
-    let parsed = front::parse(&sources, &front::Options::default())
+    let parsed = front::parse(&sources, &options::Options::default())
         .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
     let plan = Plan::original(
         "material",
@@ -643,7 +644,7 @@ fn three_passes() -> Plan {
         "{LIT}@fragment fn fs_depth(in: Varyings) {{ if textureSample(albedo, linear_sampler, \
          in.uv0).a < 0.5 {{ discard; }} }}\nfn unused() -> f32 {{ return 1.0; }}\n"
     );
-    let options = front::Options {
+    let options = options::Options {
         fragment: Some("fs_main".to_owned()),
         ..front::Options::default()
     };
@@ -762,7 +763,7 @@ fn an_untouched_program_ships_as_its_author_wrote_it() {
     let source = format!("// The author's comment.\n{VS}");
     let parsed = front::parse(
         &[Source::new("plain.wgsl", &source)],
-        &front::Options::default(),
+        &options::Options::default(),
     )
     .unwrap();
     let plan = Plan::original(
@@ -783,7 +784,7 @@ fn a_pass_names_the_features_it_needs() {
     );
     let parsed = front::parse(
         &[Source::new("half.wgsl", &half)],
-        &front::Options::default(),
+        &options::Options::default(),
     )
     .unwrap();
     let mut state = MaterialState::default();
@@ -823,7 +824,7 @@ struct Out { @location(0) a: vec4<f32>, @location(1) b: vec4<f32>, @location(2) 
     ));
     let parsed = front::parse(
         &[Source::new("dear.wgsl", &source)],
-        &front::Options::default(),
+        &options::Options::default(),
     )
     .unwrap();
     let target = || Some(ColorTarget::opaque("rgba32float"));

@@ -6,7 +6,8 @@ use std::collections::BTreeMap;
 use std::path::Path;
 
 use preshade::unstable::emit::{self, File, PlanFile, Target};
-use preshade::unstable::front::{self, Color, Options, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Color, Source};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::state::MaterialState;

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use preshade::unstable::emit::{self, File, Target};
+use preshade::unstable::front::options;
 use preshade::unstable::front::{self, Code, Color, Parsed, Source};
 use preshade::unstable::recipe::Recipe;
 use preshade_passes::pass::Facts;
@@ -54,7 +55,7 @@ fn parse(paths: &[PathBuf]) -> Vec<Parsed> {
             Source::new(name, std::fs::read_to_string(p).unwrap())
         })
         .collect();
-    match front::parse(&sources, &front::Options::default()) {
+    match front::parse(&sources, &options::Options::default()) {
         Ok(parsed) => vec![parsed],
         // A file of several materials: every pair of entry points whose interfaces fit.
         Err(e) if e.code() == Code::AmbiguousEntryPoint => pairs(&sources),
@@ -72,7 +73,7 @@ fn pairs(sources: &[Source]) -> Vec<Parsed> {
     let mut all = Vec::new();
     for vertex in of(naga::ShaderStage::Vertex) {
         for fragment in of(naga::ShaderStage::Fragment) {
-            let options = front::Options {
+            let options = options::Options {
                 vertex: Some(vertex.clone()),
                 fragment: Some(fragment.clone()),
                 ..front::Options::default()

@@ -5,6 +5,7 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::options;
 use preshade::unstable::front::{self, Color, Source};
 use preshade::unstable::passes::validate::Effort;
 use preshade::unstable::passes::validate::agree::{Relation, agree};
@@ -21,7 +22,7 @@ void main() { vUv = position.xy; gl_Position = vec4(position, 1.0); }
 ";
 
 fn read(sources: &[Source]) -> Result<Plan, String> {
-    let parsed = front::parse(sources, &front::Options::default());
+    let parsed = front::parse(sources, &options::Options::default());
     let parsed = parsed.map_err(|e| e.render(Color::Never))?;
     Ok(parsed.plan("m", &MaterialState::default()))
 }

@@ -7,6 +7,7 @@ use std::path::Path;
 use std::process::Command;
 
 use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::options;
 use preshade::unstable::front::{self, Source};
 use preshade_passes::plan::Plan;
 use preshade_passes::state::MaterialState;
@@ -199,7 +200,7 @@ fn emitted(fragment: &str, target: Target) -> String {
         Source::new("m.vert", VERTEX),
         Source::new("m.frag", fragment),
     ];
-    let parsed = front::parse(&sources, &front::Options::default())
+    let parsed = front::parse(&sources, &options::Options::default())
         .unwrap_or_else(|e| panic!("{}\n{fragment}", e.render(front::Color::Never)));
     let plan = Plan::original(
         "m",

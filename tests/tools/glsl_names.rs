@@ -2,6 +2,7 @@
 //! of blocks, blocks, samplers, attributes, outputs.
 
 use preshade::unstable::emit::{self, File, Target};
+use preshade::unstable::front::options;
 use preshade::unstable::front::{self, Source};
 use preshade_passes::plan::Plan;
 use preshade_passes::state::MaterialState;
@@ -22,7 +23,7 @@ fn emitted_for(name: &str, vertex: &str, fragment: &str, targets: &[Target]) -> 
         Source::new(format!("{name}.vert"), vertex),
         Source::new(format!("{name}.frag"), fragment),
     ];
-    let parsed = front::parse(&sources, &front::Options::default())
+    let parsed = front::parse(&sources, &options::Options::default())
         .unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
     let plan = Plan::original(
         name,
@@ -235,7 +236,7 @@ fn names_that_cannot_stay_say_so() {
 fn of_wgsl(name: &str, text: &str) -> Vec<File> {
     let parsed = front::parse(
         &[Source::new(format!("{name}.wgsl"), text)],
-        &front::Options::default(),
+        &options::Options::default(),
     );
     let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
     let fragment = parsed.fragment.as_deref();
@@ -284,7 +285,7 @@ fn height(uv: vec2<f32>) -> f32 { return textureSampleLevel(map, linear, uv, 0.0
         )
         .replace("height(position", "height(map, linear, position");
     let sources = [Source::new("given.wgsl", given)];
-    let parsed = front::parse(&sources, &front::Options::default()).unwrap();
+    let parsed = front::parse(&sources, &options::Options::default()).unwrap();
     let fragment = parsed.fragment.as_deref();
     let state = MaterialState::default();
     let plan = Plan::original("given", parsed.program, &parsed.vertex, fragment, &state);
@@ -465,7 +466,7 @@ fn of_wgsl_text(vertex: &str, fragment: &str) -> String {
         Source::new("m.vert", vertex),
         Source::new("m.frag", fragment),
     ];
-    let parsed = front::parse(&sources, &front::Options::default()).unwrap();
+    let parsed = front::parse(&sources, &options::Options::default()).unwrap();
     let state = MaterialState::default();
     let (vertex, fragment) = (&parsed.vertex, parsed.fragment.as_deref());
     let plan = Plan::original("m", parsed.program, vertex, fragment, &state);

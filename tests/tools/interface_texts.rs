@@ -4,14 +4,14 @@
 use std::collections::BTreeMap;
 
 use preshade::unstable::emit::{self, EmitError, File, Target};
+use preshade::unstable::front::options;
 use preshade::unstable::front::{self, Color, Source};
 use preshade::unstable::passes::plan::Plan;
 use preshade::unstable::passes::state::MaterialState;
 use rayon::prelude::*;
 
-use crate::accept;
 use crate::interfaces::{Es100, Interface, interfaces, of_es_100, varied};
-use crate::webgl;
+use crate::{accept, webgl};
 
 /// What becomes of an interface in each target.
 #[derive(Default)]
@@ -148,7 +148,7 @@ fn made_of_es_100(of: &Es100) -> Made {
         Source::new("m.frag", fragment),
     ];
     let label = format!("{}\n{vertex}\n{fragment}", of.recipe);
-    let parsed = match front::parse(&sources, &front::Options::default()) {
+    let parsed = match front::parse(&sources, &options::Options::default()) {
         Ok(parsed) => parsed,
         Err(e) => {
             made.wrong
@@ -183,7 +183,8 @@ fn made_of_es_100(of: &Es100) -> Made {
 #[test]
 fn the_judges_refuse_what_is_wrong() {
     let text = include_str!("../materials/shared-binding.wgsl");
-    let parsed = front::parse(&[Source::new("m.wgsl", text)], &front::Options::default()).unwrap();
+    let parsed =
+        front::parse(&[Source::new("m.wgsl", text)], &options::Options::default()).unwrap();
     let (vertex, fragment) = (&parsed.vertex, parsed.fragment.as_deref());
     let state = MaterialState::default();
     let original = Plan::original("m", parsed.program, vertex, fragment, &state);
@@ -230,7 +231,8 @@ fn the_judges_refuse_what_is_wrong() {
 #[test]
 fn the_compilers_refuse_wrong_texts() {
     let text = include_str!("../materials/shared-binding.wgsl");
-    let parsed = front::parse(&[Source::new("m.wgsl", text)], &front::Options::default()).unwrap();
+    let parsed =
+        front::parse(&[Source::new("m.wgsl", text)], &options::Options::default()).unwrap();
     let (vertex, fragment) = (&parsed.vertex, parsed.fragment.as_deref());
     let state = MaterialState::default();
     let original = Plan::original("m", parsed.program, vertex, fragment, &state);

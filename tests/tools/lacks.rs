@@ -3,6 +3,7 @@
 
 use naga::{Binding, BuiltIn};
 use preshade::unstable::emit::{self, EmitError, Target};
+use preshade::unstable::front::options;
 use preshade::unstable::front::{self, Color, Source};
 use preshade_passes::plan::Plan;
 use preshade_passes::state::MaterialState;
@@ -301,7 +302,7 @@ fn what_a_target_lacks_is_refused_by_name_and_the_rest_compiles() {
     let cases = [builtins(), depths_and_targets(), functions()].concat();
     for case in &cases {
         let source = Source::new("case.wgsl", &case.text);
-        let parsed = front::parse(&[source], &front::Options::default())
+        let parsed = front::parse(&[source], &options::Options::default())
             .unwrap_or_else(|e| panic!("{}: {}", case.name, e.render(Color::Never)));
         let fragment = parsed.fragment.as_deref();
         let state = MaterialState::default();
@@ -351,7 +352,7 @@ fn a_resource_that_is_only_named_stays_in_every_text() {
         [Read; 3],
     );
     let source = Source::new("phony.wgsl", &case.text);
-    let parsed = front::parse(&[source], &front::Options::default()).unwrap();
+    let parsed = front::parse(&[source], &options::Options::default()).unwrap();
     // Not the author's own text.
     let module = parsed.program.module().clone();
     let program = parsed.program.with_module(module).unwrap();
@@ -377,7 +378,7 @@ fn builtins_of_a_draw_are_refused_by_glsl() {
                     { return vec4<f32>(f32(i)); }
             @fragment fn fs() -> @location(0) vec4<f32> { return vec4<f32>(1.0); }";
         let source = Source::new("draw.wgsl", text);
-        let parsed = front::parse(&[source], &front::Options::default()).unwrap();
+        let parsed = front::parse(&[source], &options::Options::default()).unwrap();
         let mut module = parsed.program.module().clone();
         let stage = &mut module.entry_points[0];
         assert_eq!(stage.name, "vs");

@@ -6,6 +6,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use preshade::unstable::emit::{self, File, PlanFile, StageFile, Target};
+use preshade::unstable::front::options;
 use preshade::unstable::front::{self, Source};
 use preshade::unstable::recipe::Recipe;
 use preshade_passes::declared::{CombinedSampler, Declared};
@@ -14,9 +15,8 @@ use preshade_passes::pass::Facts;
 use preshade_passes::plan::{BindingSource, Plan};
 use preshade_passes::state::MaterialState;
 
-use crate::accept;
-use crate::fixtures_support;
 use crate::reflection_support::{self, Interface};
+use crate::{accept, fixtures_support};
 
 /// The recipes, `original` first.
 const RECIPES: &[&str] = &["original", "depth-prepass", "early-discard", "hoist"];
@@ -168,7 +168,7 @@ fn a_texture_read_with_another_sampler_stays_apart() {
     };
     let written = |other: &str, target: Target| {
         let text = source(other);
-        let parsed = front::parse(&[Source::new("m.wgsl", text)], &front::Options::default());
+        let parsed = front::parse(&[Source::new("m.wgsl", text)], &options::Options::default());
         let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
         let binding = |binding| naga::ResourceBinding { group: 1, binding };
         let declared = Declared {

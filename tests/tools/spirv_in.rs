@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::options;
 use preshade::unstable::front::{self, Error, Parsed, Source};
 use preshade_passes::naga::ShaderStage;
 use preshade_passes::state::MaterialState;
@@ -107,7 +108,7 @@ fn optimised_to(options: &[&str], from: &Path) -> PathBuf {
 fn read(modules: &[(&str, Vec<u8>)]) -> Result<Parsed, Error> {
     let sources = modules.iter().cloned();
     let sources = sources.map(|(name, bytes)| Source::from_bytes(name, bytes).unwrap());
-    front::parse(&sources.collect::<Vec<_>>(), &front::Options::default())
+    front::parse(&sources.collect::<Vec<_>>(), &options::Options::default())
 }
 
 /// Writes all of Vulkan's targets and WGSL, which are read back, and has `spirv-val` judge.
@@ -273,7 +274,7 @@ fn one_module_may_hold_both_stages_and_others() {
             .with_stage(stage)
     };
     let sources = [source(ShaderStage::Vertex), source(ShaderStage::Fragment)];
-    assert!(front::parse(&sources, &front::Options::default()).is_ok());
+    assert!(front::parse(&sources, &options::Options::default()).is_ok());
 }
 
 #[test]
@@ -640,7 +641,7 @@ fn entry_points_are_chosen_by_the_authors_names() {
            %fo = OpVectorShuffle %v4 %fl %fl 0 1 0 1\nOpStore %o %fo\nOpReturn\nOpFunctionEnd\n";
     let words = assembled(&text, &dir);
     let read = |vertex: Option<&str>, fragment: Option<&str>| {
-        let options = front::Options {
+        let options = options::Options {
             vertex: vertex.map(str::to_owned),
             fragment: fragment.map(str::to_owned),
             ..front::Options::default()
@@ -787,7 +788,7 @@ void main() {{
             depth[0], depth[1]
         );
         let sources = [Source::new("m.vert", VERTEX), Source::new("m.frag", text)];
-        let parsed = front::parse(&sources, &front::Options::default());
+        let parsed = front::parse(&sources, &options::Options::default());
         let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
         written(&parsed, "narrow", &dir);
         let reflected = reflection_support::reflect(&dir.join("m.main.frag.spv")).unwrap();

@@ -4,7 +4,8 @@
 use std::path::{Path, PathBuf};
 
 use preshade::unstable::emit::{self, EmitError, Target};
-use preshade::unstable::front::{self, ClipSpace, Options, Source};
+use preshade::unstable::front::options::{ClipSpace, Options};
+use preshade::unstable::front::{self, Source};
 use preshade_passes::plan::Plan;
 use preshade_passes::state::MaterialState;
 use preshade_passes::validate::Effort;

@@ -3,7 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Source};
 use preshade::unstable::passes::geometry::Geometry;
 use preshade::unstable::passes::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, ComputePass, Draws, GpuPass, Phase, Plan,

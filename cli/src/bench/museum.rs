@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Source};
 use preshade::unstable::measure;
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;

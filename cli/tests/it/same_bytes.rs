@@ -8,6 +8,7 @@ use std::process::Command;
 use std::sync::atomic::{AtomicU32, Ordering};
 
 use preshade::unstable::emit::{self, Target};
+use preshade::unstable::front::options;
 use preshade::unstable::front::{self, Source};
 use preshade::unstable::measure;
 use preshade::unstable::passes::pass::{Facts, Use};
@@ -126,7 +127,7 @@ fn verify_draws_what_rewrite_writes_of_every_shader() {
             Source::new(name, std::fs::read_to_string(path).unwrap())
         };
         let sources: Vec<Source> = files.iter().map(source).collect();
-        let parsed = front::parse(&sources, &front::Options::default()).unwrap();
+        let parsed = front::parse(&sources, &options::Options::default()).unwrap();
         let name = files[0].file_stem().unwrap().to_str().unwrap();
         parsed.plan(name, &MaterialState::default())
     };

@@ -2,9 +2,10 @@
 
 use std::fmt::Write as _;
 
+use preshade::unstable::front::options::Options;
 use preshade::unstable::passes::plan::{BindingSource, BindingUse};
-use preshade::unstable::passes::program::Language;
-use preshade::{Facts, GpuPass, MaterialState, Options, Recipe, Shader, Source, Target, rewrite};
+use preshade::{Facts, GpuPass, MaterialState, Recipe, Shader, Source, Target, rewrite};
+use preshade_passes::core::source::Language;
 
 #[path = "previous.rs"]
 mod previous;

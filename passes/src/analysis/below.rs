@@ -290,7 +290,8 @@ mod tests {
     use std::fmt::Write;
 
     use super::*;
-    use crate::core::program::{Language, Program};
+    use crate::core::program::Program;
+    use crate::core::source::Language;
     use crate::graph::Graph;
 
     /// Statements that each use two earlier values, some in loops.

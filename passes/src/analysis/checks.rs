@@ -332,7 +332,8 @@ mod tests {
     use std::sync::Arc;
 
     use super::Checks;
-    use crate::core::program::{Language, Program, SourceMap};
+    use crate::core::program::Program;
+    use crate::core::source::{Language, SourceMap};
 
     fn needed(body: &str) -> Checks {
         let text = format!(

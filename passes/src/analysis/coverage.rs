@@ -2,11 +2,11 @@
 //! `frag_depth`, and under alpha to coverage the alpha of location 0. A pre-pass draws it, an early
 //! discard must not change it, and a shading count keeps it.
 
+use crate::core::interface;
 use naga::{Binding, BuiltIn, EarlyDepthTest, ShaderStage, TypeInner};
 
 use crate::core::plan::GpuPass;
 use crate::core::program::Program;
-use crate::core::reflect;
 use crate::core::state::ColorTarget;
 use crate::graph::{FunctionId, Graph};
 use crate::slice::{self, Criterion, OutputFilter, Slice};
@@ -37,7 +37,7 @@ impl Decides {
         let function = &program.module().entry_points[entry].function;
         Self {
             discards: graph.may_discard(FunctionId::EntryPoint(entry)),
-            depth: reflect::outputs(program.module(), function)
+            depth: interface::outputs(program.module(), function)
                 .iter()
                 .any(|o| o.binding == Some(Binding::BuiltIn(BuiltIn::FragDepth))),
             alpha: pass.multisample.alpha_to_coverage,
@@ -161,7 +161,7 @@ pub fn refuse_alpha(
     }
     let module = program.module();
     let function = &module.entry_points[fragment?].function;
-    let is_vec4 = reflect::outputs(module, function).iter().any(|o| {
+    let is_vec4 = interface::outputs(module, function).iter().any(|o| {
         matches!(o.binding, Some(Binding::Location { location: 0, .. }))
             && matches!(
                 module.types[o.ty].inner,

@@ -26,16 +26,15 @@ use std::collections::BTreeSet;
 
 use naga::{Binding, BuiltIn, Interpolation, Sampling, ShaderStage, Span};
 
-use crate::analysis::contraction;
 use crate::analysis::coverage::Decides;
-use crate::analysis::effects;
-use crate::analysis::refusals;
 use crate::analysis::uniformity::{self, Need};
+use crate::analysis::{contraction, effects, refusals};
 use crate::core::contract::Assumption;
+use crate::core::interface;
+use crate::core::interface::Io;
 use crate::core::pass::Refusal;
 use crate::core::plan::{GpuPass, Plan};
 use crate::core::program::Program;
-use crate::core::reflect::{self, Io};
 use crate::core::refusals::RefusalInfo;
 use crate::core::state::DepthDirection;
 use crate::graph::effect::Effect;
@@ -128,7 +127,7 @@ impl<'a> ImplicitInputs<'a> {
     pub fn replaced_by(self, program: &Program) -> Self {
         let fragment = self.pass.fragment.as_deref();
         let entry = fragment.and_then(|name| program.entry_point(ShaderStage::Fragment, name));
-        let kept = entry.map(|(_, entry)| reflect::inputs(program.module(), &entry.function));
+        let kept = entry.map(|(_, entry)| interface::inputs(program.module(), &entry.function));
         Self { kept, ..self }
     }
 
@@ -174,7 +173,7 @@ impl<'a> ImplicitInputs<'a> {
     fn fragment_inputs(&self) -> Vec<Io> {
         let module = self.program.module();
         let entry = self.fragment.map(|entry| &module.entry_points[entry]);
-        entry.map_or_else(Vec::new, |e| reflect::inputs(module, &e.function))
+        entry.map_or_else(Vec::new, |e| interface::inputs(module, &e.function))
     }
 }
 
@@ -293,7 +292,7 @@ fn subgroup(stages: &ImplicitInputs<'_>) -> Option<String> {
     let module = stages.program.module();
     stages.entry_points().find_map(|index| {
         let entry = &module.entry_points[index];
-        let inputs = reflect::inputs(module, &entry.function);
+        let inputs = interface::inputs(module, &entry.function);
         let place = inputs.iter().find(|input| {
             matches!(
                 input.binding,
@@ -485,7 +484,7 @@ fn vertex_text(stages: &ImplicitInputs<'_>) -> Option<String> {
 /// Whether the author marked the position of a vertex entry point `@invariant`.
 pub fn has_invariant_position(program: &Program, vertex: usize) -> bool {
     let module = program.module();
-    let outputs = reflect::outputs(module, &module.entry_points[vertex].function);
+    let outputs = interface::outputs(module, &module.entry_points[vertex].function);
     let invariant = Some(Binding::BuiltIn(BuiltIn::Position { invariant: true }));
     outputs.iter().any(|output| output.binding == invariant)
 }

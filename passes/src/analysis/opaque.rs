@@ -4,18 +4,17 @@
 //! Primozic's article on fragment culling), an alpha test in one pass only, stores that run twice,
 //! a forced early test on an alpha-tested draw.
 
+use crate::core::interface;
 use naga::{Binding, BuiltIn, EntryPoint, ShaderStage, Span};
 
 use crate::analysis::coverage::{self, Decides};
-use crate::analysis::effects;
 use crate::analysis::implicit_inputs::{self, ImplicitInputs, PassEffect};
-use crate::analysis::refusals;
+use crate::analysis::{effects, refusals};
 use crate::core::channels;
 use crate::core::contract::Assumption;
 use crate::core::pass::{Facts, Refusal};
 use crate::core::plan::{ClearValue, GpuPass, Phase, Plan, Role};
 use crate::core::program::Program;
-use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
 use crate::core::state::{Blend, CompareFunction, DepthDirection, DepthState};
 use crate::graph::effect::Effect;
@@ -283,7 +282,7 @@ impl Examination {
     /// Checks how the fragment entry point decides coverage.
     fn coverage(&mut self, decides: Decides, program: &Program, entry: &EntryPoint) -> Decides {
         let mask = Some(Binding::BuiltIn(BuiltIn::SampleMask));
-        let outputs = reflect::outputs(program.module(), &entry.function);
+        let outputs = interface::outputs(program.module(), &entry.function);
         if outputs.iter().any(|o| o.binding == mask) {
             self.refuse(
                 &refusals::SAMPLE_MASK,

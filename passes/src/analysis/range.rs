@@ -13,8 +13,8 @@ use naga::{
 
 use crate::analysis::values::cycle::{Merges, UNCOUNTED_ITERATIONS, operands_first};
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
+use crate::core::interface;
 use crate::core::pass::{Source, SourceRange};
-use crate::core::reflect;
 use crate::evaluate::Number;
 use crate::evaluate::accuracy::Accuracy;
 use crate::evaluate::interval::{Arithmetic, Interval};
@@ -522,7 +522,7 @@ struct Outside<'a> {
 
 impl Outside<'_> {
     fn input(&self, values: &Values<'_, '_>, input: usize) -> Interval {
-        let inputs = reflect::inputs(values.graph.module(), values.function(0).function);
+        let inputs = interface::inputs(values.graph.module(), values.function(0).function);
         match inputs.get(input).and_then(|io| io.binding.clone()) {
             Some(Binding::Location { location, .. }) => self.of(&Source::Varying { location }),
             _ => Interval::ANYTHING,

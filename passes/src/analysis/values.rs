@@ -15,7 +15,8 @@ use naga::{Binding, BuiltIn, Expression, Handle, Statement, TypeInner};
 use rustc_hash::FxHashMap;
 
 use crate::analysis::users::Users;
-use crate::core::reflect::{self, Io};
+use crate::core::interface;
+use crate::core::interface::Io;
 use crate::graph::memory::VersionId;
 use crate::graph::rate::{Fact, Rate};
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
@@ -121,7 +122,7 @@ impl<'g, 'p> Values<'g, 'p> {
             entry,
             inputs: {
                 let module = graph.module();
-                reflect::inputs(module, &module.entry_points[entry].function)
+                interface::inputs(module, &module.entry_points[entry].function)
             },
             contexts: vec![Context {
                 function: FunctionId::EntryPoint(entry),
@@ -225,7 +226,7 @@ impl<'g, 'p> Values<'g, 'p> {
     pub fn outputs(&self) -> Vec<(Option<Binding>, ValueId)> {
         let module = self.graph.module();
         let f = self.function(0);
-        let outputs = reflect::outputs(module, f.function);
+        let outputs = interface::outputs(module, f.function);
         let is_struct = f.function.result.as_ref().is_some_and(|r| {
             r.binding.is_none() && matches!(module.types[r.ty].inner, TypeInner::Struct { .. })
         });
@@ -250,7 +251,7 @@ impl<'g, 'p> Values<'g, 'p> {
         let is_struct = f.function.result.as_ref().is_some_and(|r| {
             r.binding.is_none() && matches!(module.types[r.ty].inner, TypeInner::Struct { .. })
         });
-        let outputs = reflect::outputs(module, f.function);
+        let outputs = interface::outputs(module, f.function);
         for (id, node) in f.statements.iter() {
             if let Statement::Return { value: Some(value) } = node.statement
                 && f.control.is_reachable(id)

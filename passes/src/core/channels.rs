@@ -5,9 +5,9 @@ use std::collections::BTreeMap;
 
 use naga::{Binding, ShaderStage};
 
+use crate::core::interface;
 use crate::core::plan::GpuPass;
 use crate::core::program::Program;
-use crate::core::reflect;
 
 /// A colour target of a frame.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -30,7 +30,7 @@ pub fn written(program: &Program, pass: &GpuPass) -> Channels {
         .fragment
         .as_deref()
         .and_then(|name| program.entry_point(ShaderStage::Fragment, name))
-        .map(|(_, entry)| reflect::outputs(module, &entry.function))
+        .map(|(_, entry)| interface::outputs(module, &entry.function))
         .unwrap_or_default();
     let is_output = |at: usize| {
         outputs.iter().any(

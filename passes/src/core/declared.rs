@@ -4,6 +4,21 @@
 
 use naga::{Handle, Module, Override, ResourceBinding};
 
+/// The note on `precise`, or `NoContraction`, where it is lost.
+pub const PRECISE_NOTE: &str = "`precise` (`NoContraction`) is kept for the position only: elsewhere a \
+                            driver may fuse a multiply and an add";
+
+/// The note on rows of `gl_FragCoord`.
+pub const FRAG_COORD_NOTE: &str = "`gl_FragCoord.y` counts rows from the bottom in OpenGL and from the top in WGSL and \
+                               SPIR-V: values that depend on it are upside down there";
+
+/// The note on the sign of `dFdy`.
+pub const DFDY_NOTE: &str =
+    "`dFdy` points up in OpenGL and down in WGSL and SPIR-V: it has the opposite sign there";
+
+/// Notes that do not hold where a target's first row is the bottom one.
+pub const ROW_NOTES: [&str; 2] = [FRAG_COORD_NOTE, DFDY_NOTE];
+
 /// The author's declarations that the IR can't express. Empty for WGSL.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Declared {

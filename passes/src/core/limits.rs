@@ -5,9 +5,11 @@ use std::collections::BTreeMap;
 use naga::{Binding, BuiltIn, Module, ShaderStage};
 
 use crate::core::geometry::Geometry;
+use crate::core::interface;
+use crate::core::interface::Io;
 use crate::core::plan::{BindingKind, BindingLayout, BindingUse, ComputePass, GpuPass};
 use crate::core::program::Program;
-use crate::core::reflect::{self, Io};
+use crate::core::reflect;
 use crate::core::state::Topology;
 
 /// Limits by WebGPU's name, with the value that every WebGPU device has.
@@ -146,13 +148,13 @@ fn inter_stage(pass: &GpuPass, program: &Program) -> u64 {
     let module = program.module();
     let outputs = program
         .entry_point(ShaderStage::Vertex, &pass.vertex)
-        .map(|(_, e)| reflect::outputs(module, &e.function))
+        .map(|(_, e)| interface::outputs(module, &e.function))
         .unwrap_or_default();
     let inputs = pass
         .fragment
         .as_deref()
         .and_then(|f| program.entry_point(ShaderStage::Fragment, f))
-        .map(|(_, e)| reflect::inputs(module, &e.function))
+        .map(|(_, e)| interface::inputs(module, &e.function))
         .unwrap_or_default();
     let points = u64::from(pass.primitive.topology == Topology::PointList);
     let count = |all: &[Io], builtins: u64| {

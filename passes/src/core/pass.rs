@@ -8,10 +8,11 @@ use crate::core::budget::{Difference, or_infinite, unmeasured};
 use crate::core::contract::Assumption;
 use crate::core::guard::{Assumed, Guard};
 use crate::core::plan::{Plan, Role};
-use crate::core::program::{Location, Program, SourceMap};
+use crate::core::program::Program;
 use crate::core::rasterizer::Rasterizer;
 use crate::core::refusals::{self, RefusalInfo};
 use crate::core::shared_binding;
+use crate::core::source::{Location, SourceMap};
 
 /// The name of a pass and its description.
 #[derive(Clone, Copy, Debug)]

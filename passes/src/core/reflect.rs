@@ -4,102 +4,16 @@ use std::collections::HashSet;
 
 use naga::valid::GlobalUse;
 use naga::{
-    AddressSpace, Binding, Function, Handle, ImageClass, Module, ShaderStage, StorageAccess, Type,
-    TypeInner,
+    AddressSpace, Binding, Handle, ImageClass, Module, ShaderStage, StorageAccess, TypeInner,
 };
 
 use crate::core::features;
+use crate::core::interface::{inputs, wgsl_type};
 use crate::core::plan::{
     AttributeUse, BindingKind, BindingLayout, BindingSource, BindingUse, ComputePass, GpuPass,
     Visibility,
 };
 use crate::core::program::Program;
-
-/// One input or output of an entry point: an argument, a result, or a member of either.
-#[derive(Clone, Debug)]
-pub struct Io {
-    /// Argument or member name.
-    pub name: Option<String>,
-    /// Type.
-    pub ty: Handle<Type>,
-    /// Location or builtin.
-    pub binding: Option<Binding>,
-}
-
-/// The inputs of an entry point, with struct arguments expanded.
-pub fn inputs(module: &Module, function: &Function) -> Vec<Io> {
-    opened(module, &function.arguments)
-}
-
-/// Arguments as inputs, with struct arguments expanded.
-pub fn opened(module: &Module, arguments: &[naga::FunctionArgument]) -> Vec<Io> {
-    arguments
-        .iter()
-        .flat_map(|a| open(module, a.name.clone(), a.ty, a.binding.clone()))
-        .collect()
-}
-
-/// The outputs of an entry point, with a struct result expanded.
-pub fn outputs(module: &Module, function: &Function) -> Vec<Io> {
-    function
-        .result
-        .iter()
-        .flat_map(|r| open(module, None, r.ty, r.binding.clone()))
-        .collect()
-}
-
-/// Changes the binding of each output of an entry point. `edit` is given its name, its type and the
-/// binding.
-pub fn edit_outputs(
-    module: &mut Module,
-    entry: usize,
-    mut edit: impl FnMut(Option<&str>, &TypeInner, &mut Option<Binding>),
-) {
-    let Some(result) = &mut module.entry_points[entry].function.result else {
-        return;
-    };
-    let mut ty = module.types[result.ty].clone();
-    let TypeInner::Struct { members, .. } = &mut ty.inner else {
-        return edit(None, &ty.inner, &mut result.binding);
-    };
-    for member in members {
-        let inner = &module.types[member.ty].inner;
-        edit(member.name.as_deref(), inner, &mut member.binding);
-    }
-    if module.types.get(&ty).is_none() {
-        module.types.replace(result.ty, ty);
-    }
-}
-
-fn open(
-    module: &Module,
-    name: Option<String>,
-    ty: Handle<Type>,
-    binding: Option<Binding>,
-) -> Vec<Io> {
-    match (&binding, &module.types[ty].inner) {
-        (None, TypeInner::Struct { members, .. }) => members
-            .iter()
-            .map(|m| Io {
-                name: m.name.clone(),
-                ty: m.ty,
-                binding: m.binding.clone(),
-            })
-            .collect(),
-        _ => vec![Io { name, ty, binding }],
-    }
-}
-
-/// Type and binding of each member of a struct of inputs or outputs; `None` for other types.
-pub fn members(module: &Module, ty: Handle<Type>) -> Option<Vec<(Handle<Type>, Binding)>> {
-    let TypeInner::Struct { members, .. } = &module.types[ty].inner else {
-        return None;
-    };
-    members
-        .iter()
-        .map(|m| Some((m.ty, m.binding.clone()?)))
-        .collect()
-}
 
 /// The resource kind of a global variable; `None` without a binding.
 pub fn binding_kind(module: &Module, global: &naga::GlobalVariable) -> Option<BindingKind> {
@@ -521,32 +435,4 @@ fn of_pass(pass: &GpuPass, program: &Program) -> Vec<String> {
     all.sort_unstable();
     all.dedup();
     all
-}
-
-/// A scalar, vector or matrix type in WGSL's spelling.
-pub fn wgsl_type(module: &Module, ty: Handle<Type>) -> String {
-    fn scalar(s: naga::Scalar) -> String {
-        use naga::ScalarKind::{AbstractFloat, AbstractInt, Bool, Float, Sint, Uint};
-        match s.kind {
-            Bool => "bool".to_owned(),
-            Sint | AbstractInt => format!("i{}", s.width as u32 * 8),
-            Uint => format!("u{}", s.width as u32 * 8),
-            Float | AbstractFloat => format!("f{}", s.width as u32 * 8),
-        }
-    }
-    match &module.types[ty].inner {
-        TypeInner::Scalar(s) => scalar(*s),
-        TypeInner::Vector { size, scalar: s } => format!("vec{}<{}>", *size as u8, scalar(*s)),
-        TypeInner::Matrix {
-            columns,
-            rows,
-            scalar: s,
-        } => {
-            format!("mat{}x{}<{}>", *columns as u8, *rows as u8, scalar(*s))
-        }
-        _ => module.types[ty]
-            .name
-            .clone()
-            .unwrap_or_else(|| "?".to_owned()),
-    }
 }

@@ -9,11 +9,9 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::memory::{Origin, VersionId};
-use super::rate::{Fact, Stages};
-use super::{
-    FunctionGraph, FunctionId, Graph, Root, StmtId, cells, cost, effect, operands, rate, text,
-};
-use crate::core::reflect;
+use super::rate::{self, Fact, Stages};
+use super::{FunctionGraph, FunctionId, Graph, Root, StmtId, cells, cost, effect, operands, text};
+use crate::core::interface;
 
 /// Schema of [`GraphData`].
 pub const SCHEMA: &str = "preshade.graph.v1";
@@ -285,7 +283,7 @@ impl<'g, 'p> Export<'g, 'p> {
                     _ => self.graph.input_fact(index, i as u32, None),
                 };
                 let mut node = self.blank(index, NodeKind::Input, name.clone(), fact);
-                node.text = format!("{name}: {}", reflect::wgsl_type(module, argument.ty));
+                node.text = format!("{name}: {}", interface::wgsl_type(module, argument.ty));
                 self.node(NodeKey::Argument(index, (i as u32) << 16), node);
             }
             for (m, member) in members.iter().enumerate() {
@@ -293,7 +291,7 @@ impl<'g, 'p> Export<'g, 'p> {
                 let member_name = member.name.clone().unwrap_or_else(|| m.to_string());
                 let text = format!(
                     "{name}.{member_name}: {}",
-                    reflect::wgsl_type(module, member.ty)
+                    interface::wgsl_type(module, member.ty)
                 );
                 let node = self.blank(index, NodeKind::Input, text, fact);
                 self.node(NodeKey::Argument(index, (i as u32) << 16 | m as u32), node);
@@ -362,7 +360,7 @@ impl<'g, 'p> Export<'g, 'p> {
             }
         }
         if let FunctionId::EntryPoint(_) = f.id {
-            for (i, output) in reflect::outputs(module, f.function).iter().enumerate() {
+            for (i, output) in interface::outputs(module, f.function).iter().enumerate() {
                 let text = match (&output.name, &output.binding) {
                     (Some(name), _) => name.clone(),
                     (None, Some(naga::Binding::Location { location, .. })) => {

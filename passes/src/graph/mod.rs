@@ -237,7 +237,7 @@ impl<'p> Graph<'p> {
     }
 
     /// Rate and stages of each member of a function's struct result, or of its result: for an entry
-    /// point in the order of [`crate::core::reflect::outputs`].
+    /// point in the order of [`crate::core::interface::outputs`].
     pub fn result_facts(&self, function: FunctionId) -> &[Fact] {
         self.rates().outputs(self.index(function))
     }

@@ -1,12 +1,12 @@
 //! Expressions and statements in source notation, for labels.
 
+use crate::core::interface;
 use naga::{
     BinaryOperator, Expression, Handle, ImageQuery, Literal, Module, Statement, SwizzleComponent,
     UnaryOperator,
 };
 
 use super::{FunctionGraph, StmtId, operands};
-use crate::core::reflect;
 
 /// Levels of nesting written out before an ellipsis.
 const DEPTH: usize = 3;
@@ -38,9 +38,13 @@ fn write(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>, depth: u
             .name
             .clone()
             .unwrap_or_else(|| "override".to_owned()),
-        E::ZeroValue(ty) => format!("{}()", reflect::wgsl_type(module, *ty)),
+        E::ZeroValue(ty) => format!("{}()", interface::wgsl_type(module, *ty)),
         E::Compose { ty, components } => {
-            format!("{}({})", reflect::wgsl_type(module, *ty), list(components))
+            format!(
+                "{}({})",
+                interface::wgsl_type(module, *ty),
+                list(components)
+            )
         }
         E::Access { base, index } => format!("{}[{}]", of(*base), of(*index)),
         E::AccessIndex { base, index } => {

@@ -7,7 +7,7 @@ use naga::{
     Type,
 };
 
-use crate::core::reflect;
+use crate::core::interface;
 use crate::graph::Graph;
 use crate::rebuild::place::{self, CodeBuilder, PositionInvariance};
 use crate::slice::Slice;
@@ -53,7 +53,7 @@ impl Ahead {
         let mut module = place::entry_point(graph, slice, module, name, suffix, invariance);
         let mut function = module.entry_points.pop()?.function;
         // In the order of the arguments and of their members.
-        let mut inputs = reflect::inputs(&module, &function).into_iter();
+        let mut inputs = interface::inputs(&module, &function).into_iter();
         let mut input = || {
             let io = inputs.next()?;
             Some(Input {
@@ -67,7 +67,7 @@ impl Ahead {
             arguments.push(match argument.binding.take() {
                 Some(_) => Argument::Input(input()?),
                 None => {
-                    let members = reflect::members(&module, argument.ty)?;
+                    let members = interface::members(&module, argument.ty)?;
                     let inputs = members.iter().map(|_| input());
                     Argument::Struct(argument.ty, inputs.collect::<Option<_>>()?)
                 }

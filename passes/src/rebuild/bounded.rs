@@ -14,7 +14,8 @@ use naga::{
 use super::variable;
 use super::writer::FunctionWriter;
 use crate::core::operands;
-use crate::core::program::{Invalid, Program};
+use crate::core::program::Program;
+use crate::core::source::Invalid;
 use crate::core::uniforms::UniformScalar;
 use crate::graph::counted::{self, Ends};
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};

@@ -4,6 +4,7 @@
 //! the number of shaded fragments per covered pixel on any adapter. Discarded fragments are not
 //! counted; the rest hid each other.
 
+use crate::core::interface;
 use naga::{
     Binding, Block, BuiltIn, Expression, Handle, Literal, Module, ShaderStage, Span, Statement,
     VectorSize,
@@ -11,8 +12,8 @@ use naga::{
 
 use crate::analysis::coverage;
 use crate::core::plan::{GpuPass, Plan};
-use crate::core::program::{Invalid, Program};
-use crate::core::reflect;
+use crate::core::program::Program;
+use crate::core::source::Invalid;
 use crate::graph::Graph;
 use crate::rebuild::color;
 use crate::rebuild::place::{self, PositionInvariance};
@@ -69,7 +70,7 @@ pub fn blank(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
     let (author, entry) =
         authored.ok_or_else(|| invalid("the plan has no fragment stage".to_owned()))?;
     let coverage = [BuiltIn::FragDepth, BuiltIn::SampleMask].map(|b| Some(Binding::BuiltIn(b)));
-    let outputs = reflect::outputs(author.module(), &entry.function);
+    let outputs = interface::outputs(author.module(), &entry.function);
     if outputs.iter().any(|o| coverage.contains(&o.binding)) {
         let why = "the material writes depth or the sample mask";
         return Err(invalid(why.to_owned()));
@@ -154,14 +155,14 @@ fn add_color(module: &mut Module) {
         return;
     };
     let entry = &module.entry_points[index];
-    let outputs = reflect::outputs(module, &entry.function);
+    let outputs = interface::outputs(module, &entry.function);
     let bare = entry
         .function
         .result
         .as_ref()
         .is_some_and(|r| r.binding.is_some());
     let part = |wanted: &dyn Fn(&Binding) -> bool| {
-        let found = |o: &reflect::Io| o.binding.as_ref().is_some_and(wanted);
+        let found = |o: &interface::Io| o.binding.as_ref().is_some_and(wanted);
         (0..).zip(&outputs).find(|(_, o)| found(o)).map(|(i, o)| {
             let part = if bare { Part::Whole } else { Part::Member(i) };
             (part, o.ty)

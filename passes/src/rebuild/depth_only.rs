@@ -1,6 +1,7 @@
 //! The depth-only version of a material: the slice of its vertex stage to position, and of its
 //! fragment stage to coverage and depth. `rebuild::depth_pass` adds it to a plan.
 
+use crate::core::interface;
 use naga::{BinaryOperator, Binding, BuiltIn, Expression, Literal, Module, Span, TypeInner};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -10,12 +11,10 @@ use crate::analysis::opaque::Opaque;
 use crate::core::contract::{Assumption, Contract};
 use crate::core::pass::{Change, Outcome, Refusal, Site, SiteCost};
 use crate::core::plan::{Plan, Role, Step};
-use crate::core::reflect;
 use crate::rebuild::ahead::Ahead;
-use crate::rebuild::color;
 use crate::rebuild::place::{self, PositionInvariance};
-use crate::rebuild::returns;
 use crate::rebuild::writer::FunctionWriter;
+use crate::rebuild::{color, returns};
 use crate::slice::{self, Criterion, OutputFilter, Slice};
 
 /// The vertex stage of a depth-only pass.
@@ -114,7 +113,7 @@ pub fn slice(opaque: &Opaque, stage: VertexStage, outputs: &[OutputFilter]) -> D
     let mut criteria = vec![Criterion::Output(OutputFilter::Rasterization)];
     if let Some(fragment) = &fragment {
         let entry = &opaque.program.module().entry_points[fragment.entry];
-        let inputs = reflect::inputs(opaque.program.module(), &entry.function);
+        let inputs = interface::inputs(opaque.program.module(), &entry.function);
         let location = |i: &usize| match inputs.get(*i)?.binding {
             Some(Binding::Location { location, .. }) => {
                 Some(Criterion::Output(OutputFilter::Location(location)))
@@ -290,7 +289,7 @@ impl DepthOnly {
 fn writes_clip_distances(opaque: &Opaque) -> bool {
     let module = opaque.program.module();
     let vertex = &module.entry_points[opaque.vertex].function;
-    let outputs = reflect::outputs(module, vertex);
+    let outputs = interface::outputs(module, vertex);
     let clip = Some(Binding::BuiltIn(naga::BuiltIn::ClipDistances));
     outputs.iter().any(|output| output.binding == clip)
 }

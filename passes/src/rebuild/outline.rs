@@ -109,8 +109,8 @@ pub enum Failed {
     Built(String),
 }
 
-impl From<Box<crate::core::program::Invalid>> for Failed {
-    fn from(invalid: Box<crate::core::program::Invalid>) -> Self {
+impl From<Box<crate::core::source::Invalid>> for Failed {
+    fn from(invalid: Box<crate::core::source::Invalid>) -> Self {
         Self::Built(invalid.to_string())
     }
 }

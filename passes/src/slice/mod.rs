@@ -11,7 +11,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use naga::{Binding, Expression, GlobalVariable, Handle, ShaderStage, Span, Statement};
 
 use crate::core::guard::Guard;
-use crate::core::reflect;
+use crate::core::interface;
 use crate::graph::counted::{self, Ends};
 use crate::graph::{Cell, FunctionId, Graph, StmtId, operands};
 
@@ -263,7 +263,7 @@ pub fn backward_with(
 ) -> Slice {
     let module = graph.module();
     let point = &module.entry_points[entry];
-    let bindings = reflect::outputs(module, &point.function);
+    let bindings = interface::outputs(module, &point.function);
     let mut demand = Demand::default();
     let mut outputs: BTreeMap<usize, Need> = BTreeMap::new();
     let mut decide = |filter: &OutputFilter, component: Option<u32>| {

@@ -372,7 +372,8 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::core::program::{Language, Program, SourceMap};
+    use crate::core::program::Program;
+    use crate::core::source::{Language, SourceMap};
     use crate::core::state::MaterialState;
     use crate::validate::{Effort, validate};
 

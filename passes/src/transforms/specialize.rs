@@ -35,22 +35,21 @@ use std::collections::BTreeSet;
 
 use naga::{Binding, Expression, Handle, Interpolation, ShaderStage};
 
-use crate::analysis::contraction;
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
-use crate::analysis::refusals as shared;
 use crate::analysis::values::Values;
 use crate::analysis::zero::{self, Zeros};
+use crate::analysis::{contraction, refusals as shared};
 use crate::core::contract::{Assumption, Contract, Surface, Turned};
 use crate::core::guard::Guard;
+use crate::core::interface;
 use crate::core::pass::{
     Change, Example, Expected, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Site,
     SiteCost, Use,
 };
 use crate::core::plan::{GpuPass, ORIGINAL, Plan, Role};
 use crate::core::program::Program;
-use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
-use crate::core::self_test;
+use crate::core::{reflect, self_test};
 use crate::evaluate::accuracy::Accuracy;
 use crate::evaluate::overrides;
 use crate::graph::{FunctionId, Graph};
@@ -497,7 +496,7 @@ fn folded(
     let mut stages: Vec<(usize, &'static str, FoldedStage)> = Vec::new();
     let mut varyings = Vec::new();
     if let Some((vertex, point)) = program.entry_point(ShaderStage::Vertex, &pass.vertex) {
-        let known = |io: &reflect::Io| match io.binding {
+        let known = |io: &interface::Io| match io.binding {
             Some(Binding::Location { location, .. }) => {
                 assumptions.attribute(location, &module.types[io.ty].inner)
             }
@@ -505,7 +504,7 @@ fn folded(
         };
         let arguments = arguments(module, &point.function, &known);
         let stage = folder.stage(vertex, arguments);
-        let outputs = reflect::outputs(module, &point.function);
+        let outputs = interface::outputs(module, &point.function);
         let is_struct = point
             .function
             .result
@@ -533,7 +532,7 @@ fn folded(
         .as_deref()
         .and_then(|f| program.entry_point(ShaderStage::Fragment, f));
     if let Some((fragment, point)) = fragment {
-        let known = |io: &reflect::Io| match io.binding {
+        let known = |io: &interface::Io| match io.binding {
             Some(Binding::Location {
                 location,
                 interpolation,
@@ -585,13 +584,13 @@ fn folded(
 fn arguments(
     module: &naga::Module,
     function: &naga::Function,
-    known: &dyn Fn(&reflect::Io) -> AbstractValue,
+    known: &dyn Fn(&interface::Io) -> AbstractValue,
 ) -> Vec<AbstractValue> {
     function
         .arguments
         .iter()
         .map(|argument| {
-            let members = reflect::opened(module, std::slice::from_ref(argument));
+            let members = interface::opened(module, std::slice::from_ref(argument));
             let is_struct = argument.binding.is_none()
                 && matches!(
                     module.types[argument.ty].inner,

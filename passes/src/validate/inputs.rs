@@ -14,7 +14,7 @@ use super::stage::{POSITION, Slot, VaryingKind};
 use super::tape::{NO_STEP, Source};
 use super::world::{self, plus, times};
 use crate::core::guard::{Assumed, Guard, Place, ScalarType};
-use crate::core::reflect::Io;
+use crate::core::interface::Io;
 use crate::evaluate::{Lookup, Number, RUNTIME_ELEMENTS, Sampling, Scalar, Value, place, scalars};
 
 /// Largest buffer in scalars that is filled; longer ones stay 0.

@@ -18,8 +18,8 @@ use super::drawn::Drawn;
 use super::inputs::{Inputs, Random};
 use super::stage::{At, POSITION, Ran, Slot, Stage, VaryingKind, interpolated};
 use super::world::exp2;
+use crate::core::interface::Io;
 use crate::core::rasterizer::{Corners, Neighbours, Rasterizer};
-use crate::core::reflect::Io;
 use crate::evaluate::{Derivative, Environment, Lookup, Number, Scalar, Stuck, Value};
 
 /// A float that is one number.

@@ -14,12 +14,12 @@ use super::quad::{Float, Quad, Triangle};
 use super::stage::{self, POSITION, Ran, Slot, Stage};
 use super::world::PassStages;
 use crate::core::geometry::Geometry;
+use crate::core::interface::Io;
 use crate::core::plan::{
     BindingSource, BindingUse, ComputePass, GeometryPart, GpuPass, Plan, Role,
 };
 use crate::core::program::Program;
 use crate::core::rasterizer::Rasterizer;
-use crate::core::reflect::Io;
 use crate::core::state::ColorTarget;
 use crate::evaluate::bound::exactly;
 use crate::evaluate::{Environment, Scalar, Stuck, Value};

@@ -5,8 +5,9 @@ use std::fmt;
 
 use naga::{Binding, BuiltIn, Interpolation, Module, Sampling, ShaderStage, TypeInner};
 
+use crate::core::interface;
+use crate::core::interface::Io;
 use crate::core::program::Program;
-use crate::core::reflect::{self, Io};
 use crate::evaluate::{self, Environment, Number, RunResult, Scalar, Stuck, Undefined, Value};
 
 /// The binding of an input or output. Invariance of a position is ignored.
@@ -94,12 +95,12 @@ impl<'p> Stage<'p> {
 
     /// Its inputs, with structs expanded.
     pub fn inputs(self) -> Vec<Io> {
-        reflect::inputs(self.module(), self.function())
+        interface::inputs(self.module(), self.function())
     }
 
     /// Its outputs, with structs expanded.
     pub fn outputs(self) -> Vec<Io> {
-        reflect::outputs(self.module(), self.function())
+        interface::outputs(self.module(), self.function())
     }
 
     /// Runs it.
@@ -119,7 +120,7 @@ impl<'p> Stage<'p> {
             .arguments
             .iter()
             .map(|argument| {
-                let opened = reflect::opened(module, std::slice::from_ref(argument));
+                let opened = interface::opened(module, std::slice::from_ref(argument));
                 let is_struct = argument.binding.is_none()
                     && matches!(module.types[argument.ty].inner, TypeInner::Struct { .. });
                 match (is_struct, &opened[..]) {

@@ -11,7 +11,7 @@ use super::inputs::{Inputs, Random};
 use super::stage::{At, POSITION, Ran, Slot, Stage, VaryingKind, interpolated};
 use super::tape::{NO_STEP, Source, Steps, Taped};
 use super::term::Symbolic;
-use crate::core::reflect::Io;
+use crate::core::interface::Io;
 use crate::evaluate::bound::{Interval, exactly};
 use crate::evaluate::{
     Derivative, Environment, Lookup, Number, Scalar, Stuck, Traced, Value, place, scalars,

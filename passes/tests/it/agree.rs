@@ -3,9 +3,10 @@
 use std::sync::Arc;
 
 use preshade_passes::core::mapping::Equation;
+use preshade_passes::core::source::{Language, SourceMap};
 use preshade_passes::naga::front::wgsl;
 use preshade_passes::plan::Plan;
-use preshade_passes::program::{Language, Program, SourceMap};
+use preshade_passes::program::Program;
 use preshade_passes::state::MaterialState;
 use preshade_passes::validate::Effort;
 use preshade_passes::validate::agree::{

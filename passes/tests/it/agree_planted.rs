@@ -5,9 +5,10 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::sync::Arc;
 
+use preshade_passes::core::source::{Language, SourceMap};
 use preshade_passes::naga::front::wgsl;
 use preshade_passes::plan::Plan;
-use preshade_passes::program::{Language, Program, SourceMap};
+use preshade_passes::program::Program;
 use preshade_passes::state::MaterialState;
 use preshade_passes::validate::Effort;
 use preshade_passes::validate::agree::{Class, Relation, agree};

@@ -4,16 +4,16 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, BuiltIn, Function, Module, ShaderStage, TypeInner};
+use preshade_passes::core::interface;
 use preshade_passes::evaluate::{self, Environment, RunResult, Scalar, Stuck, Value};
 use preshade_passes::graph::Graph;
 use preshade_passes::place::{self, PositionInvariance};
 use preshade_passes::program::Program;
-use preshade_passes::reflect;
 use preshade_passes::slice::{self, Criterion, OutputFilter, Termination};
 use proptest::prelude::*;
 
-use crate::common;
 use crate::common::random::{self, Choices};
+use crate::common::{self};
 
 /// The value of an input by its binding.
 fn input(binding: &Binding, seed: u32) -> Value {
@@ -70,7 +70,7 @@ fn run(program: &Program, name: &str, seed: u32) -> Result<RunResult, Stuck> {
 /// The outputs by binding.
 fn outputs(program: &Program, name: &str, outcome: &RunResult) -> Vec<(Binding, Value)> {
     let (_, point) = program.entry_point(ShaderStage::Fragment, name).unwrap();
-    let described = reflect::outputs(program.module(), &point.function);
+    let described = interface::outputs(program.module(), &point.function);
     let values = match (&outcome.result, described.len()) {
         (None, _) => return Vec::new(),
         (Some(Value::Composite(members)), n)

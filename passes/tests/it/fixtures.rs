@@ -4,11 +4,11 @@
 use std::collections::BTreeMap;
 
 use naga::{Module, ScalarKind, Type, TypeInner};
+use preshade_passes::core::interface;
 use preshade_passes::evaluate::{self, Environment, Lookup, RunResult, Scalar, Stuck, Value};
 use preshade_passes::graph::{FunctionId, Graph};
 use preshade_passes::place::{self, PositionInvariance};
 use preshade_passes::program::Program;
-use preshade_passes::reflect;
 use preshade_passes::slice::{self, Criterion, OutputFilter, Termination};
 
 use crate::common;
@@ -57,7 +57,7 @@ fn value(module: &Module, ty: naga::Handle<Type>, seed: &mut u32) -> Value {
 }
 
 /// Inputs by binding, so that a slice gets the same as the whole.
-fn input(module: &Module, io: &reflect::Io, seed: u32) -> Value {
+fn input(module: &Module, io: &interface::Io, seed: u32) -> Value {
     let mut own = io
         .binding
         .iter()
@@ -79,7 +79,7 @@ fn texel(lookup: &Lookup<'_>) -> [f32; 4] {
 fn run(program: &Program, entry: usize, seed: u32) -> Result<RunResult, Stuck> {
     let module = program.module();
     let function = &module.entry_points[entry].function;
-    let mut inputs = reflect::inputs(module, function).into_iter();
+    let mut inputs = interface::inputs(module, function).into_iter();
     let arguments: Vec<Value> = function
         .arguments
         .iter()
@@ -119,7 +119,7 @@ fn run(program: &Program, entry: usize, seed: u32) -> Result<RunResult, Stuck> {
 /// The outputs by binding.
 fn outputs(program: &Program, entry: usize, outcome: &RunResult) -> BTreeMap<String, Value> {
     let function = &program.module().entry_points[entry].function;
-    let described = reflect::outputs(program.module(), function);
+    let described = interface::outputs(program.module(), function);
     let values = match &outcome.result {
         None => Vec::new(),
         Some(Value::Composite(members)) if function.result.as_ref().unwrap().binding.is_none() => {
@@ -164,9 +164,9 @@ fn every_output_of_every_fixture_can_be_placed_and_run() {
         let graph = Graph::build(&program);
         assert!(!graph.to_dot().is_empty());
         for (entry, point) in program.module().entry_points.iter().enumerate() {
-            let outputs_of = reflect::outputs(program.module(), &point.function);
+            let outputs_of = interface::outputs(program.module(), &point.function);
             // The two sources of a blend stand for one output: neither is valid alone.
-            let is_alone = |io: &reflect::Io| {
+            let is_alone = |io: &interface::Io| {
                 !matches!(
                     io.binding,
                     Some(naga::Binding::Location {

@@ -3,18 +3,17 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, ShaderStage};
+use preshade_passes::core::interface;
 use preshade_passes::evaluate::{Stuck, Value};
 use preshade_passes::hoist::{self, Hoist, Params};
 use preshade_passes::pass::{Facts, Frequency, Left, Outcome, Pass, Refused};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
-use preshade_passes::reflect;
 use preshade_passes::state::MaterialState;
 use proptest::prelude::*;
 
-use crate::common;
-use crate::common::random;
 use crate::common::stages::{VERTEX, attributes, run};
+use crate::common::{self, random};
 
 fn original(source: &str) -> Plan {
     let program = common::program(source);
@@ -445,7 +444,7 @@ fn more_values_than_varyings_are_packed_or_left() {
         .unwrap()
         .entry_point(ShaderStage::Fragment, "fs")
         .unwrap();
-    let varyings = reflect::inputs(plan.program(main).unwrap().module(), &entry.function)
+    let varyings = interface::inputs(plan.program(main).unwrap().module(), &entry.function)
         .iter()
         .filter(|io| matches!(io.binding, Some(Binding::Location { .. })))
         .count();

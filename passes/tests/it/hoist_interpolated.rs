@@ -4,18 +4,17 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, Interpolation, ShaderStage};
+use preshade_passes::core::interface;
 use preshade_passes::evaluate::{Scalar, Stuck, Value};
 use preshade_passes::hoist::{Allow, Hoist, Params};
 use preshade_passes::pass::{Facts, Pass, Source, SourceRange};
 use preshade_passes::plan::Plan;
 use preshade_passes::program::Program;
-use preshade_passes::reflect;
 use preshade_passes::state::{Blend, ColorTarget, MaterialState};
 use proptest::prelude::*;
 
-use crate::common;
-use crate::common::random;
 use crate::common::stages::{Ran, VERTEX, attributes, run};
+use crate::common::{self, random};
 
 /// Weights of a triangle's corners at a fragment. Their sum is off by some last bits.
 type Weights = [f32; 3];
@@ -103,7 +102,7 @@ fn between(
 ) -> Result<(BTreeMap<String, Value>, bool), Stuck> {
     let (_, fragment) = program.entry_point(ShaderStage::Fragment, "fs").unwrap();
     let mut varyings = BTreeMap::new();
-    for input in reflect::inputs(program.module(), &fragment.function) {
+    for input in interface::inputs(program.module(), &fragment.function) {
         if let Some(Binding::Location {
             location,
             interpolation,

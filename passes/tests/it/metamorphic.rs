@@ -8,9 +8,10 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use naga::ShaderStage;
+use preshade_passes::core::source::{Language, SourceMap};
 use preshade_passes::pass::{Facts, Use};
 use preshade_passes::plan::Plan;
-use preshade_passes::program::{Language, Program, SourceMap};
+use preshade_passes::program::Program;
 use preshade_passes::state::MaterialState;
 use preshade_passes::validate::{Check, Effort, validate};
 use preshade_passes::{examples, pass_named};

@@ -8,18 +8,17 @@ use std::collections::BTreeMap;
 use std::panic::AssertUnwindSafe;
 
 use naga::{Binding, Module, ShaderStage, TypeInner};
+use preshade_passes::core::interface;
 use preshade_passes::evaluate::{self, Environment, Scalar, Stuck, Value};
 use preshade_passes::guard::{Assumed, Bounds, Guard, Place, ScalarType};
 use preshade_passes::pass::{Constant, Facts};
 use preshade_passes::program::Program;
-use preshade_passes::reflect;
 use preshade_passes::specialize::{Fold, Params, Specialized};
 
-use crate::common;
 use crate::common::decided::{self, Kind};
-use crate::common::random;
 use crate::common::specialized::original;
 use crate::common::stages::{VERTEX, attributes};
+use crate::common::{self, random};
 
 /// Numbers without a pattern (Steele, Lea and Flood, 2014: SplitMix64).
 struct Numbers(u64);
@@ -189,7 +188,7 @@ fn run(
         steps: 50_000,
     };
     let outcome = evaluate::entry_point(module, entry, &arguments, &environment)?;
-    let outputs = reflect::outputs(module, &point.function);
+    let outputs = interface::outputs(module, &point.function);
     let is_struct = point
         .function
         .result

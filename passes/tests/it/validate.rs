@@ -5,11 +5,12 @@ use naga::{
     BinaryOperator, Block, Expression, Function, Literal, Module, SampleLevel, ShaderStage,
     Statement,
 };
+use preshade_passes::core::interface;
 use preshade_passes::pass::{Facts, Use};
 use preshade_passes::plan::{Plan, Role};
 use preshade_passes::state::MaterialState;
 use preshade_passes::validate::{Check, Counterexample, Effort, Verdict, validate};
-use preshade_passes::{examples, pass_named, reflect};
+use preshade_passes::{examples, pass_named};
 
 use crate::common;
 
@@ -443,7 +444,7 @@ fn a_pre_pass_that_moves_a_vertex_by_its_last_bit_is_seen() {
     let (_, entry) = program
         .entry_point(ShaderStage::Vertex, &prepass.vertex)
         .unwrap();
-    assert!(!reflect::outputs(program.module(), &entry.function).is_empty());
+    assert!(!interface::outputs(program.module(), &entry.function).is_empty());
     // The same sum in another order.
     let text = common::wgsl(program);
     let moved = text.replacen("position + ", "position * 1.0000001 + ", 1);

@@ -7,7 +7,8 @@ use std::sync::Arc;
 
 use naga::Module;
 use preshade_passes::bounded;
-use preshade_passes::program::{Language, Program, SourceMap};
+use preshade_passes::core::source::{Language, SourceMap};
+use preshade_passes::program::Program;
 use wgpu::ShaderSource;
 
 /// The module, or a copy of it in which every loop ends.

@@ -11,14 +11,13 @@ use naga::{
     AddressSpace, Binding, GlobalVariable, Handle, Module, ResourceBinding, ShaderStage, Type,
     TypeInner,
 };
+use preshade_passes::core::interface;
 use preshade_passes::declared::{Chosen, Declaration, Declared, Located, Type as Declares};
 use preshade_passes::program::Program;
-use preshade_passes::reflect;
 
-use super::layout;
 use super::loose_uniforms::{self, LooseUniform};
-use super::reserved_words;
 use super::texture_copies::{self, Inseparable, TextureCopies};
+use super::{layout, reserved_words};
 use crate::emit::overrides::free_stem;
 
 /// A program to write, and the names to put into its text.
@@ -471,7 +470,7 @@ impl Authored {
             let all = module.entry_points.iter();
             all.filter(move |e| e.stage == stage)
         };
-        let located = |io: &[reflect::Io]| -> Vec<(u32, String)> {
+        let located = |io: &[interface::Io]| -> Vec<(u32, String)> {
             let mut all = Vec::new();
             for io in io {
                 if let Some(location) = naga_location(io)
@@ -484,10 +483,10 @@ impl Authored {
             all
         };
         let inputs: Vec<_> = entries(ShaderStage::Vertex)
-            .flat_map(|e| reflect::inputs(module, &e.function))
+            .flat_map(|e| interface::inputs(module, &e.function))
             .collect();
         let outputs: Vec<_> = entries(ShaderStage::Fragment)
-            .flat_map(|e| reflect::outputs(module, &e.function))
+            .flat_map(|e| interface::outputs(module, &e.function))
             .collect();
         self.located(
             &located(&inputs),
@@ -503,9 +502,9 @@ impl Authored {
         );
 
         let written =
-            entries(ShaderStage::Vertex).flat_map(|e| reflect::outputs(module, &e.function));
+            entries(ShaderStage::Vertex).flat_map(|e| interface::outputs(module, &e.function));
         let read =
-            entries(ShaderStage::Fragment).flat_map(|e| reflect::inputs(module, &e.function));
+            entries(ShaderStage::Fragment).flat_map(|e| interface::inputs(module, &e.function));
         let varyings: Vec<_> = written.chain(read).collect();
         for (location, name) in located(&varyings) {
             let wanted = match name.as_str() {
@@ -796,7 +795,7 @@ fn first_unit(declared: &Declared, uniform: &Declaration) -> Option<u32> {
 
 /// The number in naga's name for an input or output with a location. The second output of dual
 /// source blending has its index there.
-pub(super) fn naga_location(io: &reflect::Io) -> Option<u32> {
+pub(super) fn naga_location(io: &interface::Io) -> Option<u32> {
     match io.binding {
         Some(Binding::Location {
             blend_src: Some(index),

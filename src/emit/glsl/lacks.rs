@@ -9,7 +9,7 @@ use naga::{
     AddressSpace, Binding, BuiltIn, EarlyDepthTest, EntryPoint, Expression, Function, ImageClass,
     Module, TypeInner,
 };
-use preshade_passes::reflect;
+use preshade_passes::core::interface;
 
 use crate::emit::{EmitError, Target};
 use crate::wgsl::text::{self, TokenKind};
@@ -228,8 +228,8 @@ fn found(module: &Module, info: &ModuleInfo, construct: Construct) -> Option<Str
     };
     match construct {
         Builtin(wanted) => {
-            let inputs = reflect::inputs(module, &entry.function).into_iter();
-            let mut all = inputs.chain(reflect::outputs(module, &entry.function));
+            let inputs = interface::inputs(module, &entry.function).into_iter();
+            let mut all = inputs.chain(interface::outputs(module, &entry.function));
             let found = all.any(|io| io.binding == Some(Binding::BuiltIn(wanted)));
             found.then(String::new)
         }

@@ -24,9 +24,10 @@ use naga::{
     MathFunction, Module, Scalar, ScalarKind, Span, Statement, Type, TypeInner, UniqueArena,
     VectorSize,
 };
+use preshade_passes::core::source::{Invalid, Language};
 use preshade_passes::evaluate::interval::Interval;
 use preshade_passes::graph::operands;
-use preshade_passes::program::{Invalid, Language, Program};
+use preshade_passes::program::Program;
 use preshade_passes::rebuild::copy::{CopyFunction, Copying};
 use preshade_passes::rebuild::writer::FunctionWriter;
 

@@ -2,9 +2,9 @@
 //! to four, which WebGPU needs and Vulkan does not.
 
 use naga::{Binding, ShaderStage};
+use preshade_passes::core::interface;
 use preshade_passes::declared::Located;
 use preshade_passes::program::Program;
-use preshade_passes::reflect;
 
 /// Narrows the outputs of a text that is Vulkan's.
 pub(super) fn narrowed(text: String, program: &Program, stage: ShaderStage, entry: &str) -> String {
@@ -14,7 +14,7 @@ pub(super) fn narrowed(text: String, program: &Program, stage: ShaderStage, entr
     else {
         return text;
     };
-    let outputs = reflect::outputs(program.module(), &entry.function);
+    let outputs = interface::outputs(program.module(), &entry.function);
     let is_widened = |target: &&Located| {
         outputs.iter().any(|io| {
             let location = match io.binding {

@@ -7,8 +7,9 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{
     AddressSpace, Binding, Function, GlobalVariable, Handle, Module, ShaderStage, Type, TypeInner,
 };
+use preshade_passes::core::interface;
+use preshade_passes::core::interface::Io;
 use preshade_passes::declared::{Declared, Type as Declares};
-use preshade_passes::reflect::{self, Io};
 
 use super::author::{self, Authored, Word};
 use crate::emit::ReadBack;
@@ -304,7 +305,7 @@ fn offsets(
             out.insert(path, format!("{column} at {at}"));
         }
         _ => {
-            let ty = reflect::wgsl_type(module, ty);
+            let ty = interface::wgsl_type(module, ty);
             out.insert(path.to_owned(), format!("{ty} at {at}"));
         }
     }
@@ -385,8 +386,8 @@ fn interface(
     };
     for outputs in [false, true] {
         let of = |module: &Module, f: &Function| match outputs {
-            true => reflect::outputs(module, f),
-            false => reflect::inputs(module, f),
+            true => interface::outputs(module, f),
+            false => interface::inputs(module, f),
         };
         let travels = outputs == (stage == ShaderStage::Vertex);
         let wanted: BTreeSet<String> = of(module, wanted)

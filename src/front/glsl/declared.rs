@@ -10,8 +10,8 @@ use preshade_passes::declared::{
 use super::interface::{BindingSlot, Interface, index};
 use super::stage::{FRAG_COORD_Y, GlslStage, PRECISE, Variable};
 use super::ty::{Structs, Ty};
-use crate::front::ClipSpace;
-use crate::front::PRECISE_NOTE;
+use crate::front::options::ClipSpace;
+use preshade_passes::core::declared::{DFDY_NOTE, FRAG_COORD_NOTE, PRECISE_NOTE};
 
 /// Collects the declarations of stages that `interface` has numbered.
 pub(super) fn declared(
@@ -120,15 +120,6 @@ pub(super) fn layouts(stages: &[GlslStage<'_>], interface: &Interface, out: &mut
     out.rows.sort();
     out.rows.dedup();
 }
-
-const FRAG_COORD_NOTE: &str = "`gl_FragCoord.y` counts rows from the bottom in OpenGL and from the top in WGSL and \
-                               SPIR-V: values that depend on it are upside down there";
-const DFDY_NOTE: &str =
-    "`dFdy` points up in OpenGL and down in WGSL and SPIR-V: it has the opposite sign there";
-
-/// Notes that do not hold where a target's first row is the bottom one.
-#[cfg(feature = "verify")]
-pub(crate) const ROW_NOTES: [&str; 2] = [FRAG_COORD_NOTE, DFDY_NOTE];
 
 /// Warnings about code that means something else in the target.
 fn notes(stages: &[GlslStage<'_>], clip: ClipSpace) -> Vec<String> {

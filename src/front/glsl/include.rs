@@ -5,7 +5,8 @@ use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use crate::front::{Memory, Options};
+use crate::front::Memory;
+use crate::front::options::Options;
 use crate::limits::Limits;
 use crate::regular;
 

@@ -33,17 +33,15 @@ mod version;
 
 use std::path::Path;
 
-#[cfg(feature = "verify")]
-pub(crate) use declared::ROW_NOTES;
 use naga::front::glsl::{Frontend, Options as NagaOptions};
 use naga::proc::{Alignment, Layouter};
 use naga::{
     AddressSpace, ConservativeDepth, EarlyDepthTest, Handle, Module, ShaderStage, Span, Type,
     TypeInner,
 };
+use preshade_passes::core::source::SourceMap;
 use preshade_passes::declared::Declared;
 use preshade_passes::link::offset;
-use preshade_passes::program::SourceMap;
 
 use self::constant::Specialised;
 use self::interface::Interface;
@@ -55,9 +53,10 @@ use self::syntax::StageText;
 use self::version::Dialect;
 use super::error::{Code, Error};
 use super::{
-    ClipSpace, Options, absent, beyond_wgsl, binding_arrays, killed_loops,
-    lengths as length_constants, map_spans, wrapped_main,
+    absent, beyond_wgsl, binding_arrays, killed_loops, lengths as length_constants, map_spans,
+    wrapped_main,
 };
+use crate::front::options::{ClipSpace, Options};
 use crate::wgsl::text::without_comments;
 
 /// One stage's text.

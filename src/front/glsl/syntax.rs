@@ -14,7 +14,7 @@ use glsl_lang::parse::{HasParser, LangParser};
 use lang_util::position::{LexerPosition, NodeSpan};
 use lang_util::{FileId, TextSize};
 use naga::{ShaderStage, Span};
-use preshade_passes::program::SourceMap;
+use preshade_passes::core::source::SourceMap;
 
 use super::absent::{self, Absent, Word};
 use super::include::Files;
@@ -23,7 +23,9 @@ use super::ty::Ty;
 use super::type_names::TypeNames;
 use super::version::Dialect;
 use crate::front::error::{Code, Error};
-use crate::front::{ClipSpace, Language, Options, nesting};
+use crate::front::nesting;
+use crate::front::options::{ClipSpace, Options};
+use preshade_passes::core::source::Language;
 
 /// Maximum tokens of a stage after macro expansion.
 const TOKENS: usize = 1 << 20;

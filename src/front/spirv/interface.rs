@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 use naga::{Expression, Function, Module, Statement, TypeInner};
-use preshade_passes::reflect;
+use preshade_passes::core::interface;
 use rspirv::dr::{self, Builder, Instruction, Operand};
 use rspirv::spirv::{BuiltIn, Decoration, Op, StorageClass, Word};
 
@@ -364,7 +364,7 @@ pub(super) fn match_interpolation(modules: &mut [Module]) {
     for module in modules.iter_mut() {
         for index in 0..module.entry_points.len() {
             if module.entry_points[index].stage == naga::ShaderStage::Vertex {
-                reflect::edit_outputs(module, index, |_, ty, binding| settle(ty, binding));
+                interface::edit_outputs(module, index, |_, ty, binding| settle(ty, binding));
             }
         }
     }
@@ -402,7 +402,7 @@ pub(super) fn name_outputs(module: &mut Module) {
 }
 
 fn struct_name(stage: naga::ShaderStage) -> String {
-    let stage = super::super::declaration::stage_name(stage);
+    let stage = preshade_passes::core::interface::stage_name(stage);
     format!("{}{}Output", stage[..1].to_uppercase(), &stage[1..])
 }
 

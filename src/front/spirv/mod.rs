@@ -30,8 +30,8 @@ use std::rc::Rc;
 
 use naga::front::spv;
 use naga::{Module, ShaderStage, Span};
+use preshade_passes::core::source::SourceMap;
 use preshade_passes::declared::Declared;
-use preshade_passes::program::SourceMap;
 use rspirv::binary::Assemble;
 use rspirv::dr::{self, Builder};
 use rspirv::spirv::{ExecutionModel, Op, Word};
@@ -273,7 +273,9 @@ fn one(
     interface::drop_memory_decorations(&mut builder);
     declared.point_size |= interface::split_per_vertex(&mut builder);
     if precise::keep(&mut builder) {
-        declared.notes.push(super::PRECISE_NOTE.to_owned());
+        declared
+            .notes
+            .push(preshade_passes::core::declared::PRECISE_NOTE.to_owned());
     }
     varyings::open(&mut builder).map_err(|id| {
         let message = format!(
@@ -325,7 +327,10 @@ fn one(
         // this name.
         let is_only = stages.iter().filter(|s| **s == entry.stage).count() == 1;
         if is_only && entry.name == "main" {
-            entry.name = format!("{}_main", super::declaration::stage_name(entry.stage));
+            entry.name = format!(
+                "{}_main",
+                preshade_passes::core::interface::stage_name(entry.stage)
+            );
             declared.mains.push(entry.stage);
         }
         let name = names::identifier(&entry.name);

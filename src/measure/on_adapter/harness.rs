@@ -14,10 +14,11 @@ use naga::{
     FunctionArgument, GlobalVariable, Handle, Interpolation, Literal, Module, ResourceBinding,
     Scalar, ShaderStage, Span, Statement, StorageAccess, StructMember, Type, TypeInner, VectorSize,
 };
+use preshade_passes::core::interface;
+use preshade_passes::core::interface::Io;
 use preshade_passes::evaluate::{self, RUNTIME_ELEMENTS};
 use preshade_passes::place;
 use preshade_passes::rebuild::variable::private;
-use preshade_passes::reflect::{self, Io};
 use preshade_passes::validate::elsewhere::Draw;
 use preshade_passes::validate::levels::Levels;
 use preshade_passes::validate::stage::{Slot, Stage, VaryingKind, kind};
@@ -409,7 +410,7 @@ impl Making {
             (None, Some(vertex)) => (vertex, ran.first().copied().flatten()),
             (None, None) => return Err("there is no stage".to_owned()),
         };
-        let outputs = reflect::outputs(&source, stage.old(&source));
+        let outputs = interface::outputs(&source, stage.old(&source));
         let is_struct = is_struct(stage.old(&source));
         let mut body = writing.body;
         let killed = body.add(Expression::GlobalVariable(ours.killed));
@@ -489,7 +490,7 @@ impl Writing<'_, '_> {
         let old = stage.old(self.source);
         let mut arguments = Vec::new();
         for argument in &old.arguments {
-            let opened = reflect::opened(self.source, std::slice::from_ref(argument));
+            let opened = interface::opened(self.source, std::slice::from_ref(argument));
             let members = opened
                 .into_iter()
                 .map(|io| input(self, io))
@@ -541,7 +542,7 @@ impl Writing<'_, '_> {
         at: TestPoint,
     ) -> Result<Option<Handle<Expression>>, String> {
         let outputs = vertex.map_or_else(Vec::new, |v| {
-            reflect::outputs(self.source, v.old(self.source))
+            interface::outputs(self.source, v.old(self.source))
         });
         let is_struct = vertex.is_some_and(|v| is_struct(v.old(self.source)));
         self.call(stage, |this, io| {

@@ -168,8 +168,9 @@ fn dispatch(
 
 #[cfg(test)]
 mod tests {
+    use preshade_passes::core::source::{Language, SourceMap};
     use preshade_passes::naga::front::wgsl;
-    use preshade_passes::program::{Language, Program, SourceMap};
+    use preshade_passes::program::Program;
     use preshade_passes::validate::stage::Stage;
 
     use super::*;

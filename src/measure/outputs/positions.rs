@@ -4,9 +4,9 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::thread;
 
 use naga::{Binding, BuiltIn, ShaderStage};
+use preshade_passes::core::interface;
 use preshade_passes::evaluate::{Lookup, Number, Shadowed};
 use preshade_passes::plan::{GpuPass, Plan};
-use preshade_passes::reflect;
 use preshade_passes::state::{CullMode, FrontFace};
 
 use super::{TOLERANCE, VelocityReport, covered};
@@ -288,7 +288,7 @@ fn writes_depth(plan: &Plan) -> bool {
         return false;
     };
     let module = program.module();
-    let outputs = reflect::outputs(module, &module.entry_points[index].function);
+    let outputs = interface::outputs(module, &module.entry_points[index].function);
     let depth = Some(Binding::BuiltIn(BuiltIn::FragDepth));
     outputs.iter().any(|output| output.binding == depth)
 }

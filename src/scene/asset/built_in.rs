@@ -2,6 +2,7 @@
 
 use std::collections::BTreeSet;
 
+use crate::front::options;
 use crate::front::{self, Source};
 use crate::scene::SceneError;
 
@@ -24,7 +25,7 @@ pub(super) fn version(
 ) -> Result<front::Parsed, SceneError> {
     let text = text(words, second, lights);
     let source = Source::new("gltf-material.wgsl", text);
-    let options = front::Options {
+    let options = options::Options {
         limits,
         ..front::Options::default()
     };

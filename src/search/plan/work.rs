@@ -9,6 +9,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Expression, ShaderStage};
+use preshade_passes::core::interface;
 use preshade_passes::frame::{ColorAttachments, FrameError, FrameOps, FramePlan};
 use preshade_passes::geometry::Geometry;
 use preshade_passes::graph::{FunctionId, Graph};
@@ -17,7 +18,6 @@ use preshade_passes::plan::{
     Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ComputePass, Draws,
     FrameWords, GpuPass, Phase, Plan, Role, SCENE_DEPTH, When,
 };
-use preshade_passes::reflect;
 use preshade_passes::specialize::as_drawn;
 use preshade_passes::state::{ColorTarget, CompareFunction, DepthFormat, StoreOp, Topology};
 
@@ -417,7 +417,7 @@ fn writes_depth(plan: &Plan, pass: &GpuPass) -> bool {
         .and_then(|(p, f)| Some((p.module(), p.entry_point(ShaderStage::Fragment, f)?.1)));
     entry.is_some_and(|(module, entry)| {
         let depth = Some(naga::Binding::BuiltIn(naga::BuiltIn::FragDepth));
-        let outputs = reflect::outputs(module, &entry.function);
+        let outputs = interface::outputs(module, &entry.function);
         outputs.iter().any(|o| o.binding == depth)
     })
 }

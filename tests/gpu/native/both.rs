@@ -5,15 +5,16 @@ use std::collections::BTreeMap;
 
 use naga::{Binding, Module, ResourceBinding, ShaderStage, TypeInner};
 use preshade::unstable::emit::{PassFiles, StageFile, Target};
+use preshade::unstable::front::options;
 use preshade::unstable::front::{self, Source};
 use preshade::unstable::measure;
 use preshade::unstable::passes::declared::{Declared, Type as Declares};
 use preshade::unstable::passes::plan::BindingKind;
-use preshade::unstable::passes::reflect;
 use preshade::unstable::passes::state::{CullMode, MaterialState};
 use preshade::unstable::render::{Rendered, ShaderForm};
 use preshade::unstable::scene::bind::{self, DrawBindings, TextureContent};
 use preshade::unstable::scene::{Address, DrawOrder, Filter, Scene, synthesise};
+use preshade_passes::core::interface;
 
 use super::pair::{Attribute, Draw, FirstRow, Texture, Vertices};
 use super::{Native, Pixels};
@@ -26,8 +27,8 @@ pub fn scene(name: &str, texts: &[String; 2], size: [u32; 2]) -> Result<Scene, S
         Source::new(format!("{name}.frag"), &texts[1]),
     ];
     // What OpenGL draws is written for OpenGL, whatever its dialect.
-    let options = front::Options {
-        clip_space: Some(front::ClipSpace::OpenGl),
+    let options = options::Options {
+        clip_space: Some(options::ClipSpace::OpenGl),
         ..front::Options::default()
     };
     let parsed = front::parse(&sources, &options).map_err(|e| e.render(front::Color::Never))?;
@@ -265,8 +266,8 @@ fn attribute(
         }
     }
     let (_, entry) = program.entry_point(ShaderStage::Vertex, vertex).unwrap();
-    let inputs = reflect::inputs(program.module(), &entry.function);
-    let at = |io: &&reflect::Io| matches!(io.binding, Some(Binding::Location { location: l, .. }) if l == location);
+    let inputs = interface::inputs(program.module(), &entry.function);
+    let at = |io: &&interface::Io| matches!(io.binding, Some(Binding::Location { location: l, .. }) if l == location);
     let name = inputs.iter().find(at).and_then(|io| io.name.clone());
     (name.unwrap(), 0)
 }

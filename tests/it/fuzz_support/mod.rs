@@ -14,12 +14,14 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Source};
 use preshade::unstable::passes::pass::Facts;
 use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::program::{Language, Program};
+use preshade::unstable::passes::program::Program;
 use preshade::unstable::passes::state::MaterialState;
 use preshade::unstable::recipe::Recipe;
+use preshade_passes::core::source::Language;
 
 /// Bytes as choices: every choice has an answer, and equal bytes give equal ones.
 pub struct Bytes<'a>(pub &'a [u8]);

@@ -2,7 +2,8 @@
 
 use std::sync::OnceLock;
 
-use preshade::unstable::front::{self, Options, Source};
+use preshade::unstable::front::options::Options;
+use preshade::unstable::front::{self, Source};
 use preshade::unstable::parameters::{Parameter, parameters};
 use preshade::unstable::passes::PASSES;
 use preshade::unstable::passes::pass::{AnyPass, Facts};

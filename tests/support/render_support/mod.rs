@@ -8,7 +8,7 @@ use std::sync::{Arc, OnceLock};
 
 use glam::{Mat4, Vec3};
 use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::program::{Language, Program, SourceMap};
+use preshade::unstable::passes::program::Program;
 use preshade::unstable::passes::state::{DepthDirection, DepthFormat, MaterialState};
 use preshade::unstable::render::{
     AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
@@ -16,6 +16,7 @@ use preshade::unstable::render::{
 use preshade::unstable::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Light, Material, Mesh, Scene, Stream, Value,
 };
+use preshade_passes::core::source::{Language, SourceMap};
 
 /// The adapter of the environment's choice, opened once: some drivers deadlock when many devices
 /// come and go in one process. Tests fail without an adapter: a skipped picture proves nothing.

@@ -6,7 +6,7 @@ use preshade::unstable::command::agree::{
     Compared, Cost, FailOn, Side, breaks, compare, parse_class,
 };
 use preshade::unstable::command::agreed::{Pair, Report};
-use preshade::unstable::front::ClipSpace;
+use preshade::unstable::front::options::ClipSpace;
 use preshade::unstable::nearest::unknown;
 use preshade::unstable::passes::core::mapping::Equation;
 use preshade::unstable::passes::validate::Effort;

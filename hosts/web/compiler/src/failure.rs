@@ -2,7 +2,7 @@
 
 use preshade::unstable::front::{self, Color};
 use preshade::unstable::limits::Exceeded;
-use preshade::unstable::passes::program::Location;
+use preshade_passes::core::source::Location;
 use serde::Serialize;
 
 /// An error of a request. The caller must change the shader or the request.

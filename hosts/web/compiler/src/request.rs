@@ -3,15 +3,17 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use preshade::unstable::front::options;
 use preshade::unstable::command::material::{
     StateFlags, check_state, define, name_of, reads_facing, with_suggestion,
 };
 use preshade::unstable::command::rewrite::read_layouts;
-use preshade::unstable::front::{self, ClipSpace, Memory, Source};
+use preshade::unstable::front::options::ClipSpace;
+use preshade::unstable::front::{self, Memory, Source};
 use preshade::unstable::limits::{Exceeded, Limits};
 use preshade::unstable::passes::naga::ShaderStage;
 use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::program::Language;
+use preshade_passes::core::source::Language;
 use preshade::unstable::passes::state::{CullMode, MaterialState};
 use preshade::unstable::recipe::Recipe;
 use serde::Deserialize;
@@ -292,7 +294,7 @@ impl Shader {
                 return Err(Failure::too_large(name, &exceeded));
             }
         }
-        let options = front::Options {
+        let options = options::Options {
             vertex: self.vertex.clone(),
             fragment: self.fragment.clone(),
             defines: define.collect::<Result<_, _>>().map_err(Failure::usage)?,

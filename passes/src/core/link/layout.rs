@@ -46,7 +46,7 @@ pub(super) fn members_that_differ(
         name: m.name.clone().unwrap_or_default(),
         text: format!(
             "a {} at byte {}",
-            crate::core::reflect::wgsl_type(module, m.ty),
+            crate::core::interface::wgsl_type(module, m.ty),
             m.offset
         ),
     };

@@ -10,7 +10,7 @@ use crate::analysis::named::{name, span};
 use crate::analysis::values::{ValueId, Values};
 use crate::core::pass::{Facts, Frequency, Refusal};
 use crate::core::plan::Plan;
-use crate::core::program::{Location, SourceMap};
+use crate::core::source::{Location, SourceMap};
 use crate::graph::FunctionId;
 use crate::slice::{self, Criterion};
 

@@ -11,8 +11,8 @@ use naga::{
 use super::pack::{self, VaryingSlot};
 use crate::analysis::named;
 use crate::analysis::values::Values;
+use crate::core::interface;
 use crate::core::program::Program;
-use crate::core::reflect;
 use crate::graph::rate::{At, Interpolated};
 use crate::rebuild::outline::{Failed, Wanted};
 use crate::rebuild::place::CodeBuilder;
@@ -49,7 +49,7 @@ pub fn rebuild(
             from_varyings(build, wanted, slots)
         })?;
     let placed = &module.entry_points[entry].function;
-    let kept: BTreeSet<u32> = reflect::inputs(&module, placed)
+    let kept: BTreeSet<u32> = interface::inputs(&module, placed)
         .iter()
         .filter_map(|io| match io.binding {
             Some(Binding::Location { location, .. }) if location < ASIDE => Some(location),

@@ -21,8 +21,8 @@ use naga::{
 
 use super::pack::VaryingSlot;
 use super::remainder::{slot_binding, slot_name, slot_type, width};
+use crate::core::interface;
 use crate::core::program::Program;
-use crate::core::reflect;
 use crate::graph::Graph;
 use crate::rebuild::outline::{self, Failed, Hoisted, Wanted};
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
@@ -63,7 +63,7 @@ pub fn rebuild(
         return Err(Failed::Built("nothing was placed".to_owned()));
     };
     let name = module.entry_points[vertex].name.clone();
-    let given = reflect::outputs(&module, &placed.function);
+    let given = interface::outputs(&module, &placed.function);
     let is_struct = placed.function.result.as_ref().is_some_and(|r| {
         r.binding.is_none() && matches!(module.types[r.ty].inner, TypeInner::Struct { .. })
     });
@@ -214,7 +214,7 @@ fn pack(
     }
 }
 
-fn is_at(io: &reflect::Io, wanted: u32) -> bool {
+fn is_at(io: &interface::Io, wanted: u32) -> bool {
     matches!(io.binding, Some(Binding::Location { location, .. }) if location == wanted)
 }
 
@@ -228,7 +228,7 @@ enum OutputSource {
 
 fn result_type(
     module: &mut Module,
-    given: &[reflect::Io],
+    given: &[interface::Io],
     name: Option<String>,
     outputs: &Outputs<'_>,
 ) -> (Handle<Type>, Vec<OutputSource>) {

@@ -1,11 +1,11 @@
 //! The values of a stage that the author gave a name: inputs, `let`s, variables and their members.
 
+use crate::core::interface;
 use naga::{Expression, Function, GlobalVariable, Handle, LocalVariable, Module, Span, TypeInner};
 
 use crate::analysis::values::{ContextId, Values};
 use crate::core::calls;
 use crate::core::program::Program;
-use crate::core::reflect;
 use crate::graph::{FunctionId, Graph, StmtId, text};
 
 /// Members of members that are looked at.
@@ -171,12 +171,12 @@ pub fn of_entry(program: &Program, entry: usize) -> Vec<Authored> {
     let arguments = point.function.arguments.iter();
     let prefixes = arguments.flat_map(|argument| {
         let own = argument.name.clone().unwrap_or_default();
-        match reflect::members(module, argument.ty) {
+        match interface::members(module, argument.ty) {
             Some(members) if argument.binding.is_none() => vec![format!("{own}."); members.len()],
             _ => vec![String::new()],
         }
     });
-    let inputs = reflect::inputs(module, &point.function);
+    let inputs = interface::inputs(module, &point.function);
     for (i, (input, prefix)) in inputs.into_iter().zip(prefixes).enumerate() {
         let name = format!("{prefix}{}", input.name.unwrap_or_default());
         let at = (String::new(), Place::Input(i), Span::UNDEFINED);

@@ -1,6 +1,7 @@
 //! A test of alpha in place of alpha to coverage and blending, which have no place in a picture with
 //! one value for each pixel.
 
+use crate::core::interface;
 use naga::{
     BinaryOperator, Binding, Block, Expression, Handle, Literal, Module, ScalarKind, ShaderStage,
     Span, Statement, TypeInner, UnaryOperator, VectorSize,
@@ -11,7 +12,6 @@ use super::{NAME, refusals, with_main};
 use crate::analysis::coverage::ALPHA;
 use crate::core::pass::Refusal;
 use crate::core::plan::{Phase, Plan, Role};
-use crate::core::reflect;
 use crate::core::state::ColorTarget;
 use crate::rebuild::returns;
 use crate::rebuild::writer::FunctionWriter;
@@ -75,7 +75,7 @@ pub fn tested(plan: &Plan, cutoff: Option<f32>) -> Result<Option<(Plan, String)>
 
 /// Discards at each return of the fragment stage where the alpha of a location is below `cutoff`, or no number.
 fn test(module: &mut Module, entry: usize, (of, cutoff): (u32, f32)) -> Option<()> {
-    let outputs = reflect::outputs(module, &module.entry_points[entry].function);
+    let outputs = interface::outputs(module, &module.entry_points[entry].function);
     let is_color = |binding: &Option<Binding>| {
         let first = matches!(binding, Some(Binding::Location { location, blend_src, .. })
             if *location == of && blend_src.is_none_or(|i| i == 0));

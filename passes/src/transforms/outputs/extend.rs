@@ -12,10 +12,10 @@ use super::authored::Authored;
 use super::world_position::World;
 use crate::analysis::opaque::Opaque;
 use crate::core::declared::{self, Declaration, Declared};
+use crate::core::interface;
 use crate::core::mapping;
 use crate::core::plan::{AttributeUse, BindingSource, HostValue};
 use crate::core::program::Program;
-use crate::core::reflect;
 use crate::rebuild::depth_only::Placed;
 use crate::rebuild::writer::FunctionWriter;
 
@@ -302,8 +302,8 @@ impl Extending<'_, '_> {
             .opaque
             .fragment
             .map(|f| &module.entry_points[f].function);
-        let outputs = reflect::outputs(module, vertex);
-        let inputs = fragment.map(|f| reflect::inputs(module, f));
+        let outputs = interface::outputs(module, vertex);
+        let inputs = fragment.map(|f| interface::inputs(module, f));
         let all = outputs.into_iter().chain(inputs.into_iter().flatten());
         let locations = all.filter_map(|io| location_of(io.binding.as_ref()));
         locations.max().map_or(0, |most| most + 1)
@@ -313,7 +313,7 @@ impl Extending<'_, '_> {
     fn free_attribute(&self) -> u32 {
         let module = &self.module;
         let function = &module.entry_points[self.opaque.vertex].function;
-        let inputs = reflect::inputs(module, function);
+        let inputs = interface::inputs(module, function);
         let taken = inputs
             .iter()
             .filter_map(|io| location_of(io.binding.as_ref()));

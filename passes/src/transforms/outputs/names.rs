@@ -8,15 +8,13 @@ use naga::{
 
 use super::authored::{self, Authored, Place};
 use super::extend::Member;
-use super::lit;
-use super::unwritten;
-use super::{Asked, Params, jitter, list, refusals};
+use super::{Asked, Params, jitter, list, lit, refusals, unwritten};
 use crate::analysis::opaque::Opaque;
 use crate::core::declared;
+use crate::core::interface;
 use crate::core::mapping::{self, Path};
 use crate::core::pass::{Misnamed, Refusal};
 use crate::core::program::Program;
-use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
 
 /// Most candidates that a refusal lists.
@@ -230,7 +228,7 @@ pub fn binding(opaque: &Opaque<'_>, value: &Authored) -> Option<Binding> {
         return None;
     };
     let module = opaque.program.module();
-    let inputs = reflect::inputs(module, &module.entry_points[opaque.fragment?].function);
+    let inputs = interface::inputs(module, &module.entry_points[opaque.fragment?].function);
     inputs.into_iter().nth(index)?.binding
 }
 
@@ -435,7 +433,7 @@ fn columns(ty: &declared::Type) -> u32 {
 /// Names of all attributes, with their locations.
 fn attribute_names(opaque: &Opaque<'_>) -> Vec<(String, u32)> {
     let module = opaque.program.module();
-    let inputs = reflect::inputs(module, &module.entry_points[opaque.vertex].function);
+    let inputs = interface::inputs(module, &module.entry_points[opaque.vertex].function);
     let attributes = inputs.into_iter().filter_map(|io| match io.binding {
         Some(Binding::Location { location, .. }) => Some((io.name?, location)),
         _ => None,

@@ -3,7 +3,7 @@
 use super::extend::{Normal, Shows, Wanted};
 use super::{Params, distance};
 use crate::analysis::opaque::Opaque;
-use crate::core::reflect;
+use crate::core::interface;
 use crate::slice::{self, Criterion, OutputFilter};
 
 /// Words in the names of attributes that place an instance.
@@ -58,7 +58,7 @@ fn unchanged(opaque: &Opaque<'_>, wanted: &[Wanted]) -> Option<String> {
     let module = opaque.program.module();
     let position = [Criterion::Output(OutputFilter::Position)];
     let slice = slice::backward(&opaque.graph, opaque.vertex, &position);
-    let inputs = reflect::inputs(module, &module.entry_points[opaque.vertex].function);
+    let inputs = interface::inputs(module, &module.entry_points[opaque.vertex].function);
     let read = slice.inputs.iter().filter_map(|i| inputs.get(*i));
     let named = read.filter_map(|io| match io.binding {
         Some(naga::Binding::Location { location, .. }) => Some((io.name.clone()?, location)),

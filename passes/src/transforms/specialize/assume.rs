@@ -99,7 +99,7 @@ impl Assumptions {
                 values.push(constant.value.clone());
             }
         }
-        let derived = crate::evaluate::overrides::derived(module, &values);
+        let derived = crate::core::overrides::derived(module, &values);
         values.extend(derived);
         let mut this = Self {
             values,
@@ -154,7 +154,7 @@ impl Assumptions {
         }
         for (handle, constant) in module.overrides.iter() {
             let name = constant.name.clone().unwrap_or_default();
-            let ty = crate::evaluate::overrides::scalar_type(module, constant.ty);
+            let ty = crate::core::overrides::scalar_type(module, constant.ty);
             let known = ty.and_then(|ty| leaves.get(&(Place::Override { name }, ty)));
             if let Some(known) = known {
                 let is_bool =
@@ -354,7 +354,7 @@ fn set(program: &Program, settings: &str) -> Result<Vec<Assumed>, Unfit> {
         let (place, ty, full) = match (found.as_slice(), constant) {
             ([one], _) => (one.place(), one.ty, one.name.clone()),
             ([], Some((_, o))) => {
-                let Some(ty) = crate::evaluate::overrides::scalar_type(module, o.ty) else {
+                let Some(ty) = crate::core::overrides::scalar_type(module, o.ty) else {
                     return Err(Unfit::Value(name.to_owned(), text.to_owned()));
                 };
                 let is_bool = module.types[o.ty].inner.scalar_kind() == Some(ScalarKind::Bool);

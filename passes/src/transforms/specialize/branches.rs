@@ -10,7 +10,7 @@ use super::{Params, assumptions, examine, folded};
 use crate::core::guard::Assumed;
 use crate::core::pass::{Facts, Refusal};
 use crate::core::plan::Plan;
-use crate::core::program::Location;
+use crate::core::source::Location;
 use crate::graph::{FunctionId, Graph, StmtId};
 
 /// A statement of the material. The same in every list that [`branches`] makes of one plan.

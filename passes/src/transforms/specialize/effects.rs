@@ -16,7 +16,7 @@ use super::{Params, assumptions, examine, folded};
 use crate::core::guard::Assumed;
 use crate::core::pass::{Facts, Refusal};
 use crate::core::plan::Plan;
-use crate::core::program::Location;
+use crate::core::source::Location;
 use crate::graph::{FunctionId, Graph, operands};
 
 /// Effects by their usual identifiers, without case and underscores.

@@ -5,8 +5,9 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Binding, Module, ShaderStage};
 
-use crate::core::program::{Invalid, Program};
-use crate::core::reflect;
+use crate::core::interface;
+use crate::core::program::Program;
+use crate::core::source::Invalid;
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::place::{self, PositionInvariance};
@@ -114,7 +115,7 @@ fn sliced(
 }
 
 fn locations(module: &Module, entry: &naga::EntryPoint) -> BTreeSet<u32> {
-    reflect::inputs(module, &entry.function)
+    interface::inputs(module, &entry.function)
         .iter()
         .filter_map(|io| match io.binding {
             Some(Binding::Location { location, .. }) => Some(location),

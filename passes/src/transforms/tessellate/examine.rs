@@ -6,14 +6,13 @@ use naga::valid::GlobalUse;
 use naga::{AddressSpace, Binding, BuiltIn, Handle, Module, ShaderStage};
 
 use super::fixed::{self, Read};
-use super::refusals;
 use super::split::{self, Outputs, Split};
-use super::{DividedMaterial, MOST_EDGE_PIXELS, Params, Slots, Tessellate, refuse};
+use super::{DividedMaterial, MOST_EDGE_PIXELS, Params, Slots, Tessellate, refusals, refuse};
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
-use crate::analysis::refusals as shared;
-use crate::analysis::subnormal;
+use crate::analysis::{refusals as shared, subnormal};
 use crate::core::contract::Contract;
 use crate::core::geometry::{Form, Subdivision};
+use crate::core::interface;
 use crate::core::pass::{Facts, Pass, Refusal, Refused, Site};
 use crate::core::pattern::MAX_LEVEL;
 use crate::core::plan::{BindingKind, GpuPass, HOIST, Plan, Role, Step};
@@ -295,7 +294,7 @@ impl<'a> DividedMaterial<'a> {
             ));
         }
         let known = [BuiltIn::VertexIndex, BuiltIn::InstanceIndex];
-        for input in reflect::opened(module, &split.inputs) {
+        for input in interface::opened(module, &split.inputs) {
             if let Some(Binding::BuiltIn(b)) = input.binding
                 && !known.contains(&b)
             {
@@ -340,7 +339,7 @@ impl<'a> DividedMaterial<'a> {
         let Some((_, entry)) = entry else {
             return Ok(());
         };
-        for input in reflect::inputs(program.module(), &entry.function) {
+        for input in interface::inputs(program.module(), &entry.function) {
             if let Some(Binding::BuiltIn(BuiltIn::PrimitiveIndex | BuiltIn::Barycentric { .. })) =
                 input.binding
             {

@@ -6,14 +6,16 @@ use naga::{Binding, ShaderStage};
 
 use super::gradients::{self, Failed, Shaded};
 use super::ids::{self, Triangles};
-use super::kept;
 use super::lists::{self, Lists};
 use super::parts::parts;
 use super::resolve::{self, Built, Keeps, Resolve, Runs};
 use super::text::{self, Slots};
-use super::{DRAWS, IDS, Ids, Params, Select, SplitMaterial, VisibilityBuffer, legal, refuse};
+use super::{
+    DRAWS, IDS, Ids, Params, Select, SplitMaterial, VisibilityBuffer, kept, legal, refuse,
+};
 use crate::core::declared::Declared;
 use crate::core::geometry::Geometry;
+use crate::core::interface;
 use crate::core::pass::{Pass, Refusal};
 use crate::core::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, ClearValue, ComputePass, Draws,
@@ -39,7 +41,7 @@ impl SplitMaterial<'_> {
             .iter()
             .find(|e| e.stage == ShaderStage::Vertex && e.name == placed.vertex)
             .ok_or("there is no depth-only vertex stage")?;
-        let inputs = reflect::inputs(&placed.module, &vertex.function);
+        let inputs = interface::inputs(&placed.module, &vertex.function);
         let attributes: Vec<_> = opaque
             .pass
             .attributes

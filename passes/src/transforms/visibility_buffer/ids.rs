@@ -5,6 +5,7 @@
 //! @fragment fn fs_visible_ids(..)  -> vec2<u32>             discards as the author does; the id, and the triangle with its side
 //! ```
 
+use crate::core::interface;
 use naga::{
     Binding, BuiltIn, EntryPoint, Expression, Function, FunctionArgument, FunctionResult, Handle,
     Interpolation, Module, Sampling, Scalar, ShaderStage, Span, Statement, StructMember, Type,
@@ -14,8 +15,8 @@ use naga::{
 use super::Words;
 use super::text::{self, Slots};
 use crate::core::geometry::Formats;
+use crate::core::interface::Io;
 use crate::core::plan::AttributeUse;
-use crate::core::reflect::{self, Io};
 use crate::graph::FunctionId;
 use crate::rebuild::corner::{Author, corner};
 use crate::rebuild::outline::as_function;
@@ -63,7 +64,7 @@ impl IdStage {
             .iter()
             .position(|e| e.stage == stage && e.name == name)?;
         let entry = module.entry_points.remove(at);
-        let outputs = reflect::outputs(module, &entry.function);
+        let outputs = interface::outputs(module, &entry.function);
         let (arguments, result) = (
             entry.function.arguments.clone(),
             entry.function.result.clone(),

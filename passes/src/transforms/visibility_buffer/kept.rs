@@ -16,7 +16,7 @@ use naga::{
 
 use super::ids::new_entry;
 use super::resolve::width;
-use crate::core::reflect::Io;
+use crate::core::interface::Io;
 use crate::graph::FunctionId;
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::snippet::{define, ours, word};

@@ -1,19 +1,18 @@
 //! Legality of the split.
 
+use crate::core::interface;
 use naga::valid::GlobalUse;
 use naga::{AddressSpace, Binding, BuiltIn, Expression, GlobalVariable, Handle, Module};
 
 use super::differences::Reached;
 use super::ids::Facing;
-use super::refusals;
-use super::refuse;
+use super::{refusals, refuse};
 use crate::analysis::opaque::Opaque;
 use crate::analysis::refusals as shared;
 use crate::core::pass::Refusal;
 use crate::core::plan::{GpuPass, Plan};
-use crate::core::program::SourceMap;
-use crate::core::reflect;
 use crate::core::refusals::RefusalInfo;
+use crate::core::source::SourceMap;
 use crate::core::state::{CullMode, DepthBias, Topology};
 use crate::slice::Slice;
 
@@ -78,7 +77,7 @@ pub fn vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
         "the vertex stage",
         "it would run three times in one invocation",
     ));
-    for input in reflect::inputs(module, &entry.function) {
+    for input in interface::inputs(module, &entry.function) {
         if let Some(Binding::BuiltIn(b)) = input.binding
             && !matches!(b, BuiltIn::VertexIndex | BuiltIn::InstanceIndex)
         {
@@ -118,7 +117,7 @@ pub fn fragment(opaque: &Opaque<'_>, colors: &Slice, depths: DepthRange) -> Vec<
     let module = opaque.program.module();
     let fragment = colors.entry;
     let entry = &module.entry_points[fragment];
-    let all = reflect::inputs(module, &entry.function);
+    let all = interface::inputs(module, &entry.function);
     let read = || colors.inputs.iter().filter_map(|i| all.get(*i)).cloned();
     for input in read() {
         let name = input.name.unwrap_or_default();
@@ -187,9 +186,9 @@ fn kept_state(
         .collect();
     let (first, _) = *kept.first()?;
     let function = &module.entry_points[entry].function;
-    let inputs = reflect::inputs(module, function);
-    let outputs = reflect::outputs(module, function);
-    let is_of = |all: &[reflect::Io], name| all.iter().any(|io| io.name.as_deref() == Some(name));
+    let inputs = interface::inputs(module, function);
+    let outputs = interface::outputs(module, function);
+    let is_of = |all: &[interface::Io], name| all.iter().any(|io| io.name.as_deref() == Some(name));
     let told = kept.iter().map(|(handle, global)| {
         let name = global.name.as_deref().unwrap_or_default();
         let what = match (is_of(&inputs, name), is_of(&outputs, name)) {
@@ -239,7 +238,7 @@ fn user(module: &Module, variable: Handle<GlobalVariable>) -> Option<&str> {
 /// How the resolve knows the facing of a pixel.
 pub fn facing(opaque: &Opaque<'_>, colors: &Slice) -> Facing {
     let module = opaque.program.module();
-    let all = reflect::inputs(module, &module.entry_points[colors.entry].function);
+    let all = interface::inputs(module, &module.entry_points[colors.entry].function);
     let asks = colors
         .inputs
         .iter()

@@ -23,10 +23,11 @@ use super::stage::{ResolveStage, Shader, colors};
 use super::text::{self, Slots};
 use super::{Select, Vertices, Words};
 use crate::core::geometry::Formats;
+use crate::core::interface;
+use crate::core::interface::Io;
 use crate::core::plan::AttributeUse;
 use crate::core::program::Program;
 use crate::core::rasterizer::Corners;
-use crate::core::reflect::{self, Io};
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::corner::{Author, corner};
 use crate::rebuild::outline::as_function;
@@ -101,7 +102,7 @@ pub struct Keeps {
 
 /// The criteria for the colours of a fragment stage.
 pub fn colors_of(module: &Module, fragment: &Function) -> Vec<Criterion> {
-    reflect::outputs(module, fragment)
+    interface::outputs(module, fragment)
         .iter()
         .filter_map(|o| match o.binding {
             Some(Binding::Location { location, .. }) => {
@@ -154,7 +155,7 @@ impl Shaders {
             .function
             .arguments
             .iter()
-            .map(|a| match (&a.binding, reflect::members(&module, a.ty)) {
+            .map(|a| match (&a.binding, interface::members(&module, a.ty)) {
                 (Some(binding), _) => vec![binding.clone()],
                 (None, members) => members
                     .unwrap_or_default()
@@ -320,7 +321,7 @@ impl Resolve<'_> {
 
 /// The attributes that the author's vertex stage reads.
 fn used(module: &Module, author: &VertexStage, all: &[AttributeUse]) -> Vec<AttributeUse> {
-    let inputs = reflect::opened(module, &author.inputs);
+    let inputs = interface::opened(module, &author.inputs);
     let read = |a: &&AttributeUse| {
         inputs.iter().any(|i| {
             matches!(i.binding, Some(Binding::Location { location, .. }) if location == a.location)
@@ -394,7 +395,7 @@ fn author(
         PositionInvariance::AsWritten,
     );
     let placed = module.entry_points.pop().ok_or("nothing was placed")?;
-    let outputs = reflect::outputs(&module, &placed.function);
+    let outputs = interface::outputs(&module, &placed.function);
     let result = placed.function.result.as_ref();
     let result = result.ok_or("the vertex stage gives nothing")?;
     let (given, is_struct) = (result.ty, result.binding.is_none());

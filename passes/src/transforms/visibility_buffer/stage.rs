@@ -12,8 +12,8 @@ use super::gradients::{GRADIENTS, Level};
 use super::ids::Facing;
 use super::legal::Stored;
 use super::resolve::{Runs, VertexStage, width};
+use crate::core::interface::Io;
 use crate::core::rasterizer::Neighbours;
-use crate::core::reflect::Io;
 use crate::rebuild::place::CodeBuilder;
 
 /// An input of the fragment stage.

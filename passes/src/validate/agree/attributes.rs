@@ -8,8 +8,8 @@ use super::Relation;
 use super::buffers::is_previous_name;
 use super::fed::plain;
 use super::matching::{By, Matcher};
+use crate::core::interface::Io;
 use crate::core::mapping::Mapping;
-use crate::core::reflect::Io;
 use crate::validate::world::PassStages;
 
 /// The first location of attributes without a partner.

@@ -17,9 +17,10 @@ use super::fed::{Cast, Rule, cast, plain};
 use super::products::{self, Product};
 use super::sampled::sampled;
 use super::{Mismatch, Relation, rename};
+use crate::core::interface;
 use crate::core::mapping::{self, Equation, Mapping};
-use crate::core::program::{Language, Program};
-use crate::core::reflect;
+use crate::core::program::Program;
+use crate::core::source::Language;
 use crate::evaluate;
 use crate::validate::world::PassStages;
 
@@ -656,6 +657,6 @@ pub(super) fn type_text(module: &Module, ty: Handle<Type>) -> String {
         TypeInner::Image { .. } => "a texture".to_owned(),
         TypeInner::Sampler { .. } => "a sampler".to_owned(),
         TypeInner::Array { base, .. } => format!("array<{}>", type_text(module, *base)),
-        _ => reflect::wgsl_type(module, ty),
+        _ => interface::wgsl_type(module, ty),
     }
 }

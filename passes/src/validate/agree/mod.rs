@@ -17,7 +17,7 @@ use super::stage::Stage;
 use super::world::PassStages;
 use crate::core::mapping::Equation;
 use crate::core::plan::{GpuPass, Plan, Role};
-use crate::core::program::Location;
+use crate::core::source::Location;
 
 mod attributes;
 mod budget;

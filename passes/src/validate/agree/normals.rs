@@ -2,10 +2,10 @@
 
 use super::Class;
 use super::promises::named;
+use crate::core::interface;
 use crate::core::pass::{Facts, Pass, Refused};
 use crate::core::plan::{Plan, Role};
 use crate::core::program::Program;
-use crate::core::reflect;
 use crate::evaluate::Value;
 use crate::transforms::outputs::{Outputs, Params};
 use crate::validate::compare::text;
@@ -26,7 +26,7 @@ pub(super) fn derived(
     let fragment = main.fragment.as_deref()?;
     let (entry, _) = program.entry_point(naga::ShaderStage::Fragment, fragment)?;
     let function = &program.module().entry_points[entry].function;
-    let outputs = reflect::outputs(program.module(), function);
+    let outputs = interface::outputs(program.module(), function);
     if name.is_none() && named(&outputs, &["normal"]).is_some() {
         return None;
     }

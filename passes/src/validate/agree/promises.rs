@@ -2,7 +2,7 @@
 
 use super::Relation;
 use super::trial::{Two, What};
-use crate::core::reflect::Io;
+use crate::core::interface::Io;
 use crate::validate::stage::{Slot, Stage};
 
 impl Two<'_> {

@@ -7,30 +7,27 @@ use std::sync::Arc;
 use super::budget::{Budget, Draw};
 use super::causes::covered_by_alpha;
 use super::differences::{self, Bias, moving};
-use super::draws::Point;
+use super::draws::{self, Point};
 use super::fed::{self, Rule};
 use super::found::{Found, Seen, State, is_plain};
 use super::matching::Matching;
-use super::normals;
-use super::quote;
 use super::ties::Ties;
 use super::words::{self, Example, Sliced};
-use super::{Class, Finding, Held, Outcome, Relation, draws, reads};
-use crate::core::program::Language;
+use super::{Class, Finding, Held, Outcome, Relation, normals, quote, reads};
+use crate::core::source::Language;
 use crate::core::state::DepthDirection;
 use crate::evaluate::{Stuck, Undefined, Value};
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
 use crate::slice::{Criterion, OutputFilter};
-use crate::validate::Effort;
 use crate::validate::compare::{Colors, Stores};
 use crate::validate::inputs::Inputs;
 use crate::validate::levels::Reading;
 use crate::validate::numbers::Numbers;
-use crate::validate::proof;
 use crate::validate::stage::{Ran, Slot};
 use crate::validate::term::{self, Symbolic};
 use crate::validate::world::{self, PassStages, TestPoint};
+use crate::validate::{Effort, proof};
 
 /// One in this many inputs is run on the whole programs, also beside a proof that depends on the slicer:
 /// by default as many as in [validation](crate::validate).

@@ -9,7 +9,8 @@ pub mod stages;
 use std::sync::Arc;
 
 use naga::back::wgsl::WriterFlags;
-use preshade_passes::program::{Language, Program, SourceMap};
+use preshade_passes::core::source::{Language, SourceMap};
+use preshade_passes::program::Program;
 
 /// A validated program from WGSL.
 pub fn program(source: &str) -> Program {

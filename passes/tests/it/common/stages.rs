@@ -3,9 +3,9 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, Module, ShaderStage, TypeInner};
+use preshade_passes::core::interface;
 use preshade_passes::evaluate::{self, Environment, RunResult, Stuck, Value};
 use preshade_passes::program::Program;
-use preshade_passes::reflect;
 
 /// What a stage gave.
 pub struct Ran {
@@ -62,7 +62,7 @@ fn outputs(
     function: &naga::Function,
     outcome: &RunResult,
 ) -> (BTreeMap<String, Value>, BTreeMap<u32, Value>) {
-    let described = reflect::outputs(module, function);
+    let described = interface::outputs(module, function);
     let is_struct = function
         .result
         .as_ref()

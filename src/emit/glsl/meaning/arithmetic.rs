@@ -6,8 +6,8 @@
 use naga::{
     BinaryOperator, Expression, Handle, Literal, MathFunction, Scalar, ScalarKind, VectorSize,
 };
+use preshade_passes::core::source::Language;
 use preshade_passes::evaluate::interval::Interval;
-use preshade_passes::program::Language;
 
 use super::{Keep, shape};
 

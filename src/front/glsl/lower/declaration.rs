@@ -13,8 +13,8 @@ use super::super::stage::{Block, Global, Qualifiers, Storage, Variable, unsuppor
 use super::super::ty::{BlockEntry, Component, GlslMember, MemoryLayout, Rules, Ty, stored};
 use super::fold::Folds;
 use super::{Lower, RESERVED, Var};
-use crate::front::ClipSpace;
 use crate::front::error::Error;
+use crate::front::options::ClipSpace;
 
 /// The output beside the array of a built-in.
 pub(super) fn output_of(built_in: &str) -> String {

@@ -15,7 +15,7 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use naga::{ShaderStage, Span};
-use preshade_passes::program::SourceMap;
+use preshade_passes::core::source::SourceMap;
 
 use self::condition::{Word, Wrong, evaluate, integer};
 use self::macros::{Macro, TokenSource};

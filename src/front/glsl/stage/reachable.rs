@@ -8,10 +8,9 @@ use glsl_lang::ast::{
 };
 use glsl_lang::visitor::{Host as _, Visit, Visitor};
 
-use super::GlslStage;
-use super::side_effects;
+use super::{GlslStage, side_effects};
+use crate::front::error;
 use crate::front::error::{Code, Error};
-use crate::front::foreign;
 
 impl<'u> GlslStage<'u> {
     /// Orders reachable functions with callees first, and records the names they use.
@@ -28,7 +27,7 @@ impl<'u> GlslStage<'u> {
                 .push(i);
         }
         let Some(main) = by_name.get("main").map(|all| all[0]) else {
-            return Err(Error::new(Code::NoEntryPoint, foreign::NO_MAIN));
+            return Err(Error::new(Code::NoEntryPoint, error::NO_MAIN));
         };
         let mut done = vec![false; definitions.len()];
         let mut order = Vec::new();

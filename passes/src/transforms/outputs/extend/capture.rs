@@ -1,9 +1,9 @@
 //! A value of the author's, wherever it is computed, at the end of the fragment stage.
 
+use crate::core::interface;
 use naga::{Expression, Function, GlobalVariable, Handle, LocalVariable, Span, Statement, Type};
 
 use super::{Extending, Failed};
-use crate::core::reflect;
 use crate::graph::{FunctionGraph, FunctionId};
 use crate::rebuild::after::after;
 use crate::rebuild::writer::FunctionWriter;
@@ -121,7 +121,7 @@ impl Extending<'_, '_> {
         for (i, argument) in function.arguments.iter().enumerate() {
             let members = match argument.binding {
                 Some(_) => None,
-                None => reflect::members(&self.module, argument.ty),
+                None => interface::members(&self.module, argument.ty),
             };
             let count = members.as_ref().map_or(1, |m| m.len() as u32);
             if index < count {

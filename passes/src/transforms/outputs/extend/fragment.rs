@@ -1,5 +1,6 @@
 //! The fragment stage of an extended material: the author's decisions, and other outputs.
 
+use crate::core::interface;
 use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, FunctionArgument, FunctionResult, Handle,
     Literal, MathFunction, Scalar, ScalarKind, SwizzleComponent, Type, TypeInner, VectorSize,
@@ -7,15 +8,15 @@ use naga::{
 
 use super::capture::Captured;
 use super::vertex::{self, member};
-use super::{Direction, Distance, Extending, Face, Failed, Member, Normal, Shows, Surface};
-use super::{Varying, Varyings, Wanted, buffer, returned};
+use super::{
+    Direction, Distance, Extending, Face, Failed, Member, Normal, Shows, Surface, Varying,
+    Varyings, Wanted, buffer, returned,
+};
 use crate::core::plan::HostValue;
-use crate::core::reflect;
 use crate::rebuild::color::{empty_fragment, location};
-use crate::rebuild::place;
-use crate::rebuild::returns;
 use crate::rebuild::snippet::link_snippet;
 use crate::rebuild::writer::FunctionWriter;
+use crate::rebuild::{place, returns};
 
 /// Name of the fragment stage of a material that has none.
 const OWN: &str = "fragment";
@@ -165,7 +166,7 @@ impl Extending<'_, '_> {
         if own.binding == depth {
             return Some((None, own.ty));
         }
-        let members = reflect::members(&self.module, own.ty)?;
+        let members = interface::members(&self.module, own.ty)?;
         let mut members = (0..).zip(members);
         let (index, (ty, _)) = members.find(|(_, (_, binding))| Some(binding) == depth.as_ref())?;
         Some((Some(index), ty))

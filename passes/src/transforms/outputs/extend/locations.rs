@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use naga::{Binding, Function, Module, ShaderStage};
 
 use super::location_of;
-use crate::core::reflect::{self, Io};
+use crate::core::interface;
+use crate::core::interface::Io;
 use crate::rebuild::depth_only::Placed;
 
 /// New locations by the old ones.
@@ -19,14 +20,14 @@ pub(super) fn varyings(placed: &mut Placed, first: u32) {
     let name = placed.fragment.as_deref();
     let fragment = name.and_then(|name| entry(module, ShaderStage::Fragment, name));
     let function = |i: usize| &module.entry_points[i].function;
-    let outputs_of = vertex.map(|i| reflect::outputs(module, function(i)));
-    let inputs_of = fragment.map(|i| reflect::inputs(module, function(i)));
+    let outputs_of = vertex.map(|i| interface::outputs(module, function(i)));
+    let inputs_of = fragment.map(|i| interface::inputs(module, function(i)));
     for all in [outputs_of, inputs_of].into_iter().flatten() {
         taken.extend(locations(&all));
     }
     let to = renumbered(&taken, first);
     if let Some(vertex) = vertex {
-        reflect::edit_outputs(module, vertex, |_, _, binding| renumber(binding, &to));
+        interface::edit_outputs(module, vertex, |_, _, binding| renumber(binding, &to));
     }
     if let Some(fragment) = fragment {
         inputs(&mut module.entry_points[fragment].function, &to);
@@ -40,7 +41,7 @@ pub(super) fn attributes(placed: &mut Placed, first: u32) -> Renumbered {
         return Renumbered::new();
     };
     let function = &module.entry_points[vertex].function;
-    let taken = locations(&reflect::inputs(module, function)).collect();
+    let taken = locations(&interface::inputs(module, function)).collect();
     let to = renumbered(&taken, first);
     inputs(&mut module.entry_points[vertex].function, &to);
     to

@@ -1,18 +1,19 @@
 //! The vertex stage of an extended material: the author's, and what the fragment stage needs of it.
 
+use crate::core::interface;
 use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, FunctionResult, Handle, Interpolation, Sampling,
     Scalar, StructMember, SwizzleComponent, TypeInner, VectorSize,
 };
 
 use super::capture::Captured;
-use super::{Extending, Failed, Normal, Shows, Surface, Varying, Varyings, Wanted};
-use super::{is_position, returned, varying};
-use crate::core::reflect;
+use super::{
+    Extending, Failed, Normal, Shows, Surface, Varying, Varyings, Wanted, is_position, returned,
+    varying,
+};
 use crate::rebuild::ahead::Ahead;
-use crate::rebuild::place;
-use crate::rebuild::returns;
 use crate::rebuild::writer::FunctionWriter;
+use crate::rebuild::{place, returns};
 
 /// What a varying carries.
 enum Carried {
@@ -157,7 +158,7 @@ impl Extending<'_, '_> {
         let carried = carried.ok_or_else(missing)?;
         let module = &self.module;
         let function = &module.entry_points[entry].function;
-        let mut members: Vec<StructMember> = reflect::outputs(module, function)
+        let mut members: Vec<StructMember> = interface::outputs(module, function)
             .into_iter()
             .map(|io| {
                 member(

@@ -4,7 +4,8 @@ use naga::{GlobalVariable, Handle, Module};
 
 use super::Member;
 use crate::core::mapping::name_of;
-use crate::core::program::{Invalid, Program};
+use crate::core::program::Program;
+use crate::core::source::Invalid;
 use crate::graph::FunctionId;
 use crate::rebuild::variable::private;
 use crate::transforms::outputs::remap::{self, Pair};
