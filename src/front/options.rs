@@ -1,6 +1,6 @@
 //! Options of the readers.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use super::Memory;
 use crate::limits::Limits;
@@ -30,7 +30,7 @@ pub struct Options {
 #[cfg(any(feature = "naga-oil", feature = "wesl"))]
 impl Options {
     /// The text of a file in memory. Paths may be below `root`.
-    pub(crate) fn in_memory(&self, path: &Path) -> Option<&str> {
+    pub(crate) fn in_memory(&self, path: &std::path::Path) -> Option<&str> {
         let below = |root| path.strip_prefix(root).ok();
         let path = self.root.as_deref().and_then(below).unwrap_or(path);
         self.files.text(path)
