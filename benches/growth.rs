@@ -10,16 +10,17 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use preshade::unstable::emit::{self, Options, Target};
-use preshade::unstable::front::options;
-use preshade::unstable::front::{self, Color, Source};
-use preshade::unstable::passes::examples;
-use preshade::unstable::passes::graph::Graph;
-use preshade::unstable::passes::pass::{Facts, Use};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::program::Program;
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::recipe::Recipe;
+use preshade::emit::{self, Options, Target};
+use preshade::front::{self, Source};
+use preshade::recipe::Recipe;
+use preshade_passes::examples;
+use preshade_passes::graph::Graph;
+use preshade_plan::pass::{Facts, Use};
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
+use preshade_plan::state::MaterialState;
+use preshade_text::error::Color;
+use preshade_text::options;
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
@@ -162,7 +163,7 @@ fn milliseconds(work: impl Fn() -> Result<()>) -> Result<f64> {
 
 /// Parses, validates and writes a text.
 fn naga_alone(text: &str) -> Result<()> {
-    use preshade::unstable::passes::naga::{back, front, valid};
+    use preshade_passes::naga::{back, front, valid};
     let module = front::wgsl::parse_str(text)?;
     let info = valid::Validator::new(valid::ValidationFlags::all(), valid::Capabilities::all())
         .validate(&module)?;
@@ -216,12 +217,11 @@ fn time(step: &str, made: &Made) -> Result<f64> {
     let none = Facts::default();
     match step {
         "naga" => milliseconds(|| {
-            let module =
-                preshade::unstable::passes::naga::front::wgsl::parse_str(&made.source.text)?;
+            let module = preshade_passes::naga::front::wgsl::parse_str(&made.source.text)?;
             black_box(Program::new(
                 module,
                 Default::default(),
-                preshade_passes::core::source::Language::Wgsl,
+                preshade_text::source::Language::Wgsl,
             ))?;
             Ok(())
         }),

@@ -11,16 +11,17 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use preshade::unstable::emit::{self, Options, Target};
-use preshade::unstable::front::options;
-use preshade::unstable::front::{self, Color, Source};
-use preshade::unstable::passes::graph::Graph;
-use preshade::unstable::passes::hoist::movable::Finite;
-use preshade::unstable::passes::hoist::{self, Candidates, Hoist, HoistStages};
-use preshade::unstable::passes::pass::{Facts, Pass, Refusal};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::recipe::Recipe;
+use preshade::emit::{self, Options, Target};
+use preshade::front::{self, Source};
+use preshade::recipe::Recipe;
+use preshade_passes::graph::Graph;
+use preshade_passes::transforms::hoist::movable::Finite;
+use preshade_passes::transforms::hoist::{self, Candidates, Hoist, HoistStages};
+use preshade_plan::pass::{Facts, Pass, Refusal};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
+use preshade_text::error::Color;
+use preshade_text::options;
 
 const RUNS: usize = 20;
 

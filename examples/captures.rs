@@ -9,10 +9,10 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use preshade::unstable::capture::{self, Capture, Choice, check};
-use preshade::unstable::limits::Limits;
-use preshade::unstable::measure::record::Picture;
-use preshade::unstable::render::{AdapterChoice, Gpu};
+use preshade::capture::{self, Capture, Choice, check};
+use preshade::measure::record::Picture;
+use preshade::render::{AdapterChoice, Gpu};
+use preshade_text::limits::Limits;
 use serde_json::{Value, json};
 
 fn main() -> ExitCode {

@@ -21,16 +21,16 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade::unstable::passes::contract::{Contract, Verdict};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::validate::Effort;
-use preshade::unstable::passes::validate::inputs::Random;
-use preshade::unstable::passes::visibility_buffer;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::unstable::scene::{DrawOrder, Scene};
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
+use preshade::recipe::Recipe;
+use preshade::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::scene::{DrawOrder, Scene};
+use preshade_passes::transforms::visibility_buffer;
+use preshade_passes::validate::Effort;
+use preshade_passes::validate::inputs::Random;
+use preshade_plan::contract::{Contract, Verdict};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
 
 #[path = "../tests/it/combinations_support/mod.rs"]
 mod combinations_support;
@@ -131,8 +131,7 @@ fn scenes() -> Vec<(String, Scene)> {
         .collect();
     paths.sort();
     let load = |path: &PathBuf| {
-        let scene =
-            preshade::unstable::scene::load(path).unwrap_or_else(|e| panic!("{}", e.render()));
+        let scene = preshade::scene::load(path).unwrap_or_else(|e| panic!("{}", e.render()));
         let mut scene = scene.resized(SIZE);
         for camera in &mut scene.cameras {
             camera.frames.truncate(1);

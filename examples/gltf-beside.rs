@@ -18,9 +18,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use image::{RgbImage, imageops};
-use preshade::unstable::measure::Session;
-use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::unstable::scene::{self, Access, DrawOrder, Shading, Variables};
+use preshade::measure::Session;
+use preshade::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::scene::{self, Access, DrawOrder, Shading, Variables};
 
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1);

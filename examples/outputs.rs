@@ -18,9 +18,9 @@
     reason = "a tool that ends with a message"
 )]
 
-use preshade::unstable::measure::Timed;
-use preshade::unstable::measure::outputs::TOLERANCE;
-use preshade::unstable::render::{AdapterChoice, Gpu};
+use preshade::measure::Timed;
+use preshade::measure::outputs::TOLERANCE;
+use preshade::render::{AdapterChoice, Gpu};
 
 #[path = "../tests/support/fixtures_support.rs"]
 mod fixtures_support;

@@ -4,8 +4,10 @@
 use std::error::Error;
 use std::path::Path;
 
-use preshade::unstable::front::options::Options;
-use preshade::{Facts, MaterialState, Recipe, Shader, Source, Target, rewrite};
+use preshade::{Recipe, Shader, Source, Target, rewrite};
+use preshade_plan::pass::Facts;
+use preshade_plan::state::MaterialState;
+use preshade_text::options::Options;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

@@ -16,11 +16,11 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::measure;
-use preshade::unstable::measure::truth::{Nearer, Points, Spread, truth};
-use preshade::unstable::passes::examples;
-use preshade::unstable::passes::pass::Use;
-use preshade::unstable::recipe::Recipe;
+use preshade::measure;
+use preshade::measure::truth::{Nearer, Points, Spread, truth};
+use preshade::recipe::Recipe;
+use preshade_passes::examples;
+use preshade_plan::pass::Use;
 
 /// The comments that the tables stand between.
 const MARKS: [&str; 2] = [
@@ -66,8 +66,7 @@ fn main() {
     let mut not = Vec::new();
     for path in paths {
         let name = path.file_stem().unwrap().to_string_lossy().into_owned();
-        let scene =
-            preshade::unstable::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
+        let scene = preshade::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
         let facts = measure::known(&scene);
         let originals = measure::originals(&scene);
         for (recipe, counted) in recipes.iter().zip(&mut counts) {

@@ -36,53 +36,43 @@
 #[cfg(feature = "compiler")]
 pub mod build_script;
 #[cfg(feature = "compiler")]
-mod command;
+pub mod command;
 #[cfg(feature = "compiler")]
-mod emit;
+pub mod emit;
 #[cfg(feature = "compiler")]
-mod front;
+pub mod front;
 #[cfg(feature = "compiler")]
-mod limits;
+pub mod lock;
 #[cfg(feature = "compiler")]
-mod lock;
+pub mod parameters;
 #[cfg(feature = "compiler")]
-mod nearest;
+pub mod pipeline;
 #[cfg(feature = "compiler")]
-mod panics;
+pub mod recipe;
 #[cfg(feature = "compiler")]
-mod parameters;
+pub mod sweep;
 #[cfg(feature = "compiler")]
-mod pipeline;
-#[cfg(feature = "compiler")]
-mod recipe;
-#[cfg(feature = "compiler")]
-mod regular;
-#[cfg(feature = "compiler")]
-mod sweep;
-#[cfg(feature = "compiler")]
-mod wgsl;
+pub mod wgsl;
 #[cfg(feature = "spirv")]
 mod words;
 
 #[cfg(feature = "verify")]
-mod capture;
+pub mod capture;
 #[cfg(feature = "verify")]
-mod jobs;
+pub mod jobs;
 #[cfg(feature = "verify")]
-mod measure;
+pub mod measure;
 #[cfg(feature = "verify")]
-mod render;
+pub mod render;
 #[cfg(feature = "verify")]
-mod report;
+pub mod report;
 #[cfg(feature = "verify")]
-mod scene;
+pub mod scene;
 #[cfg(feature = "verify")]
-mod search;
+pub mod search;
 #[cfg(feature = "verify")]
 mod verify;
 
-#[cfg(feature = "compiler")]
-pub use crate::front::options::Options;
 #[cfg(feature = "compiler")]
 pub use build_script::{compile, configure};
 #[cfg(feature = "compiler")]
@@ -92,13 +82,15 @@ pub use front::Source;
 #[cfg(feature = "compiler")]
 pub use pipeline::{Output, Shader, Skipped, rewrite};
 #[cfg(feature = "compiler")]
-pub use preshade_passes::contract::Contract;
+pub use preshade_plan::contract::Contract;
 #[cfg(feature = "compiler")]
-pub use preshade_passes::pass::{Facts, Refusal};
+pub use preshade_plan::pass::{Facts, Refusal};
 #[cfg(feature = "compiler")]
-pub use preshade_passes::plan::{GpuPass, Plan};
+pub use preshade_plan::plan::{GpuPass, Plan};
 #[cfg(feature = "compiler")]
-pub use preshade_passes::state::MaterialState;
+pub use preshade_plan::state::{ColorTarget, CullMode, MaterialState};
+#[cfg(feature = "compiler")]
+pub use preshade_text::options::Options;
 #[cfg(feature = "compiler")]
 pub use recipe::{Recipe, Step};
 
@@ -115,20 +107,18 @@ pub use verify::verify;
 /// promise: anything in it may change in any release.
 #[cfg(feature = "compiler")]
 pub mod unstable {
-    pub use preshade_passes as passes;
-
     macro_rules! internal {
         ($($(#[$attribute:meta])* $module:ident)*) => {
             $($(#[$attribute])* #[allow(missing_docs)] pub mod $module { pub use crate::$module::*; })*
         };
     }
-    internal! { build_script command emit front limits lock nearest parameters pipeline recipe regular sweep }
+    internal! { build_script command emit front lock parameters pipeline recipe sweep }
     #[cfg(feature = "verify")]
     internal! { capture jobs measure render report scene search }
 }
 
 /// Includes the items of a material that the build script compiled:
-/// `mod lit { preshade::include_variant!("lit"); }`.
+/// `mod lit { crate::include_variant!("lit"); }`.
 #[macro_export]
 macro_rules! include_variant {
     ($material:literal) => {

@@ -1,6 +1,6 @@
 //! The parameters of a pass, read from their JSON schema, for listings and for error messages.
 
-use preshade_passes::pass::AnyPass;
+use preshade_plan::pass::AnyPass;
 use serde::Serialize;
 use serde_json::Value;
 

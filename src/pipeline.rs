@@ -3,13 +3,12 @@
 //! Every command, build script, lock file and search applies its recipes here, with one policy: a
 //! refused step is skipped and reported, and the next step is tried on the plan so far.
 
-use crate::front::options;
-use preshade_passes::analysis::refusals;
-use preshade_passes::core::refusals::RefusalInfo;
-use preshade_passes::neighbours;
-use preshade_passes::pass::{Facts, Outcome, Refusal, Refused};
-use preshade_passes::plan::Plan;
-use preshade_passes::state::MaterialState;
+use preshade_passes::analysis::{neighbours, refusals};
+use preshade_plan::pass::{Facts, Outcome, Refusal, Refused};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
+use preshade_text::options;
+use preshade_text::refusals::RefusalInfo;
 
 use crate::emit::{self, File, Target};
 use crate::front::{self, Parsed};

@@ -1,10 +1,9 @@
 //! `preshade adapters`: the adapters of this machine.
 
-use preshade::unstable::render;
+use preshade::render;
 use serde::Serialize;
 
-use crate::output;
-use crate::{Ending, Failure, Format};
+use crate::{Ending, Failure, Format, output};
 
 /// Arguments of `adapters`.
 #[derive(clap::Args)]

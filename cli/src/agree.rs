@@ -4,16 +4,14 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use preshade::unstable::command::agree::{
-    Compared, Cost, FailOn, Side, breaks, compare, parse_class,
-};
-use preshade::unstable::command::agreed::{Pair, Report};
-use preshade::unstable::measure::Beside;
-use preshade::unstable::passes::core::mapping::Equation;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::validate::Effort;
-use preshade::unstable::passes::validate::agree::{self, Agreement, Question, Relation};
-use preshade::unstable::recipe::Recipe;
+use preshade::command::agree::{Compared, Cost, FailOn, Side, breaks, compare, parse_class};
+use preshade::command::agreed::{Pair, Report};
+use preshade::measure::Beside;
+use preshade::recipe::Recipe;
+use preshade_passes::validate::Effort;
+use preshade_passes::validate::agree::{self, Agreement, Question, Relation};
+use preshade_plan::mapping::Equation;
+use preshade_plan::plan::Plan;
 use rayon::prelude::*;
 
 use crate::beside::SceneArgs;

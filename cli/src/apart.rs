@@ -1,12 +1,12 @@
 //! A report put together of variants that were measured in processes of their own.
 
-use preshade::unstable::limits::Limits;
-use preshade::unstable::measure::Verified;
-use preshade::unstable::measure::record::{Chosen, Report, Unfinished, VariantReport};
-use preshade::unstable::passes::budget::Budget;
-use preshade::unstable::passes::contract::{Contract, Verdict};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::NOT_MEASURED;
+use preshade::measure::Verified;
+use preshade::measure::record::{Chosen, Report, Unfinished, VariantReport};
+use preshade::recipe::Recipe;
+use preshade::render::NOT_MEASURED;
+use preshade_plan::budget::Budget;
+use preshade_plan::contract::{Contract, Verdict};
+use preshade_text::limits::Limits;
 
 use crate::keeper::Keeper;
 use crate::{Failure, worker};

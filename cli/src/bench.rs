@@ -5,18 +5,18 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Source};
-use preshade::unstable::measure::{self, Estimate, Session, TimingSettings};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::{
+use preshade::front::{self, Source};
+use preshade::measure::{self, Estimate, Session, TimingSettings};
+use preshade::recipe::Recipe;
+use preshade::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene, Value};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Draws, Phase, Plan, Role, Visibility,
 };
-use preshade::unstable::passes::reflect;
-use preshade::unstable::passes::state::{CompareFunction, CullMode, DepthBias, MaterialState};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::unstable::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene, Value};
+use preshade_plan::reflect;
+use preshade_plan::state::{CompareFunction, CullMode, DepthBias, MaterialState};
+use preshade_text::options::Options;
 use serde::Serialize;
 
 use crate::verify::parse_seconds;
@@ -71,7 +71,7 @@ pub struct BenchArgs {
 struct Yardstick {
     schema: &'static str,
     resolution: [u32; 2],
-    adapter: preshade::unstable::render::AdapterReport,
+    adapter: preshade::render::AdapterReport,
     rows: Vec<BenchRow>,
 }
 

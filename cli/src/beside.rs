@@ -3,18 +3,18 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use preshade::unstable::emit;
-use preshade::unstable::measure::{self, Beside, Look, TimingSettings};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::validate::agree::{Partner, Relation};
-use preshade::unstable::render::{AdapterChoice, Gpu};
-use preshade::unstable::scene::{self, Scene, StandIn, Variables};
+use preshade::emit;
+use preshade::measure::{self, Beside, Look, TimingSettings};
+use preshade::render::{AdapterChoice, Gpu};
+use preshade::scene::{self, Scene, StandIn, Variables};
+use preshade_passes::validate::agree::{Partner, Relation};
+use preshade_plan::plan::Plan;
 
 use crate::input::ShaderArgs;
 use crate::verify::parse_seconds;
 use crate::view::ViewArgs;
 use crate::{Failure, output};
-use preshade::unstable::report::picture::file_name;
+use preshade::report::picture::file_name;
 
 /// The scene of `agree`.
 #[derive(clap::Args)]

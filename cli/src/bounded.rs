@@ -5,7 +5,7 @@
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-use preshade::unstable::limits::Limits;
+use preshade_text::limits::Limits;
 
 use crate::{output, worker};
 

@@ -6,14 +6,12 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::NonEmptyStringValueParser;
-use preshade::unstable::capture::browser::{self, Site, Visit};
-use preshade::unstable::capture::file::{Api, Refused};
-use preshade::unstable::capture::page::{RECORDER, bookmarklet};
-use preshade::unstable::capture::trace::{self, Found, Wanted};
-use preshade::unstable::capture::{
-    Capture, UnknownDepth, file_of, is_folder, passes, unknown_depths,
-};
-use preshade::unstable::limits::Limits;
+use preshade::capture::browser::{self, Site, Visit};
+use preshade::capture::file::{Api, Refused};
+use preshade::capture::page::{RECORDER, bookmarklet};
+use preshade::capture::trace::{self, Found, Wanted};
+use preshade::capture::{Capture, UnknownDepth, file_of, is_folder, passes, unknown_depths};
+use preshade_text::limits::Limits;
 use serde_json::Value;
 
 use crate::limits::LimitArgs;

@@ -2,18 +2,18 @@
 
 use std::collections::BTreeMap;
 
-use preshade::unstable::nearest::nearest;
-use preshade::unstable::passes::contract::Assumption;
-use preshade::unstable::passes::core::refusals::RefusalInfo;
-use preshade::unstable::passes::{PASSES, pass_named, refusals};
-use preshade::unstable::{capture, emit, front, lock, measure, render, scene};
+use preshade::{capture, emit, lock, measure, render, scene};
+use preshade_passes::{PASSES, pass_named, refusals};
+use preshade_plan::contract::Assumption;
+use preshade_text::nearest::nearest;
+use preshade_text::refusals::RefusalInfo;
 
 use crate::Failure;
 
 /// The codes of errors, then those of refusals.
 fn infos() -> impl Iterator<Item = &'static RefusalInfo> {
     let errors = [
-        front::codes::REFUSALS,
+        preshade_text::codes::REFUSALS,
         emit::codes::REFUSALS,
         lock::codes::REFUSALS,
         scene::codes::REFUSALS,
@@ -39,7 +39,7 @@ pub fn all() -> BTreeMap<&'static str, String> {
 
 /// The code of an error that has one.
 pub fn of(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
-    use preshade::unstable::search::plan as decide;
+    use preshade::search::plan as decide;
     if let Some(error) = error.downcast_ref::<decide::PlanError>() {
         return match error {
             decide::PlanError::Measure(error) => of(error),

@@ -6,7 +6,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::emit;
+use preshade::emit;
 
 use crate::{Failure, output};
 

@@ -9,18 +9,18 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
-use preshade::unstable::emit;
-use preshade::unstable::jobs::{
+use preshade::emit;
+use preshade::jobs::{
     self, EVERY, Exhaustive, Found, JOB_SCHEMA, Job, JobResult, Kind, Machine, OUTCOME_SCHEMA,
     Outcome, Partition, Reason, Run, adapter_id,
 };
-use preshade::unstable::limits::Limits;
-use preshade::unstable::measure::record::Report;
-use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::render::{self, AdapterReport, Card, turns};
+use preshade::measure::record::Report;
+use preshade::render::{self, AdapterReport, Card, turns};
+use preshade_plan::contract::Verdict;
+use preshade_text::limits::Limits;
 
-use crate::output::ProgressLine;
-use crate::{Ending, Failure, merge, output, verify, worker};
+use crate::output::{self, ProgressLine};
+use crate::{Ending, Failure, merge, verify, worker};
 
 /// End of the names of results.
 pub const EXTENSION: &str = ".outcome.json";

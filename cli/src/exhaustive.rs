@@ -3,16 +3,16 @@
 use std::path::Path;
 
 use clap::CommandFactory;
-use preshade::unstable::emit;
-use preshade::unstable::jobs::{EVERY, Exhaustive, Kind, Outcome, Results, adapter_id};
-use preshade::unstable::measure::{self, Session};
-use preshade::unstable::passes::budget::Budget;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm, cards};
-use preshade::unstable::scene::Scene;
-use preshade::unstable::search::candidates;
-use preshade::unstable::search::plan::model::Observation;
-use preshade::unstable::search::plan::{self as decide, Model};
+use preshade::emit;
+use preshade::jobs::{EVERY, Exhaustive, Kind, Outcome, Results, adapter_id};
+use preshade::measure::{self, Session};
+use preshade::render::{AdapterChoice, Gpu, ShaderForm, cards};
+use preshade::scene::Scene;
+use preshade::search::plan::Model;
+use preshade::search::plan::model::Observation;
+use preshade::search::{candidates, plan as decide};
+use preshade_plan::budget::Budget;
+use preshade_plan::pass::Facts;
 
 use crate::evaluate::{self, Settings};
 use crate::input::ShaderArgs;
@@ -65,7 +65,7 @@ pub fn job(
     scene: &Scene,
     budget: Option<Budget>,
     arguments: Vec<String>,
-) -> Result<preshade::unstable::jobs::Job, Failure> {
+) -> Result<preshade::jobs::Job, Failure> {
     let originals = measure::originals(scene);
     let mut plans = Vec::new();
     let recipes = candidates::recipes(budget)?;
@@ -234,7 +234,7 @@ fn listed(
     args: &PlanArgs,
     shader: &ShaderArgs,
     arguments: Vec<String>,
-) -> Result<preshade::unstable::jobs::Job, Failure> {
+) -> Result<preshade::jobs::Job, Failure> {
     let input = Input::new(shader)?;
     job(&input, &plan::scene(args, shader)?, args.budget, arguments)
 }

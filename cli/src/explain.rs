@@ -2,25 +2,20 @@
 
 use std::ops::ControlFlow;
 
-use preshade::unstable::command::explain::{
-    self, Explained, Explanation, Order, every_step, explain,
-};
-use preshade::unstable::command::explained;
-use preshade::unstable::command::rewrite::draws_depth_alone;
-use preshade::unstable::measure::{self, Detail, Session};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::specialize::Params;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::unstable::scene::Scene;
+use preshade::command::explain::{self, Explained, Explanation, Order, every_step, explain};
+use preshade::command::explained;
+use preshade::command::rewrite::draws_depth_alone;
+use preshade::measure::{self, Detail, Session};
+use preshade::recipe::Recipe;
+use preshade::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::scene::Scene;
+use preshade_passes::transforms::specialize::Params;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
 
-use crate::guesses;
 use crate::input::{Materials, ShaderArgs};
-use crate::many;
-use crate::output;
 use crate::view::ViewArgs;
-use crate::{Ending, Failure, Format};
+use crate::{Ending, Failure, Format, guesses, many, output};
 
 /// Arguments of `explain`.
 #[derive(clap::Args)]

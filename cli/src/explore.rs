@@ -6,17 +6,15 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use preshade::unstable::emit::File;
-use preshade::unstable::limits::Limits;
-use preshade::unstable::measure;
-use preshade::unstable::passes::budget::Budget;
-use preshade::unstable::passes::budget::Metric;
-use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::specialize::Params;
-use preshade::unstable::render::{self, AdapterChoice, Gpu, ShaderForm};
-use preshade::unstable::report;
-use preshade::unstable::scene::DrawOrder;
-use preshade::unstable::search::explore::{self, Journal, Settings};
+use preshade::emit::File;
+use preshade::render::{self, AdapterChoice, Gpu, ShaderForm};
+use preshade::scene::DrawOrder;
+use preshade::search::explore::{self, Journal, Settings};
+use preshade::{measure, report};
+use preshade_passes::transforms::specialize::Params;
+use preshade_plan::budget::{Budget, Metric};
+use preshade_plan::contract::Verdict;
+use preshade_text::limits::Limits;
 
 use crate::input::ShaderArgs;
 use crate::variants::VariantArgs;
@@ -366,7 +364,7 @@ fn one(args: &ExploreArgs, shader: &ShaderArgs, out: Option<&Path>) -> Result<En
             file("report.json", json),
             file("report.csv", csv),
         ];
-        preshade::unstable::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
         output::message(&format!("wrote {}", dir.join("report.html").display()));
         Ok(())
     };

@@ -1,11 +1,10 @@
 //! `preshade graph`: the dataflow graph, as dot or JSON.
 
-use preshade::unstable::passes::graph::Graph;
-use preshade::unstable::recipe::Recipe;
+use preshade::recipe::Recipe;
+use preshade_passes::graph::Graph;
 
 use crate::input::ShaderArgs;
-use crate::output;
-use crate::{Ending, Failure};
+use crate::{Ending, Failure, output};
 
 /// Arguments of `graph`.
 #[derive(clap::Args)]

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use preshade::unstable::scene::Scene;
-use preshade::unstable::scene::bind::{Guess, Guessed, guessed};
+use preshade::scene::Scene;
+use preshade::scene::bind::{Guess, Guessed, guessed};
 
 use crate::output;
 

@@ -3,19 +3,19 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use preshade::unstable::jobs::{self, JOB_SCHEMA, Kind};
-use preshade::unstable::measure;
-use preshade::unstable::passes::pass::Pass;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::specialize::Specialize;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::scene::{Scene, Variables};
-use preshade::unstable::search::candidates;
+use preshade::jobs::{self, JOB_SCHEMA, Kind};
+use preshade::measure;
+use preshade::recipe::Recipe;
+use preshade::scene::{Scene, Variables};
+use preshade::search::candidates;
+use preshade_passes::transforms::specialize::Specialize;
+use preshade_plan::pass::Pass;
+use preshade_plan::plan::Plan;
 
-use crate::input::ShaderArgs;
+use crate::input::{self, ShaderArgs};
 use crate::many::{Chosen, Job};
 use crate::verify::{self, TimeArg, VerifyArgs};
-use crate::{Ending, Failure, exhaustive, flags, input, output, promises};
+use crate::{Ending, Failure, exhaustive, flags, output, promises};
 
 /// Arguments of `jobs`.
 #[derive(clap::Args)]

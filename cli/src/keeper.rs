@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::emit::{self, File};
-use preshade::unstable::measure::record::{Unfinished, unfinished};
-use preshade::unstable::search::plan::so_far;
+use preshade::emit::{self, File};
+use preshade::measure::record::{Unfinished, unfinished};
+use preshade::search::plan::so_far;
 
 use crate::{Failure, output};
 

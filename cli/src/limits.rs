@@ -1,7 +1,7 @@
 //! `--limits` and `--allow-outside`: limits on input from strangers.
 
-use preshade::unstable::limits::Limits;
-use preshade::unstable::scene::{Access, Outside};
+use preshade::scene::{Access, Outside};
+use preshade_text::limits::Limits;
 
 /// Limits on input.
 #[derive(Clone, Default, clap::Args)]

@@ -4,15 +4,14 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use preshade::unstable::front::Parsed;
-use preshade::unstable::lock::{FILE_NAME, Inputs, Lock, LockError, Locked, Measured};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::scene::{Material, Scene};
-use preshade::unstable::search::plan::Decision;
+use preshade::front::Parsed;
+use preshade::lock::{FILE_NAME, Inputs, Lock, LockError, Locked, Measured};
+use preshade::recipe::Recipe;
+use preshade::scene::{Material, Scene};
+use preshade::search::plan::Decision;
+use preshade_plan::pass::Facts;
 
-use crate::Failure;
-use crate::output;
+use crate::{Failure, output};
 
 /// The lock files beside a scene's shaders, as read before anything is measured.
 #[derive(Debug, Default)]

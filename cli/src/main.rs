@@ -12,9 +12,9 @@ use std::sync::OnceLock;
 use clap::parser::ValueSource;
 use clap::{ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use config::{Arguments, Config};
-use preshade::unstable::limits::Limits;
-use preshade::unstable::nearest::unknown;
-use preshade::unstable::render::NOT_MEASURED;
+use preshade::render::NOT_MEASURED;
+use preshade_text::limits::Limits;
+use preshade_text::nearest::unknown;
 use watch::Reads;
 
 mod adapters;

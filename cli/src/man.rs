@@ -3,10 +3,9 @@
 use std::path::PathBuf;
 
 use clap_mangen::Man;
-use preshade::unstable::emit::{self, File};
+use preshade::emit::{self, File};
 
-use crate::output;
-use crate::{Ending, Failure};
+use crate::{Ending, Failure, output};
 
 /// Arguments of `man`.
 #[derive(clap::Args)]

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
 use std::path::{Component, Path, PathBuf};
 
-use preshade::unstable::passes::pass::Refusal;
+use preshade_plan::pass::Refusal;
 
 use crate::input::{self, ShaderArgs, is_stdin};
 use crate::{Failure, config};

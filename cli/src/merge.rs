@@ -2,11 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::jobs::{
+use preshade::jobs::{
     Answer, FleetAdapter, Job, MACHINE_SCHEMA, Machine, OUTCOME_SCHEMA, Outcome, Results, fleet,
 };
-use preshade::unstable::search::plan::regret::Choosing;
-use preshade::unstable::{emit, report};
+use preshade::search::plan::regret::Choosing;
+use preshade::{emit, report};
 
 use crate::evaluate::{self, EXTENSION, MACHINES};
 use crate::{Ending, Failure, Table, output, verify};

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::command::agree::class_named;
-use preshade::unstable::command::agreed::Waiver;
-use preshade::unstable::passes::core::mapping::Equation;
-use preshade::unstable::passes::validate::agree::Relation;
+use preshade::command::agree::class_named;
+use preshade::command::agreed::Waiver;
+use preshade_passes::validate::agree::Relation;
+use preshade_plan::mapping::Equation;
 use serde::Deserialize;
 
 use crate::Failure;

@@ -1,9 +1,8 @@
 //! `preshade passes`: lists the passes and their parameters.
 
-use preshade::unstable::command::passes;
+use preshade::command::passes;
 
-use crate::output;
-use crate::{Ending, Failure, Format};
+use crate::{Ending, Failure, Format, output};
 
 /// Arguments of `passes`.
 #[derive(clap::Args)]

@@ -5,25 +5,22 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use preshade::unstable::command::rewrite;
-use preshade::unstable::emit;
-use preshade::unstable::measure::{self, Detail, EffectUse, Session, TimingSettings, Variant};
-use preshade::unstable::passes::budget::Budget;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::specialize;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::regular;
-use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::unstable::report;
-use preshade::unstable::report::html::plan::Redrawn;
-use preshade::unstable::scene::{DrawOrder, Rows, Scene};
-use preshade::unstable::search::plan::regret::Choosing;
-use preshade::unstable::search::plan::{
-    self as decide, Decision, Hold, Model, SceneSoFar, Settings, Timed,
-};
+use preshade::command::rewrite;
+use preshade::measure::{self, Detail, EffectUse, Session, TimingSettings, Variant};
+use preshade::recipe::Recipe;
+use preshade::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::report::html::plan::Redrawn;
+use preshade::scene::{DrawOrder, Rows, Scene};
+use preshade::search::plan as decide;
+use preshade::search::plan::regret::Choosing;
+use preshade::search::plan::{Decision, Hold, Model, SceneSoFar, Settings, Timed};
+use preshade::{emit, report};
+use preshade_passes::transforms::specialize;
+use preshade_plan::budget::Budget;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_text::regular;
 
-use crate::guesses;
 use crate::input::{self, FrameArgs, ShaderArgs, unread};
 use crate::kept::{KeptScenes, reopened};
 use crate::limits::LimitArgs;
@@ -33,7 +30,7 @@ use crate::output::{self, ProgressLine};
 use crate::rewrite::check_name;
 use crate::verify::{OrderArg, check_budget, check_folder, parse_frames, parse_seconds};
 use crate::view::ViewArgs;
-use crate::{Ending, Failure, Table, exhaustive, results, worker};
+use crate::{Ending, Failure, Table, exhaustive, guesses, results, worker};
 
 /// Arguments of `plan`.
 #[derive(clap::Args)]

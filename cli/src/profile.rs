@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use preshade::unstable::measure::{TimingSettings, profile};
-use preshade::unstable::render::{AdapterChoice, Gpu};
-use preshade::unstable::report;
+use preshade::measure::{TimingSettings, profile};
+use preshade::render::{AdapterChoice, Gpu};
+use preshade::report;
 
 use crate::input::ShaderArgs;
 use crate::verify::{command, parse_seconds};

@@ -2,17 +2,16 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use preshade::unstable::emit;
-use preshade::unstable::jobs::decision::{
+use preshade::jobs::decision::{
     FleetDecision, FleetDecisions, FleetFrontiers, NoTimes, decide, frontier,
 };
-use preshade::unstable::jobs::{Results, Rows, SCHEMA, Subject, VERSION, Variants, hash};
-use preshade::unstable::measure;
-use preshade::unstable::nearest::unknown;
-use preshade::unstable::passes::budget::Budget;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::report::fleet;
+use preshade::jobs::{Results, Rows, SCHEMA, Subject, VERSION, Variants, hash};
+use preshade::recipe::Recipe;
+use preshade::report::fleet;
+use preshade::{emit, measure};
+use preshade_plan::budget::Budget;
+use preshade_plan::plan::Plan;
+use preshade_text::nearest::unknown;
 
 use crate::input::{self, ShaderArgs};
 use crate::many::{self, Job};

@@ -6,27 +6,26 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use preshade::unstable::command::material::assumed;
-use preshade::unstable::command::refusal;
-use preshade::unstable::command::rewrite::{self, OnAdapter, Report, Rewritten};
-use preshade::unstable::emit::{self, File, Target};
-use preshade::unstable::measure::{self, validate_on};
-use preshade::unstable::passes::pass::Refusal;
-use preshade::unstable::passes::plan::{Plan, Role};
-use preshade::unstable::passes::validate::{By, Effort, validate_by};
-use preshade::unstable::passes::{PASSES, pass_named};
-use preshade::unstable::pipeline::{self, Applied, Frame, Skipped};
-use preshade::unstable::recipe::{Recipe, Step};
-use preshade::unstable::render::{AdapterChoice, Gpu};
+use preshade::command::material::assumed;
+use preshade::command::refusal;
+use preshade::command::rewrite::{self, OnAdapter, Report, Rewritten};
+use preshade::emit::{self, File, Target};
+use preshade::measure::{self, validate_on};
+use preshade::pipeline::{self, Applied, Frame, Skipped};
+use preshade::recipe::{Recipe, Step};
+use preshade::render::{AdapterChoice, Gpu};
+use preshade_passes::validate::{By, Effort, validate_by};
+use preshade_passes::{PASSES, pass_named};
+use preshade_plan::pass::Refusal;
+use preshade_plan::plan::{Plan, Role};
 use rayon::prelude::*;
 
-use crate::depfile;
 use crate::input::{Materials, ShaderArgs};
 use crate::many::{self, Chosen, Job, Sum};
-use crate::output;
 use crate::rewritten::{Made, Times};
 use crate::watch::Reads;
-use crate::{Ending, Failure, Format, unknown};
+use crate::{Ending, Failure, Format, depfile, output};
+use preshade_text::nearest::unknown;
 
 /// Arguments of `rewrite`.
 #[derive(clap::Args)]

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use preshade::unstable::command::rewrite::Rewritten;
-use preshade::unstable::emit;
+use preshade::command::rewrite::Rewritten;
+use preshade::emit;
 
 /// The result of a job, before anything is written.
 #[derive(Default)]

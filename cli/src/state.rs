@@ -3,13 +3,13 @@
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use preshade::unstable::command::material::{BlendFlag, StateFlags, check_state, with_suggestion};
-use preshade::unstable::limits::Limits;
-use preshade::unstable::passes::state::{
+use preshade::command::material::{BlendFlag, StateFlags, check_state, with_suggestion};
+use preshade::scene::Scene;
+use preshade_plan::state::{
     CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState, Topology,
 };
-use preshade::unstable::regular;
-use preshade::unstable::scene::Scene;
+use preshade_text::limits::Limits;
+use preshade_text::regular;
 
 use crate::Failure;
 use crate::input::unread;

@@ -4,27 +4,24 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use preshade::unstable::command::material::assumed;
-use preshade::unstable::command::rewrite;
-use preshade::unstable::measure::crossover::{Point, Series};
-use preshade::unstable::measure::record::{Chosen, Pictures, Report, SweepReport};
-use preshade::unstable::measure::{
-    self, Detail, Session, Settings, Timed, TimingSettings, Variant,
-};
-use preshade::unstable::parameters::parameters;
-use preshade::unstable::passes::budget::{Budget, Metric};
-use preshade::unstable::passes::pass::{Facts, Use};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::{examples, pass_named};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::unstable::report;
-use preshade::unstable::scene::{DrawOrder, Scene, Variables};
-use preshade::unstable::sweep::Sweep;
+use preshade::command::material::assumed;
+use preshade::command::rewrite;
+use preshade::measure::crossover::{Point, Series};
+use preshade::measure::record::{Chosen, Pictures, Report, SweepReport};
+use preshade::measure::{self, Detail, Session, Settings, Timed, TimingSettings, Variant};
+use preshade::parameters::parameters;
+use preshade::recipe::Recipe;
+use preshade::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::report;
+use preshade::scene::{DrawOrder, Scene, Variables};
+use preshade::sweep::Sweep;
+use preshade_passes::{examples, pass_named};
+use preshade_plan::budget::{Budget, Metric};
+use preshade_plan::pass::{Facts, Use};
+use preshade_plan::plan::Plan;
 
 use crate::apart::{apart, resumed};
 use crate::explain::largest_saving;
-use crate::guesses;
 use crate::input::ShaderArgs;
 use crate::keeper::Keeper;
 use crate::many::{self, Job};
@@ -33,7 +30,7 @@ use crate::share::share;
 use crate::variable::Axis;
 use crate::variants::VariantArgs;
 use crate::view::ViewArgs;
-use crate::{Ending, Failure, Table, color_on, promises, worker};
+use crate::{Ending, Failure, Table, color_on, guesses, promises, worker};
 
 /// Arguments of `verify`.
 #[derive(clap::Args)]
@@ -498,8 +495,8 @@ fn told(
     })
 }
 
-fn file(name: &str, text: String) -> preshade::unstable::emit::File {
-    preshade::unstable::emit::File {
+fn file(name: &str, text: String) -> preshade::emit::File {
+    preshade::emit::File {
         name: name.to_owned(),
         bytes: text.into_bytes(),
     }
@@ -508,7 +505,7 @@ fn file(name: &str, text: String) -> preshade::unstable::emit::File {
 /// Writes the files and the pictures to the folder of `--out`.
 fn write(
     args: &VerifyArgs,
-    mut files: Vec<preshade::unstable::emit::File>,
+    mut files: Vec<preshade::emit::File>,
     pictures: &[Pictures],
 ) -> Result<(), Failure> {
     let Some(dir) = &args.out else { return Ok(()) };
@@ -519,7 +516,7 @@ fn write(
             }
         }
     }
-    preshade::unstable::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+    preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
     let beside = match args.shader.limits.limits().isolates() && worker::mine().is_none() {
         true => ", beside the pictures that each variant's own process wrote",
         false => "",

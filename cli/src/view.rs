@@ -1,7 +1,7 @@
 //! `--camera` and `--size`.
 
-use preshade::unstable::render::Gpu;
-use preshade::unstable::scene::Scene;
+use preshade::render::Gpu;
+use preshade::scene::Scene;
 
 use crate::{Failure, output};
 

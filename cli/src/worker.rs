@@ -9,10 +9,10 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use preshade::unstable::jobs::hash;
-use preshade::unstable::limits::Limits;
-use preshade::unstable::render::Gpu;
-use preshade::unstable::render::turns::{Turn, Turns};
+use preshade::jobs::hash;
+use preshade::render::Gpu;
+use preshade::render::turns::{Turn, Turns};
+use preshade_text::limits::Limits;
 
 use crate::{Failure, bounded};
 

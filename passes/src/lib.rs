@@ -17,8 +17,6 @@
 //! Nothing in here reads a file, touches a GPU or asks the time.
 
 pub mod analysis;
-pub mod core;
-pub mod evaluate;
 pub mod graph;
 pub mod rebuild;
 pub mod slice;
@@ -26,12 +24,7 @@ pub mod transforms;
 pub mod validate;
 
 pub use analysis::{checks, coverage, neighbours, opaque, uniformity};
-pub use core::{
-    budget, calls, channels, contract, declared, draw_table, features, frame, geometry, guard,
-    limits, link, pass, plan, program, rasterizer, reflect, self_test, state, uniforms,
-};
-pub use evaluate::bound;
-pub use rebuild::{bounded, count, depth_only, place, returns};
+pub use rebuild::{bounded, count, depth_only, place};
 pub use transforms::{
     depth_prepass, early_discard, half_rate, hoist, outputs, preamble, shadow, skip_taps,
     specialize, tessellate, trim_loop, visibility_buffer,
@@ -42,6 +35,6 @@ pub use naga;
 pub use transforms::{PASSES, examples, refusals};
 
 /// The pass of that name.
-pub fn pass_named(name: &str) -> Option<&'static dyn pass::AnyPass> {
+pub fn pass_named(name: &str) -> Option<&'static dyn preshade_plan::pass::AnyPass> {
     PASSES.iter().copied().find(|p| p.info().name == name)
 }

@@ -3,7 +3,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::plan::{BindingLayout, BindingSource, BindingUse, HostValue, Plan};
+use preshade_plan::plan::{BindingLayout, BindingSource, BindingUse, HostValue, Plan};
 
 use super::generate::json;
 use super::wgpu_words as words;

@@ -3,19 +3,19 @@
 
 use std::path::PathBuf;
 
-use preshade_passes::contract::{Assumption, Contract};
-use preshade_passes::pass::{Facts, Refusal};
-use preshade_passes::plan::Plan;
+use preshade_plan::contract::{Assumption, Contract};
+use preshade_plan::pass::{Facts, Refusal};
+use preshade_plan::plan::Plan;
 
 use super::generate::Drawn;
 use super::stamp::Trace;
 use super::{Asked, BuildConfig, BuildError};
 use crate::emit::{self, File, Target};
 use crate::front;
-use crate::front::options;
 use crate::lock::{Inputs, Left, Lock, LockError, Locked, Mismatch};
 use crate::pipeline::{self, Applied, Frame};
 use crate::recipe::{Recipe, Step};
+use preshade_text::options;
 
 /// The default variants, which need no scene.
 pub(super) const BY_DEFAULT: [(&str, &str); 3] = [

@@ -3,9 +3,9 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt::Write;
 
-use preshade_passes::core::overrides::Constant;
-use preshade_passes::guard::{self, Place};
-use preshade_passes::plan::{BindingSource, BindingUse, Plan};
+use preshade_plan::guard::{self, Place};
+use preshade_plan::overrides::Constant;
+use preshade_plan::plan::{BindingSource, BindingUse, Plan};
 
 use super::bindings::{Said, Shared};
 use super::{passes, wgpu_words as words};

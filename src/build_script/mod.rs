@@ -3,15 +3,15 @@
 //!
 //! ```no_run
 //! // build.rs
-//! fn main() -> Result<(), preshade::build_script::BuildError> {
-//!     preshade::configure().pass("depth-prepass").compile("shaders/lit.wgsl")
+//! fn main() -> Result<(), crate::build_script::BuildError> {
+//!     crate::configure().pass("depth-prepass").compile("shaders/lit.wgsl")
 //! }
 //! ```
 //!
 //! ```ignore
 //! // src/main.rs: the generated code depends only on wgpu 30.
 //! mod lit {
-//!     preshade::include_variant!("lit");
+//!     crate::include_variant!("lit");
 //! }
 //! let pipeline = lit::MAIN.pipeline(&device, &[lit::INTERLEAVED])?;
 //! ```
@@ -30,7 +30,7 @@
 //! For each material, the build chooses in this order:
 //!
 //! 1. If `preshade.lock` beside the shader has an entry, the build uses it
-//!    ([`unstable::lock`](crate::unstable::lock)). If the entry does not match the shader, the
+//!    ([`unstable::lock`](crate::lock)). If the entry does not match the shader, the
 //!    build warns and ships the original.
 //! 2. Otherwise it applies the passes that you request. A step that needs a scene is skipped with a
 //!    warning: its contract has an error budget, say, or assumes that no depths tie.
@@ -69,15 +69,15 @@ use bindings::Said;
 use choose::Keeping;
 pub use error::BuildError;
 use generate::Drawn;
-use preshade_passes::state::MaterialState;
+use preshade_plan::state::MaterialState;
 use stamp::Trace;
 
 use crate::emit::{self, File, Target};
 use crate::front;
-use crate::front::options;
 use crate::lock::{Left, Lock, LockError};
 use crate::recipe::Recipe;
-use crate::regular::ReadError;
+use preshade_text::options;
+use preshade_text::regular::ReadError;
 
 /// The options of a build: see the module.
 #[must_use]

@@ -2,13 +2,13 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::plan::{
+use preshade_plan::plan::{
     Attachment, BindingUse, ClearValue, ComputePass, Draws, GpuPass, Plan, SamplesPassed, SelfTest,
     SelfTestDraw,
 };
-use preshade_passes::program::Program;
-use preshade_passes::reflect;
-use preshade_passes::state::{AttachmentOps, DepthState, LoadOp};
+use preshade_plan::program::Program;
+use preshade_plan::reflect;
+use preshade_plan::state::{AttachmentOps, DepthState, LoadOp};
 
 use super::bindings::{PassKind, Shared};
 use super::generate::{Drawn, Override, included, json, samples_are_free};

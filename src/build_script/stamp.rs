@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use preshade_passes::core::source::Searched;
+use preshade_text::source::Searched;
 use serde::{Deserialize, Serialize};
 
 use super::BuildConfig;

@@ -1,12 +1,12 @@
 //! Generated modules agree with their plans.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use crate::front::options;
-use preshade_passes::guard;
+use preshade_plan::guard;
+use preshade_text::options;
 
-use preshade_passes::pass::Facts;
-use preshade_passes::plan::Plan;
-use preshade_passes::state::MaterialState;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
 
 use super::{BuildError, choose, generate};
 use crate::front;

@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 use std::fmt::Debug;
 
-use preshade_passes::plan::{AttachmentFormat, BindingKind, BindingLayout, BindingUse};
-use preshade_passes::state::{
+use preshade_plan::plan::{AttachmentFormat, BindingKind, BindingLayout, BindingUse};
+use preshade_plan::state::{
     Blend, BlendComponent, ColorTarget, CullMode, DepthFormat, DepthState, Multisample,
     PrimitiveState, StencilFace, StencilState, Topology,
 };
@@ -146,7 +146,7 @@ pub(super) fn no_target(name: &str) -> Option<String> {
     if TARGETS.contains(&name) {
         return None;
     }
-    let near = crate::nearest::nearest(name, TARGETS);
+    let near = preshade_text::nearest::nearest(name, TARGETS);
     let near = near.map_or(String::new(), |near| format!("; did you mean `{near}`?"));
     Some(format!(
         "there is no colour format `{name}` that can be drawn to, in WebGPU's spelling{near}"
@@ -312,7 +312,7 @@ pub(super) fn vertex_format(ty: &str) -> Option<(&'static str, u64)> {
     })
 }
 
-/// Features that a plan may name, with wgpu's constants: those of [`preshade_passes::features`],
+/// Features that a plan may name, with wgpu's constants: those of [`preshade_plan::features`],
 /// and those of formats and states.
 const FEATURES: [(&str, &str); 47] = [
     ("bgra8unorm-storage", "BGRA8UNORM_STORAGE"),
@@ -468,7 +468,7 @@ mod tests {
     #[test]
     fn limits_have_wgpus_names() {
         let limits = format!("{:?}", wgpu::Limits::default());
-        for (name, _) in preshade_passes::limits::DEFAULTS {
+        for (name, _) in preshade_plan::limits::DEFAULTS {
             let field = snake_case(name);
             assert!(limits.contains(&format!(" {field}: ")), "{field}");
         }
@@ -476,7 +476,7 @@ mod tests {
 
     #[test]
     fn features_have_wgpus_names_and_none_is_forgotten() {
-        use preshade_passes::features::{CAPABILITIES, Has};
+        use preshade_plan::features::{CAPABILITIES, Has};
         for (name, constant) in FEATURES {
             let named = wgpu::Features::from_name(constant);
             assert_eq!(name.parse().ok(), named, "{name}");

@@ -1,6 +1,6 @@
 //! The error codes of captured frames.
 
-use preshade_passes::core::refusals::refusals;
+use preshade_text::refusals::refusals;
 
 refusals! {
     CAPTURE = "capture":

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use crate::front::options::ClipSpace;
+use preshade_text::options::ClipSpace;
 
 /// Version of the file.
 pub const SCHEMA: &str = "preshade.frames.v1";

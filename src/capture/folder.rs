@@ -3,13 +3,14 @@
 
 use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;
+use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use super::file::{CaptureFile, Command, DataName, DrawCommand, Resource, SCHEMA};
 use super::{Error, ranges};
-use crate::limits::Limits;
-use crate::regular;
+use preshade_text::limits::Limits;
+use preshade_text::regular;
 
 /// The file that makes a folder a frame folder.
 pub const FILE: &str = "frame.json";
@@ -61,7 +62,7 @@ impl Capture {
     pub fn open(folder: &Path, limits: &Limits) -> Result<Self, Error> {
         let path = file_of(folder);
         let text = match path.ends_with(PACKED) {
-            true => regular::unpacked(&path, limits, "file-bytes").and_then(regular::decode),
+            true => unpacked(&path, limits, "file-bytes").and_then(regular::decode),
             false => regular::text(&path, limits, "file-bytes"),
         };
         let text = text.map_err(|error| Error::Read {
@@ -299,4 +300,23 @@ fn level(file: &CaptureFile, texture: usize, level: u32, what: &str) -> Result<(
         )),
         _ => Ok(()),
     }
+}
+
+/// What a file holds that gzip compressed. The limit holds for both sizes.
+///
+/// # Errors
+/// [`ReadError`].
+pub(super) fn unpacked(
+    path: &Path,
+    limits: &Limits,
+    limit: &'static str,
+) -> Result<Vec<u8>, regular::ReadError> {
+    let packed = regular::bytes(path, limits, limit)?;
+    let mut bytes = Vec::new();
+    flate2::read::GzDecoder::new(packed.as_slice())
+        .take(limits.of(limit).saturating_add(1))
+        .read_to_end(&mut bytes)?;
+    let what = format_args!("the bytes in {}", path.display());
+    limits.check(limit, bytes.len() as u64, what)?;
+    Ok(bytes)
 }

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::core::declared::ROW_NOTES;
-use preshade_passes::evaluate::overrides;
-use preshade_passes::state::{
+use naga_interp::overrides;
+use preshade_ir::declared::ROW_NOTES;
+use preshade_plan::state::{
     Blend, BlendComponent, ColorTarget, DepthBias, FrontFace, MaterialState, Multisample,
     PrimitiveState, StencilFace, StencilState,
 };
@@ -14,9 +14,9 @@ use serde::de::DeserializeOwned;
 use super::file::{self, Cull, RenderPipeline, ShaderLanguage};
 use super::folder::{Capture, get};
 use super::{Error, points, webgl};
-use crate::front::options;
 use crate::front::{self, Source};
 use crate::scene::{Material, Rows};
+use preshade_text::options;
 
 /// Why a draw is not in the scene.
 pub(super) enum Left {
@@ -157,8 +157,8 @@ pub(super) fn read(
         if reader == Reader::Scene {
             program = points::with_flat_varyings(&program).map_err(Left::Out)?;
         }
-        state.primitive.topology = preshade_passes::state::Topology::TriangleList;
-        state.primitive.cull = preshade_passes::state::CullMode::None;
+        state.primitive.topology = preshade_plan::state::Topology::TriangleList;
+        state.primitive.cull = preshade_plan::state::CullMode::None;
     }
     Ok(Material {
         name: name.to_owned(),
@@ -185,9 +185,9 @@ fn state(of: &RenderPipeline) -> Result<MaterialState, String> {
             // Fans and loops have indices of ours.
             topology: same(super::replay::topology(p.topology))?,
             cull: match p.cull_mode {
-                Cull::None => preshade_passes::state::CullMode::None,
-                Cull::Front => preshade_passes::state::CullMode::Front,
-                Cull::Back => preshade_passes::state::CullMode::Back,
+                Cull::None => preshade_plan::state::CullMode::None,
+                Cull::Front => preshade_plan::state::CullMode::Front,
+                Cull::Back => preshade_plan::state::CullMode::Back,
             },
             front_face: same(p.front_face)?,
             unclipped_depth: p.unclipped_depth,
@@ -211,7 +211,7 @@ fn state(of: &RenderPipeline) -> Result<MaterialState, String> {
         };
         state.stencil = stencil(depth)?;
     } else {
-        state.depth_compare = Some(preshade_passes::state::CompareFunction::Always);
+        state.depth_compare = Some(preshade_plan::state::CompareFunction::Always);
         state.depth_write = false;
     }
     for target in of.fragment.iter().flat_map(|f| &f.targets) {

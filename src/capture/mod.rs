@@ -11,7 +11,7 @@
 mod alpha;
 #[cfg(feature = "capture")]
 pub mod browser;
-mod check;
+pub mod check;
 pub mod codes;
 mod contents;
 pub mod file;
@@ -42,8 +42,9 @@ pub use scene::{Choice, scene};
 pub use share::Share;
 pub use unknown::{UnknownDepth, unknown_depths};
 
-use crate::limits::Exceeded;
-use crate::{front, regular, render};
+use crate::{front, render};
+use preshade_text::limits::Exceeded;
+use preshade_text::regular;
 
 /// A capture that cannot be read or replayed.
 #[derive(Debug, thiserror::Error)]

@@ -1,8 +1,8 @@
 //! WebGL's points as squares of two triangles: WebGPU's points are one pixel large and have no coordinate.
 
 use naga::{Binding, Interpolation, ShaderStage};
-use preshade_passes::core::interface;
-use preshade_passes::program::Program;
+use preshade_ir::interface;
+use preshade_plan::program::Program;
 
 use super::material::Reader;
 use super::webgl::CORNER;

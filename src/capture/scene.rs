@@ -6,10 +6,9 @@ use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
-use preshade_passes::plan::{BindingKind, BindingUse};
-use preshade_passes::state::DepthDirection;
+use preshade_plan::plan::{BindingKind, BindingUse};
+use preshade_plan::state::DepthDirection;
 
-use super::alpha;
 use super::contents::{Contents, cut};
 use super::file::{self, RenderPipeline, Resource, View};
 use super::folder::{Capture, get};
@@ -18,7 +17,7 @@ use super::measured::Measured;
 use super::pass::{self, Kind, Part, Pass, PassDraw, passes};
 use super::replay::{Replay, Until};
 use super::share::Share;
-use super::{Error, noise, texels, webgl};
+use super::{Error, alpha, noise, texels, webgl};
 use crate::render::Gpu;
 use crate::scene::bind::{
     Area, BufferBinding, Call, Data, DrawBindings, Rate, SamplerBinding, TextureBinding,

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use preshade_passes::state::{DepthDirection, DepthFormat};
+use preshade_plan::state::{DepthDirection, DepthFormat};
 
 use super::contents::Contents;
 use super::file::{self, Load, View};
@@ -94,7 +94,7 @@ impl Maker<'_> {
                     .and_then(|p| p.depth_stencil.as_ref());
                 let Some(depth) = depth else { continue };
                 let compare = depth.depth_compare.and_then(|c| material::same(c).ok());
-                let compare = compare.and_then(preshade_passes::state::CompareFunction::direction);
+                let compare = compare.and_then(preshade_plan::state::CompareFunction::direction);
                 if depth.depth_write_enabled.unwrap_or(false) == writes
                     && let Some(direction) = compare
                 {

@@ -4,9 +4,9 @@
 use std::collections::BTreeMap;
 
 use naga::ScalarKind;
-use preshade_passes::core::interface;
-use preshade_passes::declared::{Declaration, Type};
-use preshade_passes::plan::{BindingKind, BindingLayout, BindingUse};
+use preshade_ir::declared::{Declaration, Type};
+use preshade_ir::interface;
+use preshade_plan::plan::{BindingKind, BindingLayout, BindingUse};
 
 use super::file::{
     self, Api, AttributeFormat, BufferRange, IndexFormat, Named, Packed, RenderPipeline,

@@ -10,8 +10,8 @@ use std::{fs, mem};
 
 use super::folder::{FILE, PACKED, file_of, is_folder};
 use crate::emit::{self, File};
-use crate::limits::Limits;
-use crate::regular;
+use preshade_text::limits::Limits;
+use preshade_text::regular;
 
 /// The folder of data.
 pub(super) const DATA: &str = "data";
@@ -116,7 +116,7 @@ fn is_hash(text: &str) -> bool {
 fn named(folder: &Path, limits: &Limits) -> io::Result<BTreeSet<String>> {
     let file = file_of(folder);
     let bytes = match file.ends_with(PACKED) {
-        true => regular::unpacked(&file, limits, "file-bytes"),
+        true => super::folder::unpacked(&file, limits, "file-bytes"),
         false => regular::bytes(&file, limits, "file-bytes"),
     };
     let bytes = bytes.map_err(io::Error::other)?;

@@ -1,14 +1,14 @@
 //! Two programs held against each other.
 
 use naga::ShaderStage;
-use preshade_passes::declared::Depth;
+use preshade_ir::declared::Depth;
 use preshade_passes::graph::Graph;
-use preshade_passes::plan::Plan;
 use preshade_passes::validate::Effort;
 use preshade_passes::validate::agree::{self, Agreement, Class, Mismatch, Question, Relation};
+use preshade_plan::plan::Plan;
 use serde::Serialize;
 
-use crate::nearest::unknown;
+use preshade_text::nearest::unknown;
 
 /// A value of `--fail-on`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

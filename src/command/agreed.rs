@@ -7,7 +7,7 @@ use preshade_passes::validate::agree::{Agreement, By, Class, Finding, Outcome, R
 use serde::Serialize;
 
 use super::agree::Cost;
-use crate::nearest::unknown;
+use preshade_text::nearest::unknown;
 
 /// What a scene showed of both programs.
 pub trait Drawn: Serialize {

@@ -3,14 +3,14 @@
 use std::fmt;
 
 use naga::ShaderStage;
-use preshade_passes::core::source::Location;
-use preshade_passes::guard::Assumed;
-use preshade_passes::hoist::Hoist;
-use preshade_passes::pass::{Change, Facts, Frequency, Left, Outcome, Pass, Refusal};
-use preshade_passes::plan::Plan;
-use preshade_passes::specialize::effects::{self, CalledFor, Effect};
-use preshade_passes::specialize::{Specialize, as_drawn};
+use preshade_passes::transforms::hoist::Hoist;
+use preshade_passes::transforms::specialize::effects::{self, CalledFor, Effect};
+use preshade_passes::transforms::specialize::{Specialize, as_drawn};
 use preshade_passes::{PASSES, pass_named};
+use preshade_plan::guard::Assumed;
+use preshade_plan::pass::{Change, Facts, Frequency, Left, Outcome, Pass, Refusal};
+use preshade_plan::plan::Plan;
+use preshade_text::source::Location;
 use serde::Serialize;
 
 use crate::parameters::parameters;
@@ -453,8 +453,8 @@ fn stages(plan: &Plan, facts: &Facts) -> Vec<StageCost> {
 
 #[cfg(test)]
 mod tests {
-    use preshade_passes::pass::{Site, SiteCost};
-    use preshade_passes::plan::Role;
+    use preshade_plan::pass::{Site, SiteCost};
+    use preshade_plan::plan::Role;
 
     use super::*;
     use crate::command::explained;

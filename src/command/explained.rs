@@ -1,7 +1,7 @@
 //! What `explain` found, in ten lines or in full.
 
-use preshade_passes::pass::{Bound, Frequency, Left, Refusal, SiteCost};
-use preshade_passes::plan::Plan;
+use preshade_plan::pass::{Bound, Frequency, Left, Refusal, SiteCost};
+use preshade_plan::plan::Plan;
 
 use super::explain::{EffectUse, Explained, PassExplained, Saved, VersionExplained, WORTH_A_LOOK};
 use super::refusal;

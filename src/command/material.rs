@@ -1,16 +1,16 @@
 //! A material on its own: its name, its definitions and its pipeline state.
 
 use naga::{Binding, BuiltIn, ShaderStage};
-use preshade_passes::core::interface;
-use preshade_passes::plan::Plan;
-use preshade_passes::state::{
+use preshade_ir::interface;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::{
     Blend, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState,
     Topology,
 };
 use serde::Deserialize;
 
 use crate::front::Parsed;
-use crate::nearest::nearest;
+use preshade_text::nearest::nearest;
 
 /// The name of a material: its file's without the endings. `stem` lacks the last of them.
 pub fn name_of(stem: &str) -> &str {

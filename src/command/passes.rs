@@ -5,8 +5,8 @@ use std::fmt::Write;
 use preshade_passes::{PASSES, pass_named};
 use serde::Serialize;
 
-use crate::nearest::unknown;
 use crate::parameters::{Parameter, parameters};
+use preshade_text::nearest::unknown;
 
 /// The passes, or one of them.
 #[derive(Serialize)]

@@ -2,10 +2,10 @@
 
 use codespan_reporting::diagnostic::{Diagnostic, Label};
 use codespan_reporting::term;
-use preshade_passes::pass::Refusal;
-use preshade_passes::plan::Plan;
+use preshade_plan::pass::Refusal;
+use preshade_plan::plan::Plan;
 
-use crate::front::excerpt::Excerpts;
+use preshade_text::excerpt::Excerpts;
 
 /// What makes a refused step legal. `None`: nothing, since there is nothing for it to do.
 pub fn remedy(refusal: &Refusal) -> Option<&str> {

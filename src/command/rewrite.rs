@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use preshade_passes::PASSES;
-use preshade_passes::contract::Contract;
 use preshade_passes::graph::{FunctionId, Graph};
-use preshade_passes::pass::{AnyPass, Facts, Refusal};
-use preshade_passes::plan::{GpuPass, Plan};
-use preshade_passes::program::Program;
 use preshade_passes::validate::{Check, Verdict};
+use preshade_plan::contract::Contract;
+use preshade_plan::pass::{AnyPass, Facts, Refusal};
+use preshade_plan::plan::{GpuPass, Plan};
+use preshade_plan::program::Program;
 use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
@@ -328,9 +328,11 @@ pub fn removed_discard(plan: &Plan) -> Option<String> {
 
 #[cfg(test)]
 mod tests {
-    use preshade_passes::plan::Role;
+    use preshade_plan::plan::Role;
 
-    use super::{Check, Verdict, said};
+    use super::said;
+    use preshade_passes::validate::Check;
+    use preshade_passes::validate::verdict::Verdict;
 
     #[test]
     fn checks_that_cannot_run_for_one_reason_are_one_warning() {

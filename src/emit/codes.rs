@@ -1,6 +1,6 @@
 //! The error codes of emission.
 
-use preshade_passes::core::refusals::refusals;
+use preshade_text::refusals::refusals;
 
 refusals! {
     INEXPRESSIBLE = "inexpressible":

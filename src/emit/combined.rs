@@ -4,10 +4,10 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use naga::{Expression, Function, GlobalVariable, Handle, Module, ResourceBinding, TypeInner};
-use preshade_passes::core::calls;
-use preshade_passes::declared::{CombinedSampler, Declared, Type};
-use preshade_passes::plan::Plan;
-use preshade_passes::program::Program;
+use naga_operands::calls;
+use preshade_ir::declared::{CombinedSampler, Declared, Type};
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
 
 #[cfg(feature = "spirv")]
 use super::plan_json::GlslTexture;

@@ -2,7 +2,7 @@
 //! ES 3.0, 2.12.3).
 
 use naga::ShaderStage;
-use preshade_passes::plan::{Plan, Role};
+use preshade_plan::plan::{Plan, Role};
 
 use super::plan_json::StageFile;
 use super::{File, Target, Written, written_key};

@@ -7,11 +7,12 @@ use std::collections::HashMap;
 use std::hash::{DefaultHasher, Hash as _, Hasher as _};
 
 use naga::{AddressSpace, Block, Expression, Function, Handle, Module, Statement};
-use preshade_passes::program::Program;
+use preshade_plan::program::Program;
 
-use crate::front::options::Options;
-use crate::front::{self, Color, Source};
+use crate::front::{self, Source};
 use crate::wgsl::{self, operands, tidy};
+use preshade_text::error::Color;
+use preshade_text::options::Options;
 
 /// The effects of a module in order, one line per effect or control flow.
 fn effects(module: &Module) -> Vec<String> {
@@ -121,7 +122,7 @@ impl Trace<'_> {
                 self.lines.len().hash(&mut hasher);
                 self.values.insert(*result, hasher.finish());
             }
-            for inner in operands::blocks(&mut statement) {
+            for inner in naga_operands::blocks_mut(&mut statement) {
                 self.block(inner);
                 self.lines.push("end".to_owned());
             }
@@ -138,7 +139,7 @@ fn prove(name: &str, text: &str) {
             Program::new(
                 module,
                 std::sync::Arc::default(),
-                preshade_passes::core::source::Language::Wgsl,
+                preshade_text::source::Language::Wgsl,
             )
             .unwrap()
         }

@@ -28,13 +28,13 @@ use naga::{
     AddressSpace, GlobalVariable, Handle, ImageClass, Module, ResourceBinding, ShaderStage,
     TypeInner,
 };
-use preshade_passes::budget::Budget;
-use preshade_passes::contract::{Assumption, Contract};
-use preshade_passes::core::source::Invalid;
-use preshade_passes::declared::Depth;
-use preshade_passes::plan::Plan;
-use preshade_passes::program::Program;
+use preshade_ir::declared::Depth;
 use preshade_passes::rebuild::quad;
+use preshade_plan::budget::Budget;
+use preshade_plan::contract::{Assumption, Contract};
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
+use preshade_text::source::Invalid;
 
 use self::author::Authored;
 use self::text::Dialect;
@@ -44,7 +44,7 @@ use super::overrides::{self, Settled, Specialised};
 use super::plan_json::{GlslBlock, GlslTexture, StageFile, WeakerPromise};
 use super::{ClipSpace, EmitError, Options, Target, reduce};
 use crate::wgsl;
-use crate::wgsl::text::Spelling;
+use preshade_text::tokens::Spelling;
 
 /// Prepares the program to be written with its author's names.
 pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Authored, EmitError> {
@@ -240,7 +240,8 @@ fn with_own_origin(
     name: &str,
     target: Target,
 ) -> Result<String, EmitError> {
-    let is_read = wgsl::text::tokens(&text).any(|(_, range)| &text[range] == "gl_FragCoord");
+    let is_read =
+        preshade_text::tokens::tokens(&text).any(|(_, range)| &text[range] == "gl_FragCoord");
     if clip_space == ClipSpace::OpenGl || !is_read {
         return Ok(text);
     }
@@ -333,7 +334,7 @@ pub(super) fn write(
     .and_then(|mut writer| writer.write())
     .map_err(failed)?;
     lacks::refuse_words(&text, name, target)?;
-    text = wgsl::text::exact_floats(&text, Spelling::Glsl);
+    text = preshade_text::tokens::exact_floats(&text, Spelling::Glsl);
 
     // A struct shared by both stages makes the fragment input invariant too. WGSL allows that, GLSL
     // does not.

@@ -3,10 +3,10 @@
 
 use naga::compact::{KeepUnused, compact};
 use naga::{Expression, Module};
-use preshade_passes::declared::LengthConstant;
-use preshade_passes::evaluate::overrides;
-use preshade_passes::plan::Plan;
-use preshade_passes::program::Program;
+use naga_interp::overrides;
+use preshade_ir::declared::LengthConstant;
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
 
 use super::{EmitError, Target};
 

@@ -7,17 +7,17 @@
 use std::borrow::Cow;
 
 use naga::ShaderStage;
-use preshade_passes::core::source::Language;
-use preshade_passes::declared::Depth;
-use preshade_passes::plan::{GpuPass, Plan};
-use preshade_passes::program::Program;
-use preshade_passes::state::MaterialState;
+use preshade_ir::declared::Depth;
 use preshade_passes::validate::Effort;
 use preshade_passes::validate::agree::{self, Class, Outcome, Relation};
+use preshade_plan::plan::{GpuPass, Plan};
+use preshade_plan::program::Program;
+use preshade_plan::state::MaterialState;
+use preshade_text::source::Language;
 
 use super::{ClipSpace, EmitError, Emitted, Options, Target, written_key};
-use crate::front::options;
-use crate::{front, panics};
+use crate::front;
+use preshade_text::{options, panics};
 
 /// How much of each text's meaning is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

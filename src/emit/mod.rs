@@ -50,13 +50,13 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 use naga::{ImageClass, ShaderStage, TypeInner};
-use preshade_passes::plan::{BindingSource, GpuPass, ORIGINAL, Plan};
-use preshade_passes::program::Program;
-use preshade_passes::state::Topology;
+use preshade_plan::plan::{BindingSource, GpuPass, ORIGINAL, Plan};
+use preshade_plan::program::Program;
+use preshade_plan::state::Topology;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::panics;
+use preshade_text::panics;
 
 pub use meaning::Meaning;
 pub use output::{is_material_name, write, write_file};

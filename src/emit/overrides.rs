@@ -11,15 +11,15 @@ use naga::{
     ArraySize, Expression, Function, GlobalVariable, Handle, Literal, Module, Override,
     ShaderStage, Span, Statement, TypeInner,
 };
-use preshade_passes::core::interface;
-use preshade_passes::core::source::{Invalid, Language};
-use preshade_passes::evaluate::overrides::overrides_of;
-use preshade_passes::graph::operands;
-use preshade_passes::plan::Plan;
-use preshade_passes::program::Program;
-use preshade_passes::rebuild::copy::{CopyFunction, Copying};
-use preshade_passes::rebuild::variable::private;
-use preshade_passes::rebuild::writer::FunctionWriter;
+use naga_interp::overrides::overrides_of;
+use naga_operands as operands;
+use preshade_ir::copy::{CopyFunction, Copying};
+use preshade_ir::interface;
+use preshade_ir::variable::private;
+use preshade_ir::writer::FunctionWriter;
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
+use preshade_text::source::{Invalid, Language};
 
 use super::plan_json::{SpecConstant, StageFile};
 use super::{EmitError, Target, reduce};

@@ -2,8 +2,8 @@
 //! (`unrestricted_pointer_parameters`), naga's validator too, but its SPIR-V writer panics.
 
 use naga::{Block, Expression, Function, Module, Span, Statement, TypeInner};
-use preshade_passes::graph::operands;
-use preshade_passes::program::Program;
+use naga_operands as operands;
+use preshade_plan::program::Program;
 
 /// The location of such a call in the program's text, with a remedy.
 pub(crate) fn find(program: &Program) -> Option<String> {

@@ -3,17 +3,17 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use naga::ShaderStage;
-use preshade_passes::contract::Contract;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
-use preshade_passes::declared::LengthConstant;
-use preshade_passes::plan::{Attachment, GpuPass, Plan};
-use preshade_passes::specialize::dispatch::Versions;
+use preshade_ir::declared::LengthConstant;
+use preshade_passes::transforms::specialize::dispatch::Versions;
+use preshade_plan::contract::Contract;
+use preshade_plan::plan::{Attachment, GpuPass, Plan};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{File, Target, TessellationStage, WrittenFiles, written_key};
 
-/// The content of `MATERIAL.plan.json`: a plan ([`preshade_passes::plan::SCHEMA`]) and its files.
+/// The content of `MATERIAL.plan.json`: a plan ([`preshade_plan::plan::SCHEMA`]) and its files.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]
 pub struct PlanFile {
     /// The plan. The files hold its programs.

@@ -1,8 +1,8 @@
 //! Removes the parts of a program that its passes do not use.
 
 use naga::{Module, ShaderStage, compact};
-use preshade_passes::plan::Plan;
-use preshade_passes::program::Program;
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
 
 use super::{EmitError, EmittedStage};
 
@@ -41,7 +41,7 @@ pub(super) fn to_stage(
     program: &Program,
     stage: ShaderStage,
     entry: &str,
-) -> Result<Program, Box<preshade_passes::core::source::Invalid>> {
+) -> Result<Program, Box<preshade_text::source::Invalid>> {
     program.with_module(reduced(program, |s, name| s == stage && name == entry))
 }
 

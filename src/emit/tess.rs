@@ -21,9 +21,9 @@
 use std::collections::BTreeMap;
 
 use naga::{Sampling, Scalar, ScalarKind, ShaderStage, TypeInner};
-use preshade_passes::plan::Plan;
-use preshade_passes::program::Program;
-use preshade_passes::tessellate::native::{self, Blend, Native, Patch, PatchVarying};
+use preshade_passes::transforms::tessellate::native::{self, Blend, Native, Patch, PatchVarying};
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
 
 use super::plan_json::StageFile;
 use super::{

@@ -1,10 +1,10 @@
 //! The WGSL target: headers, the author's own text, and errors with their file.
 
-use preshade_passes::budget::Budget;
-use preshade_passes::contract::Contract;
-use preshade_passes::core::source::Language;
-use preshade_passes::plan::{Plan, Step};
-use preshade_passes::program::Program;
+use preshade_plan::budget::Budget;
+use preshade_plan::contract::Contract;
+use preshade_plan::plan::{Plan, Step};
+use preshade_plan::program::Program;
+use preshade_text::source::Language;
 
 use super::{EmitError, Target};
 use crate::wgsl::{self, WgslError};

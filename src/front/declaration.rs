@@ -6,8 +6,8 @@
 use std::ops::Range;
 
 use naga::{ShaderStage, Span};
-use preshade_passes::core::interface::stage_name;
-use preshade_passes::core::source::{SourceFile, SourceMap};
+use preshade_ir::interface::stage_name;
+use preshade_text::source::{SourceFile, SourceMap};
 
 /// A word, a number or one sign. Comments and preprocessor lines are skipped.
 #[derive(Clone, Copy)]

@@ -1,17 +1,17 @@
 //! Chooses the entry points and checks that the stages fit together.
 
 use naga::{Binding, Module, ShaderStage, compact};
-use preshade_passes::core::interface;
-use preshade_passes::core::source::SourceMap;
-use preshade_passes::plan::BindingUse;
-use preshade_passes::program::Program;
-use preshade_passes::reflect;
+use preshade_ir::interface;
+use preshade_plan::plan::BindingUse;
+use preshade_plan::program::Program;
+use preshade_plan::reflect;
+use preshade_text::source::SourceMap;
 
 use super::declaration::{self, Direction, entry_point};
-use super::error::{Code, Error};
-use crate::front::options::Options;
 use crate::wgsl::varying::Varying;
-use preshade_passes::core::interface::stage_name;
+use preshade_ir::interface::stage_name;
+use preshade_text::error::{Code, Error};
+use preshade_text::options::Options;
 
 pub(super) struct Entries {
     pub vertex: String,

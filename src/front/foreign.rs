@@ -9,10 +9,9 @@ use std::ops::Range;
 
 use naga::Span;
 
-use super::error::NO_MAIN;
-use super::error::{Code, Error};
 use super::{Source, extension};
-use crate::wgsl::text::without_comments;
+use preshade_text::error::{Code, Error, NO_MAIN};
+use preshade_text::tokens::without_comments;
 
 /// Something that is given in place of a material in WGSL or GLSL.
 struct Foreign {
@@ -276,8 +275,7 @@ pub(super) fn named(error: Error, sources: &[Source], bases: &[u32]) -> Error {
         if let Some(foreign) = ALL.iter().find(ends) {
             return Some((source, foreign, None));
         }
-        if (!tried && !untried)
-            || source.language() == Some(preshade_passes::core::source::Language::SpirV)
+        if (!tried && !untried) || source.language() == Some(preshade_text::source::Language::SpirV)
         {
             return None;
         }
@@ -302,9 +300,9 @@ pub(super) fn named(error: Error, sources: &[Source], bases: &[u32]) -> Error {
 
 fn language(source: &Source) -> &'static str {
     match source.language() {
-        Some(preshade_passes::core::source::Language::Wgsl) => "WGSL",
-        Some(preshade_passes::core::source::Language::Glsl) => "GLSL",
-        Some(preshade_passes::core::source::Language::SpirV) => "SPIR-V",
+        Some(preshade_text::source::Language::Wgsl) => "WGSL",
+        Some(preshade_text::source::Language::Glsl) => "GLSL",
+        Some(preshade_text::source::Language::SpirV) => "SPIR-V",
         None => "text",
     }
 }

@@ -7,68 +7,43 @@
 //! `glsl`, `spirv` and `wgsl` parse one file, `link` joins two modules, and `entry` chooses entry points and
 //! checks that the stages fit. Every [`Error`] points at the author's text.
 
-#[cfg(any(feature = "glsl", feature = "spirv"))]
-mod absent;
-mod beyond_wgsl;
-#[cfg(any(feature = "glsl", feature = "spirv"))]
-mod binding_arrays;
-pub mod codes;
 mod declaration;
 mod dialect;
 mod entry;
-mod error;
-pub(crate) mod excerpt;
-#[cfg(any(feature = "glsl", feature = "spirv"))]
-mod fall_through;
 mod foreign;
-#[cfg(any(feature = "glsl", feature = "spirv"))]
-mod global_parameters;
 #[cfg(feature = "glsl")]
 mod glsl;
-#[cfg(any(feature = "glsl", feature = "spirv"))]
-mod inline_main;
-#[cfg(any(feature = "glsl", feature = "spirv"))]
-mod killed_loops;
-mod lengths;
 mod locate_panic;
-mod map_spans;
-mod memory;
-#[cfg(any(feature = "glsl", feature = "spirv"))]
-mod missing_returns;
 mod module_size;
 #[cfg(feature = "naga-oil")]
 mod naga_oil;
-mod nesting;
-pub mod options;
 #[cfg(feature = "spirv")]
 pub(crate) mod spirv;
 #[cfg(feature = "wesl")]
 mod wesl;
 mod wgsl;
-#[cfg(any(feature = "glsl", feature = "spirv"))]
-mod wrapped_main;
 
 use std::borrow::Cow;
 use std::path::Path;
 use std::sync::Arc;
 
 use naga::ShaderStage;
+use preshade_ir::declared::Declared;
+use preshade_ir::link::Linked;
+use preshade_plan::program::Program;
 #[cfg(any(feature = "naga-oil", feature = "wesl"))]
-use preshade_passes::core::source::Wanted;
-use preshade_passes::core::source::{Language, Searched, SourceMap};
-use preshade_passes::declared::Declared;
-use preshade_passes::link::Linked;
-use preshade_passes::program::Program;
+use preshade_text::source::Wanted;
+use preshade_text::source::{Language, Searched, SourceMap};
 
 use self::dialect::{CompiledFrom, Dialect};
-pub use error::{Code, Color, Error, Label};
-pub use memory::Memory;
-pub use options::{ClipSpace, Options};
+pub use preshade_text::error::{Code, Color, Error, Label};
+pub use preshade_text::memory::Memory;
+pub use preshade_text::options::{ClipSpace, Options};
 #[cfg(feature = "verify")]
 pub(crate) use wgsl::for_naga;
 
-use crate::panics;
-use crate::regular::{self, ReadError};
+use preshade_text::panics;
+use preshade_text::regular::{self, ReadError};
 
 /// One file of a material.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -282,7 +257,7 @@ fn parse_mapped(
     let checked = check_sources(sources).and_then(|language| {
         let texts = sources.iter().zip(bases);
         for (source, base) in texts.filter(|_| language != Language::SpirV) {
-            nesting::check(&source.text, *base, &options.limits, language)?;
+            preshade_text::nesting::check(&source.text, *base, &options.limits, language)?;
         }
         Ok(language)
     });
@@ -372,7 +347,7 @@ fn assemble(
     options: &Options,
     map: &Arc<SourceMap>,
 ) -> Result<Parsed, Error> {
-    lengths::settle(&mut modules, &mut declared)?;
+    preshade_ir::lengths::settle(&mut modules, &mut declared)?;
     let mut modules = modules.into_iter();
     let Some(mut module) = modules.next() else {
         return Err(Error::new(Code::Empty, "no source is given"));
@@ -389,8 +364,8 @@ fn assemble(
         declared.tell_apart(linked.constants);
     }
     if language != Language::Wgsl {
-        beyond_wgsl::disable_uniformity(&mut module);
-        beyond_wgsl::rename_constants(&mut module, &mut declared);
+        preshade_ir::beyond_wgsl::disable_uniformity(&mut module);
+        preshade_ir::beyond_wgsl::rename_constants(&mut module, &mut declared);
     }
     module_size::check(&module, &options.limits)?;
     let entries = entry::choose(&module, options, map)?;
@@ -419,10 +394,11 @@ fn link(
     base: u32,
     map: &SourceMap,
 ) -> Result<Linked, Error> {
-    let suffix = second.entry_points.first().map_or("second", |e| {
-        preshade_passes::core::interface::stage_name(e.stage)
-    });
-    preshade_passes::link::link(first, second, base, suffix).map_err(|e| {
+    let suffix = second
+        .entry_points
+        .first()
+        .map_or("second", |e| preshade_ir::interface::stage_name(e.stage));
+    preshade_ir::link::link(first, second, base, suffix).map_err(|e| {
         // Label the members that differ if the text shows them, else the variables.
         let members = e
             .members
@@ -475,7 +451,7 @@ fn check_sources(sources: &[Source]) -> Result<Language, Error> {
                  .vs, .frag or .fs, .spv",
             ));
         };
-        if source.words.is_none() && nesting::is_blank(&source.text) {
+        if source.words.is_none() && preshade_text::nesting::is_blank(&source.text) {
             let is = match source.text.trim_start_matches('\u{feff}').trim() {
                 "" => "is empty",
                 _ => "has only comments",
@@ -541,7 +517,7 @@ fn check_glsl_stages(sources: &[Source]) -> Result<(), Error> {
                 "{} and {} are both {} shaders",
                 sources[0].name,
                 sources[1].name,
-                preshade_passes::core::interface::stage_name(stages[0])
+                preshade_ir::interface::stage_name(stages[0])
             ),
         ));
     }

@@ -2,8 +2,8 @@
 
 use naga::{ArraySize, Handle, Module, Type, TypeInner};
 
-use super::error::{Code, Error};
-use crate::limits::{Exceeded, Limits};
+use preshade_text::error::{Code, Error};
+use preshade_text::limits::{Exceeded, Limits};
 
 /// Fails if the module or one of its types exceeds `limits`.
 pub(super) fn check(module: &Module, limits: &Limits) -> Result<(), Error> {

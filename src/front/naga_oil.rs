@@ -20,16 +20,16 @@ use naga_oil::compose::{
     ComposableModuleDescriptor, Composer, ComposerError, ComposerErrorInner, NagaModuleDescriptor,
     ShaderDefValue, get_preprocessor_data,
 };
-use preshade_passes::core::source::{Language, Searched, Wanted};
-use preshade_passes::program::Program;
+use preshade_plan::program::Program;
+use preshade_text::source::{Language, Searched, Wanted};
 
 use super::Source;
 use super::dialect::{
     Compiled, CompiledFrom, Defined, beside, definitions, files_below, no_module, path_of,
 };
-use super::error::{Code, Error};
-use crate::front::options::Options;
 use crate::wgsl::{self, WgslError};
+use preshade_text::error::{Code, Error};
+use preshade_text::options::Options;
 
 /// Compiles a file and its imports to WGSL.
 pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Error> {
@@ -124,7 +124,7 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, CompiledFrom),
         wanted: Wanted::Modules,
         found: fingerprints(&all),
     };
-    let told = wgsl::text::without_comments(&source.text);
+    let told = preshade_text::tokens::without_comments(&source.text);
     let unknown = unknown_import(&told, &all);
     for one in all {
         // The given text of the main file takes precedence over the file on disk.

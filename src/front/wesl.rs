@@ -13,18 +13,19 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use preshade_passes::core::source::{Searched, Wanted};
+use preshade_text::source::{Searched, Wanted};
 use wesl::syntax::PathOrigin;
 use wesl::{
     CompileOptions, Diagnostic, EscapeMangler, ImportError, ModulePath, ResolveError, Resolver,
 };
 
+use super::Source;
 use super::dialect::{
     Compiled, CompiledFrom, Defined, beside, definitions, no_module, path_of, text_within,
 };
-use super::error::{Code, Error};
-use super::{Memory, Source};
-use crate::front::options::Options;
+use preshade_text::error::{Code, Error};
+use preshade_text::memory::Memory;
+use preshade_text::options::Options;
 
 /// Compiles a file and its imports to WGSL.
 pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Error> {

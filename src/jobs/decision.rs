@@ -2,8 +2,8 @@
 
 use std::collections::BTreeSet;
 
-use preshade_passes::budget::{Budget, Metric};
-use preshade_passes::contract::Contract;
+use preshade_plan::budget::{Budget, Metric};
+use preshade_plan::contract::Contract;
 use serde::Serialize;
 
 use super::said::{Standing, Subject, Variants, geometric_mean};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::contract::Verdict;
+use preshade_plan::contract::Verdict;
 use serde::Serialize;
 
 use super::{Answer, EVERY, Kind, Measured, Merged, Reason, Results};

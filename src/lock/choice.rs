@@ -1,8 +1,8 @@
 //! A lock's entry for one material: made from a chosen recipe, and turned into a plan again.
 
-use preshade_passes::contract::Verdict;
-use preshade_passes::pass::Facts;
-use preshade_passes::plan::Plan;
+use preshade_plan::contract::Verdict;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -97,7 +97,7 @@ impl Locked {
 
 /// The steps of a plan as a recipe that finds the same sites again.
 fn resolved(plan: &Plan) -> Recipe {
-    let step = |step: &preshade_passes::plan::Step| {
+    let step = |step: &preshade_plan::plan::Step| {
         let params = step.params.as_object().cloned().unwrap_or_default();
         Step {
             pass: step.pass.clone(),

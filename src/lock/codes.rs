@@ -1,6 +1,6 @@
 //! The error codes of locks.
 
-use preshade_passes::core::refusals::refusals;
+use preshade_text::refusals::refusals;
 
 refusals! {
     FILE = "lock-file":

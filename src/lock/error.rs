@@ -3,7 +3,7 @@
 use std::io;
 use std::path::PathBuf;
 
-use preshade_passes::pass::Refusal;
+use preshade_plan::pass::Refusal;
 
 use super::{TOOL, codes};
 use crate::emit;

@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use preshade_passes::state::MaterialState;
+use preshade_plan::state::MaterialState;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

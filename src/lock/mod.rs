@@ -8,10 +8,10 @@
 //! reports a mismatch, ship the original.
 //!
 //! ```
-//! use preshade::unstable::lock::{Inputs, Lock, Locked};
-//! use preshade::unstable::front::{Options, Source, parse};
-//! use preshade::unstable::passes::{pass::Facts, plan::Plan, state::MaterialState};
-//! use preshade::unstable::recipe::Recipe;
+//! use crate::lock::{Inputs, Lock, Locked};
+//! use crate::front::{Options, Source, parse};
+//! use preshade_passes::{pass::Facts, plan::Plan, state::MaterialState};
+//! use crate::recipe::Recipe;
 //!
 //! let text = "@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }
 //!             @fragment fn fs() -> @location(0) vec4<f32> { return vec4<f32>(1.0); }";
@@ -45,7 +45,7 @@ use std::collections::BTreeMap;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use preshade_passes::state::MaterialState;
+use preshade_plan::state::MaterialState;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 

@@ -1,10 +1,10 @@
 //! Locks are obeyed, and differences are reported.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
-use crate::front::options;
-use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};
-use preshade_passes::pass::{Constant, Facts};
-use preshade_passes::plan::Plan;
+use preshade_plan::guard::{Assumed, Bounds, Place, ScalarType};
+use preshade_plan::pass::{Constant, Facts};
+use preshade_plan::plan::Plan;
+use preshade_text::options;
 
 use super::inputs::hash;
 use super::*;

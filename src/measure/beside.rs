@@ -1,8 +1,8 @@
 //! Two authors' programs of one material, drawn in one scene: where their depths or pictures
 //! differ, and what each takes.
 
-use preshade_passes::state::MaterialState;
 use preshade_passes::validate::agree::Relation;
+use preshade_plan::state::MaterialState;
 use serde::Serialize;
 
 use super::error::ulps;

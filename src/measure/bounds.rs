@@ -2,12 +2,13 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use preshade_passes::bound::{self, Affine, Distance};
-use preshade_passes::evaluate::{self, Value};
-use preshade_passes::hoist::Computed;
-use preshade_passes::pass::Bound;
-use preshade_passes::plan::Plan;
-use preshade_passes::state::Topology;
+use naga_interp as evaluate;
+use naga_interp::Value;
+use naga_interp::bound::{self, Affine, Distance};
+use preshade_passes::transforms::hoist::Computed;
+use preshade_plan::pass::Bound;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::Topology;
 
 use super::frequency::choosing;
 use super::vertices::{self, Vertices, said};

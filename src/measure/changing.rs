@@ -8,12 +8,11 @@ use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
 use naga::TypeInner;
-use preshade_passes::pass::Changing;
-use preshade_passes::plan::BindingKind;
+use preshade_plan::pass::Changing;
+use preshade_plan::plan::BindingKind;
 
 use super::originals;
-use crate::scene::bind;
-use crate::scene::{Frame, Material, Scene, SceneError};
+use crate::scene::{Frame, Material, Scene, SceneError, bind};
 
 /// The bytes of uniforms, by group and binding.
 type Buffers = BTreeMap<(u32, u32), Arc<[u8]>>;

@@ -2,10 +2,10 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};
-use preshade_passes::pass::{Changing, Constant, Facts};
-use preshade_passes::plan::{GpuPass, Plan};
-use preshade_passes::uniforms::{UniformScalar, uniform_scalars};
+use preshade_plan::guard::{Assumed, Bounds, Place, ScalarType};
+use preshade_plan::pass::{Changing, Constant, Facts};
+use preshade_plan::plan::{GpuPass, Plan};
+use preshade_plan::uniforms::{UniformScalar, uniform_scalars};
 
 use super::{changing, originals};
 use crate::scene::bind::{self, DrawBindings, TextureContent};

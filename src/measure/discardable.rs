@@ -6,11 +6,11 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::core::overrides;
-use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};
-use preshade_passes::plan::{GpuPass, Plan};
-use preshade_passes::specialize::{Params, Specialized};
-use preshade_passes::uniforms::{UniformScalar, uniform_scalars};
+use preshade_passes::transforms::specialize::{Params, Specialized};
+use preshade_plan::guard::{Assumed, Bounds, Place, ScalarType};
+use preshade_plan::overrides;
+use preshade_plan::plan::{GpuPass, Plan};
+use preshade_plan::uniforms::{UniformScalar, uniform_scalars};
 
 use super::constants::{as_facts, both};
 use crate::command::rewrite::stage_may_discard;

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::guard::{Assumed, Bounds, Place};
-use preshade_passes::specialize::effects::{self, CalledFor, Effect};
+use preshade_passes::transforms::specialize::effects::{self, CalledFor, Effect};
+use preshade_plan::guard::{Assumed, Bounds, Place};
 
 use super::constants::{Looked, as_facts};
 use crate::command::explain::EffectUse;

@@ -1,7 +1,7 @@
 //! The error ladder between two pictures: bits, then the largest difference, then the visible
 //! difference.
 
-use preshade_passes::budget::{Difference, or_infinite, unmeasured};
+use preshade_plan::budget::{Difference, or_infinite, unmeasured};
 use serde::{Deserialize, Serialize};
 
 use super::flip::flip;
@@ -237,7 +237,7 @@ pub fn ulps(a: f32, b: f32) -> u64 {
 #[cfg(test)]
 #[allow(clippy::unwrap_used)]
 mod tests {
-    use preshade_passes::budget::Budget;
+    use preshade_plan::budget::Budget;
 
     use super::super::flip::TILE;
     use super::{ErrorLadder, compare};

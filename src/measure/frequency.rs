@@ -4,16 +4,17 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 
-use preshade_passes::budget::{Budget, Metric};
 use preshade_passes::graph::Graph;
-use preshade_passes::hoist::{self, Candidate, Candidates, Computed, Hoist, HoistStages, refusals};
-use preshade_passes::pass::{Bound, Facts, Frequency, Pass, Refusal};
 use preshade_passes::pass_named;
-use preshade_passes::plan::Plan;
+use preshade_passes::transforms::hoist::{
+    self, Candidate, Candidates, Computed, Hoist, HoistStages, refusals,
+};
+use preshade_plan::budget::{Budget, Metric};
+use preshade_plan::pass::{Bound, Facts, Frequency, Pass, Refusal};
+use preshade_plan::plan::Plan;
 
-use super::bounds;
 use super::interpolation::{Points, interpolation};
-use super::{Error, ErrorLadder, Session, compare, variant};
+use super::{Error, ErrorLadder, Session, bounds, compare, variant};
 use crate::command::explain::WORTH_A_LOOK;
 use crate::parameters::parameters;
 use crate::recipe::Recipe;

@@ -3,11 +3,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::guard::{Assumed, Place};
-use preshade_passes::pass::Pass;
-use preshade_passes::plan::Plan;
-use preshade_passes::specialize::dispatch::Versions;
-use preshade_passes::specialize::{Params, Specialize, Specialized};
+use preshade_passes::transforms::specialize::dispatch::Versions;
+use preshade_passes::transforms::specialize::{Params, Specialize, Specialized};
+use preshade_plan::guard::{Assumed, Place};
+use preshade_plan::pass::Pass;
+use preshade_plan::plan::Plan;
 
 use super::constants::{Looked, as_facts};
 use crate::recipe::Recipe;

@@ -7,12 +7,12 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use preshade_passes::core::interface;
-use preshade_passes::core::pattern::Pattern;
-use preshade_passes::geometry;
-use preshade_passes::pass::{Facts, Interpolation, Pass};
-use preshade_passes::plan::Plan;
-use preshade_passes::tessellate::{self, Tessellate};
+use preshade_ir::interface;
+use preshade_passes::transforms::tessellate::{self, Tessellate};
+use preshade_plan::geometry;
+use preshade_plan::pass::{Facts, Interpolation, Pass};
+use preshade_plan::pattern::Pattern;
+use preshade_plan::plan::Plan;
 
 use super::frequency::choosing;
 use super::{Error, Session};

@@ -8,9 +8,9 @@ use std::cmp::Reverse;
 use std::collections::HashSet;
 
 use glam::Mat4;
-use preshade_passes::geometry::Geometry;
-use preshade_passes::plan::Plan;
-use preshade_passes::state::Topology;
+use preshade_plan::geometry::Geometry;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::Topology;
 use serde::{Deserialize, Serialize};
 
 use crate::scene::{Draw, DrawRange, Scene, Stream, mesh};

@@ -130,9 +130,9 @@ impl Error {
 
 /// The facts that a scene's files give without drawing. Values that do not fit are skipped. A
 /// made-up scene gives none: a variant of a bare shader must hold for all values.
-pub fn known(scene: &crate::scene::Scene) -> preshade_passes::pass::Facts {
+pub fn known(scene: &crate::scene::Scene) -> preshade_plan::pass::Facts {
     if scene.is_made_up {
-        return preshade_passes::pass::Facts::default();
+        return preshade_plan::pass::Facts::default();
     }
     let changing = changing(scene).ok();
     let constants = changing
@@ -143,7 +143,7 @@ pub fn known(scene: &crate::scene::Scene) -> preshade_passes::pass::Facts {
         let those = bound.textures.iter().filter(|(_, texels)| which(texels));
         those.map(|(texture, _)| texture.clone()).collect()
     };
-    preshade_passes::pass::Facts {
+    preshade_plan::pass::Facts {
         changing,
         constants: constants.unwrap_or_default(),
         ranges: ranges(scene).unwrap_or_default(),
@@ -151,7 +151,7 @@ pub fn known(scene: &crate::scene::Scene) -> preshade_passes::pass::Facts {
         infinite_textures: those(|texels| texels.is_infinite),
         narrow_depths: bound.narrow_depths.iter().cloned().collect(),
         undrawn: undrawn(scene).ok(),
-        ..preshade_passes::pass::Facts::default()
+        ..preshade_plan::pass::Facts::default()
     }
 }
 
@@ -159,7 +159,7 @@ pub fn known(scene: &crate::scene::Scene) -> preshade_passes::pass::Facts {
 pub fn known_for(
     scene: &crate::scene::Scene,
     recipe: &crate::recipe::Recipe,
-) -> preshade_passes::pass::Facts {
+) -> preshade_plan::pass::Facts {
     let reads = |step: &crate::recipe::Step| {
         let pass = preshade_passes::pass_named(&step.pass);
         // A budget holds for the branches that the scene draws.
@@ -167,17 +167,17 @@ pub fn known_for(
     };
     match recipe.steps.iter().any(reads) {
         true => known(scene),
-        false => preshade_passes::pass::Facts::default(),
+        false => preshade_plan::pass::Facts::default(),
     }
 }
 
 /// The plans that draw a scene's materials as their authors wrote them.
-pub fn originals(scene: &crate::scene::Scene) -> Vec<preshade_passes::plan::Plan> {
+pub fn originals(scene: &crate::scene::Scene) -> Vec<preshade_plan::plan::Plan> {
     scene
         .materials
         .iter()
         .map(|m| {
-            preshade_passes::plan::Plan::original(
+            preshade_plan::plan::Plan::original(
                 &m.name,
                 m.program.clone(),
                 &m.vertex,

@@ -5,10 +5,10 @@
 //! stage in both frames, and triangles are rasterised here. Numbers of draws and instances, drawn by
 //! a second program, say which triangles a pixel may show. For velocities, no texture is filtered.
 
-use preshade_passes::contract::Verdict;
-use preshade_passes::outputs::{self, Outputs};
-use preshade_passes::pass::{Facts, Pass};
-use preshade_passes::plan::{GpuPass, Phase, Plan};
+use preshade_passes::transforms::outputs::{self, Outputs};
+use preshade_plan::contract::Verdict;
+use preshade_plan::pass::{Facts, Pass};
+use preshade_plan::plan::{GpuPass, Phase, Plan};
 use serde::{Deserialize, Serialize};
 
 use super::error::counted;
@@ -235,7 +235,7 @@ pub fn measure(
         left_out.extend(pass.left_out.iter().cloned());
         let mut original = original.clone();
         for pass in &mut original.passes {
-            pass.multisample = preshade_passes::state::Multisample::default();
+            pass.multisample = preshade_plan::state::Multisample::default();
         }
         for attachment in &mut original.attachments {
             attachment.samples = 1;

@@ -1,9 +1,9 @@
 //! Holds each material of a frame to its own promise. The weakest promise of all materials is kept
 //! by pictures in which another material breaks its own.
 
-use preshade_passes::contract::{Contract, Surface};
-use preshade_passes::plan::{Phase, Plan, Role};
-use preshade_passes::state::{Blend, BlendComponent, BlendFactor, BlendOperation, DepthDirection};
+use preshade_plan::contract::{Contract, Surface};
+use preshade_plan::plan::{Phase, Plan, Role};
+use preshade_plan::state::{Blend, BlendComponent, BlendFactor, BlendOperation, DepthDirection};
 
 use super::error::compare;
 use super::shading::counting_plan;

@@ -7,11 +7,11 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use preshade_passes::count;
-use preshade_passes::plan::{BindingKind, BindingUse, GpuPass, Plan};
-use preshade_passes::program::Program;
-use preshade_passes::reflect;
-use preshade_passes::state::{CompareFunction, StencilOperation};
+use preshade_passes::rebuild::count;
+use preshade_plan::plan::{BindingKind, BindingUse, GpuPass, Plan};
+use preshade_plan::program::Program;
+use preshade_plan::reflect;
+use preshade_plan::state::{CompareFunction, StencilOperation};
 use serde::Serialize;
 
 use super::{Clock, Error, Estimate, Session, Timing, TimingSettings, View, check_seen, time};

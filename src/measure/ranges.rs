@@ -9,10 +9,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use naga::{Module, TypeInner};
-use preshade_passes::core::interface;
-use preshade_passes::evaluate::{Scalar, Value};
+use naga_interp::{Scalar, Value};
+use preshade_ir::interface;
 use preshade_passes::graph::Graph;
-use preshade_passes::pass::{Numbers, Source, SourceRange};
+use preshade_plan::pass::{Numbers, Source, SourceRange};
 
 use super::originals;
 use super::vertices::{self, Vertices};

@@ -5,18 +5,18 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
-use preshade_passes::rasterizer::{Corners, Neighbours, Rasterizer};
-use preshade_passes::state::{
+use preshade_plan::rasterizer::{Corners, Neighbours, Rasterizer};
+use preshade_plan::state::{
     ColorTarget, CullMode, DepthDirection, DepthFormat, MaterialState, PrimitiveState,
 };
 
 use super::Session;
 use crate::front;
-use crate::front::options;
 use crate::render::{ColorImage, Error, Gpu, ShaderForm};
 use crate::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Image, Light, Material, Mesh, Scene, Stream,
 };
+use preshade_text::options;
 
 /// Pixels of a side.
 const SIZE: u32 = 16;

@@ -1,7 +1,7 @@
 //! Whether the original draws anything: of an empty picture, no figure means anything.
 
-use preshade_passes::plan::{Phase, Plan};
-use preshade_passes::state::CompareFunction;
+use preshade_plan::plan::{Phase, Plan};
+use preshade_plan::state::CompareFunction;
 
 use super::shading::Counter;
 use super::telling::{self, faces_away};

@@ -1,6 +1,6 @@
 //! A scene on an adapter: uploaded once, and then drawn, counted and timed as often as you like.
 
-use preshade_passes::plan::Plan;
+use preshade_plan::plan::Plan;
 
 use super::originals;
 use crate::render::{

@@ -6,13 +6,14 @@
 //! early depth test.
 
 use naga::{Expression, Literal, ShaderStage};
-use preshade_passes::core::interface;
-use preshade_passes::pass::Facts;
-use preshade_passes::plan::{BindingSource, BindingUse, GpuPass, Phase, Plan, Role};
-use preshade_passes::program::Program;
+use preshade_ir::interface;
 use preshade_passes::rebuild::color;
-use preshade_passes::state::{Blend, ColorTarget, CompareFunction, DepthDirection};
-use preshade_passes::{reflect, visibility_buffer};
+use preshade_passes::transforms::visibility_buffer;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{BindingSource, BindingUse, GpuPass, Phase, Plan, Role};
+use preshade_plan::program::Program;
+use preshade_plan::reflect;
+use preshade_plan::state::{Blend, ColorTarget, CompareFunction, DepthDirection};
 use serde::{Deserialize, Serialize};
 
 use super::{Error, Session, counting};

@@ -7,10 +7,10 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::contract::Verdict;
-use preshade_passes::core::interface;
-use preshade_passes::plan::{Attachment, GpuPass, Phase, Plan, SCENE_DEPTH};
-use preshade_passes::state::{DepthDirection, Multisample};
+use preshade_ir::interface;
+use preshade_plan::contract::Verdict;
+use preshade_plan::plan::{Attachment, GpuPass, Phase, Plan, SCENE_DEPTH};
+use preshade_plan::state::{DepthDirection, Multisample};
 use serde::{Deserialize, Serialize};
 
 use super::error::counted;

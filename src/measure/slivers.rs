@@ -7,9 +7,9 @@
 
 use glam::{Vec2, Vec4, Vec4Swizzles};
 use naga::ShaderStage;
-use preshade_passes::contract::Assumption;
-use preshade_passes::plan::{GpuPass, Plan};
-use preshade_passes::state::Topology;
+use preshade_plan::contract::Assumption;
+use preshade_plan::plan::{GpuPass, Plan};
+use preshade_plan::state::Topology;
 
 use super::Session;
 use super::verdict::Promise;

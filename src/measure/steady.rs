@@ -3,11 +3,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::pass::MaterialTexture;
+use preshade_plan::pass::MaterialTexture;
 
 use super::originals;
-use crate::scene::bind::TextureContent;
-use crate::scene::{Scene, SceneError, bind};
+use crate::scene::bind::{self, TextureContent};
+use crate::scene::{Scene, SceneError};
 
 /// What is known of a material's texture.
 #[derive(Clone, Copy, Debug)]

@@ -1,8 +1,8 @@
 //! The plans of a frame, drawn beside the original and held to their contract.
 
-use preshade_passes::contract::Verdict;
-use preshade_passes::guard::Assumed;
-use preshade_passes::plan::Plan;
+use preshade_plan::contract::Verdict;
+use preshade_plan::guard::Assumed;
+use preshade_plan::plan::Plan;
 
 use super::owners::{Broke, Group};
 use super::verdict::Promise;

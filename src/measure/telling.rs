@@ -3,11 +3,11 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::contract::Assumption;
-use preshade_passes::guard::Assumed;
-use preshade_passes::pass::Undrawn;
-use preshade_passes::plan::{GpuPass, Phase, Plan, Role};
-use preshade_passes::state::{CompareFunction, CullMode};
+use preshade_plan::contract::Assumption;
+use preshade_plan::guard::Assumed;
+use preshade_plan::pass::Undrawn;
+use preshade_plan::plan::{GpuPass, Phase, Plan, Role};
+use preshade_plan::state::{CompareFunction, CullMode};
 
 use super::discardable::can_discard;
 use super::error::counted;

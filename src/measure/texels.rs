@@ -1,7 +1,7 @@
 //! Texels of a scene's images for the interpreter: level 0, as WebGPU filters it. A vertex stage
 //! names the level, which is 0 nearly always.
 
-use preshade_passes::evaluate::Lookup;
+use naga_interp::Lookup;
 
 use crate::scene::bind::{DrawBindings, TextureContent};
 use crate::scene::{Address, Filter, Image, Sampler};

@@ -6,7 +6,7 @@
 //! the same attributes, uniforms, texels and derivatives. Interpolation is a sum of three products
 //! in each precision. So the figures describe a machine that rounds each operation correctly, fuses
 //! none and uses the C library's functions. An adapter may be less exact
-//! ([`preshade_passes::bound::Accuracy`]).
+//! ([`naga_interp::bound::Accuracy`]).
 //!
 //! Branches follow the `f32` values. Points at which the `f64` values would branch otherwise are
 //! counted and left out.
@@ -14,15 +14,13 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, BuiltIn, ShaderStage};
-use preshade_passes::bound::exactly;
-use preshade_passes::core::interface::Io;
-use preshade_passes::evaluate::{
-    Derivative, Environment, Lookup, Number, Scalar, Shadowed, Stuck, Value, ulps,
-};
-use preshade_passes::plan::Plan;
-use preshade_passes::state::Topology;
+use naga_interp::bound::exactly;
+use naga_interp::{Derivative, Environment, Lookup, Number, Scalar, Shadowed, Stuck, Value, ulps};
+use preshade_ir::interface::Io;
 use preshade_passes::validate::inputs::Random;
 use preshade_passes::validate::stage::{At, POSITION, Ran, Slot, Stage, VaryingKind, interpolated};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::Topology;
 use serde::Serialize;
 
 use super::vertices::{self, STEPS, Vertices};
@@ -185,7 +183,7 @@ pub fn truth_beyond(
     if pass.primitive.topology != Topology::TriangleList || !other.geometry.is_as_given() {
         return Err("it is not drawn as the list of triangles that its mesh is".to_owned());
     }
-    let stages = |plan: &'_ Plan| -> Option<(preshade_passes::program::Program, String, String)> {
+    let stages = |plan: &'_ Plan| -> Option<(preshade_plan::program::Program, String, String)> {
         let main = plan.main()?;
         Some((
             plan.program(main)?.clone(),

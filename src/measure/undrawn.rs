@@ -7,12 +7,12 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::core::source::Location;
-use preshade_passes::guard::{Assumed, Bounds, Place};
-use preshade_passes::pass::{Facts, Undrawn};
-use preshade_passes::plan::Plan;
-use preshade_passes::specialize::branches::{Branch, BranchId, Way, branches};
-use preshade_passes::uniforms::{UniformScalar, uniform_scalars};
+use preshade_passes::transforms::specialize::branches::{Branch, BranchId, Way, branches};
+use preshade_plan::guard::{Assumed, Bounds, Place};
+use preshade_plan::pass::{Facts, Undrawn};
+use preshade_plan::plan::Plan;
+use preshade_plan::uniforms::{UniformScalar, uniform_scalars};
+use preshade_text::source::Location;
 
 use super::constants::as_facts;
 use super::originals;

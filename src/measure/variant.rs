@@ -1,8 +1,8 @@
 //! A recipe on a scene: one plan a material, refusals kept beside.
 
-use preshade_passes::count;
-use preshade_passes::pass::{Facts, Refusal};
-use preshade_passes::plan::{GpuPass, Plan};
+use preshade_passes::rebuild::count;
+use preshade_plan::pass::{Facts, Refusal};
+use preshade_plan::plan::{GpuPass, Plan};
 
 use super::{CountProgram, Variant};
 use crate::command::refusal::remedy;

@@ -1,8 +1,8 @@
 //! Whether a difference keeps a contract.
 
-use preshade_passes::budget::Budget;
-use preshade_passes::contract::{Assumption, Contract, Surface, Turned};
-use preshade_passes::plan::{GpuPass, Phase, Plan};
+use preshade_plan::budget::Budget;
+use preshade_plan::contract::{Assumption, Contract, Surface, Turned};
+use preshade_plan::plan::{GpuPass, Phase, Plan};
 
 use super::error::counted;
 use super::{ErrorLadder, owners};

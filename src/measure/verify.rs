@@ -5,8 +5,8 @@ mod measurement;
 
 use std::collections::BTreeSet;
 
-use preshade_passes::contract::Verdict;
-use preshade_passes::plan::Plan;
+use preshade_plan::contract::Verdict;
+use preshade_plan::plan::Plan;
 
 use super::shading::Counter;
 use super::telling::{self, Colours, decides_coverage, undiscarded};

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use naga::{GlobalVariable, Module};
-use preshade_passes::bound;
-use preshade_passes::evaluate::{self, Environment, Number, RunResult, Stuck, Value};
+use naga_interp as evaluate;
+use naga_interp::{Environment, Number, RunResult, Stuck, Value, bound};
 
 use crate::scene::bind::DrawBindings;
 
@@ -222,7 +222,7 @@ fn outputs<F: Number>(
         Some(one) => vec![one],
         None => Vec::new(),
     };
-    let outputs = preshade_passes::core::interface::outputs(module, function).into_iter();
+    let outputs = preshade_ir::interface::outputs(module, function).into_iter();
     outputs
         .zip(values)
         .filter_map(|(output, value)| Some((output.binding?, value)))

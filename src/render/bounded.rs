@@ -1,15 +1,14 @@
 //! Draws a frame whose loops may not end with bounded copies first, so that none of them hangs a GPU.
 
-use std::sync::Mutex;
-use std::sync::PoisonError;
 use std::sync::atomic::Ordering;
+use std::sync::{Mutex, PoisonError};
 
-use preshade_passes::bounded::{self, Bounded};
-use preshade_passes::plan::{
+use preshade_passes::rebuild::bounded::{self, Bounded};
+use preshade_plan::plan::{
     BindingKind, BindingSource, BindingUse, FrameBuffer, FrameWords, GeometryPart, Plan,
 };
-use preshade_passes::reflect;
-use preshade_passes::uniforms::UniformScalar;
+use preshade_plan::reflect;
+use preshade_plan::uniforms::UniformScalar;
 
 use super::inputs::SceneInputs;
 use super::shader::{ShaderForm, Variant};

@@ -3,7 +3,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use preshade_passes::checks::Checks;
+use preshade_passes::analysis::checks::Checks;
 
 use super::Error;
 use super::gpu::Gpu;

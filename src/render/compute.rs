@@ -2,19 +2,18 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::geometry::Geometry;
-use preshade_passes::plan::{ComputePass, Draws, Plan, When};
+use preshade_plan::geometry::Geometry;
+use preshade_plan::plan::{ComputePass, Draws, Plan, When};
 
-use super::Error;
 use super::compiled::{self, Compiled, ComputeKey};
 use super::drawn::{Arguments, DrawTable};
 use super::gpu::Gpu;
 use super::inputs::{SceneInputs, immediate_size};
 use super::layout::{self, Made};
-use super::limits;
 use super::shader::Variant;
 use super::subdivided::Meshes;
 use super::targets::Targets;
+use super::{Error, limits};
 
 /// A compute pass and the draws of its material.
 pub(super) struct PreparedCompute {

@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::draw_table::{self, DRAWS, Entry, IDS};
-use preshade_passes::geometry::{Formats, Geometry, Stream, declared_format};
-use preshade_passes::plan::{
+use preshade_plan::draw_table::{self, DRAWS, Entry, IDS};
+use preshade_plan::geometry::{Formats, Geometry, Stream, declared_format};
+use preshade_plan::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, ComputePass, FrameBuffer, FrameWords,
     GeometryPart, HostValue, Plan,
 };
 
-use preshade_passes::visibility_buffer::Words;
+use preshade_passes::transforms::visibility_buffer::Words;
 
 use super::gpu::Gpu;
 use super::inputs::{DrawInputs, SceneInputs};

@@ -3,11 +3,11 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use preshade_passes::draw_table;
-use preshade_passes::frame::{ColorAttachments, FrameLoad, FrameOps, FramePass};
-use preshade_passes::geometry::Geometry;
-use preshade_passes::plan::{Draws, Phase, When};
-use preshade_passes::state::StoreOp;
+use preshade_plan::draw_table;
+use preshade_plan::frame::{ColorAttachments, FrameLoad, FrameOps, FramePass};
+use preshade_plan::geometry::Geometry;
+use preshade_plan::plan::{Draws, Phase, When};
+use preshade_plan::state::StoreOp;
 
 use super::bounded::Guard;
 use super::drawn::{Arguments, DrawTable};
@@ -20,8 +20,8 @@ use super::shader::{PlannedPass, Variant};
 use super::subdivided::{Meshes, Subdivided, SubdivisionCost};
 use super::targets::Targets;
 use super::{Error, compute, order, readback};
-use crate::scene::bind::Area;
-use crate::scene::{DrawOrder, Frame, Rows, Scene, bind};
+use crate::scene::bind::{self, Area};
+use crate::scene::{DrawOrder, Frame, Rows, Scene};
 
 /// Settings of a frame that belong neither to the scene nor to the plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -57,7 +57,7 @@ pub struct ComputedVertices {
     /// Index of the draw in the scene.
     pub draw: usize,
     /// The origin of each vertex of one instance, as
-    /// [`preshade_passes::tessellate::mesh::Mesh::points`].
+    /// [`preshade_passes::transforms::tessellate::mesh::Mesh::points`].
     pub points: Vec<[u32; 4]>,
     /// The vertices, instance by instance, with the same number of words each.
     pub words: Vec<u32>,
@@ -521,7 +521,7 @@ impl<'a> Prepared<'a> {
     }
 
     fn read_depth(&self) -> Result<Option<DepthImage>, Error> {
-        let depth = self.targets.depth(preshade_passes::plan::SCENE_DEPTH);
+        let depth = self.targets.depth(preshade_plan::plan::SCENE_DEPTH);
         depth
             .map(|d| readback::depth(self.gpu, &d.texture, d.format))
             .transpose()
@@ -647,8 +647,7 @@ impl<'a> Prepared<'a> {
         pass: &PreparedPass,
     ) -> Option<wgpu::RenderPassDepthStencilAttachment<'_>> {
         let target = self.targets.depth(pass.frame.depth.as_deref()?)?;
-        let is_scene_depth =
-            pass.frame.depth.as_deref() == Some(preshade_passes::plan::SCENE_DEPTH);
+        let is_scene_depth = pass.frame.depth.as_deref() == Some(preshade_plan::plan::SCENE_DEPTH);
         let (mut keeps, mut clear_stencil) = ([false; 2], 0);
         if is_scene_depth {
             keeps = self.inputs.initial().keeps(&target.texture);

@@ -4,14 +4,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use preshade_passes::checks::Checks;
+use preshade_passes::analysis::checks::Checks;
 use serde::{Deserialize, Serialize};
 use wgpu::{Backends, DeviceType, ErrorFilter, Features};
 
 use super::turns::Turns;
 use super::{Error, limits, trusted};
-use crate::limits::Trust;
-use crate::panics;
+use preshade_text::limits::Trust;
+use preshade_text::panics;
 
 /// Which adapter to draw on.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

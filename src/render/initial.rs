@@ -97,7 +97,7 @@ impl Initial {
                 encoder.copy_texture_to_texture(source, target, from.size());
             }
         };
-        if let Some(target) = targets.depth(preshade_passes::plan::SCENE_DEPTH) {
+        if let Some(target) = targets.depth(preshade_plan::plan::SCENE_DEPTH) {
             copy(self.depth(&target.texture), &target.texture);
         }
         for (location, target) in targets.colors.iter().enumerate() {

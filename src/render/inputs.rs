@@ -6,8 +6,8 @@ use std::num::NonZeroU64;
 use std::sync::atomic::{AtomicU64, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
 
-use preshade_passes::guard::Assumed;
-use preshade_passes::plan::{BindingKind, GpuPass, Plan};
+use preshade_plan::guard::Assumed;
+use preshade_plan::plan::{BindingKind, GpuPass, Plan};
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
 use super::compiled::Compiled;

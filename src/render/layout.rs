@@ -4,16 +4,15 @@
 use std::collections::BTreeMap;
 use std::num::NonZeroU64;
 
-use preshade_passes::plan::{BindingKind, BindingLayout, BindingSource, BindingUse, GeometryPart};
+use preshade_plan::plan::{BindingKind, BindingLayout, BindingSource, BindingUse, GeometryPart};
 
-use super::Error;
 use super::compiled::{self, Compiled};
 use super::drawn::Drawn;
 use super::gpu::Gpu;
 use super::inputs::{DrawInputs, Resource};
-use super::state;
 use super::subdivided::{Subdivided, attribute};
 use super::targets::Targets;
+use super::{Error, state};
 
 /// The resource of a binding.
 pub(super) enum Filled<'a> {
@@ -423,8 +422,7 @@ fn kind(ty: &wgpu::BindingType) -> BindingKind {
 /// that [`BindingLayout`] allows. `None` if the resource does not fit. The size of a provided
 /// buffer is its minimum size.
 fn fitting(planned: wgpu::BindingType, provided: wgpu::BindingType) -> Option<wgpu::BindingType> {
-    use wgpu::BindingType as T;
-    use wgpu::TextureSampleType as S;
+    use wgpu::{BindingType as T, TextureSampleType as S};
     match (planned, provided) {
         (
             T::Buffer {

@@ -77,7 +77,7 @@ mod tests {
 
     #[test]
     fn every_limit_a_plan_may_tell_of_is_known() {
-        for (name, default) in preshade_passes::limits::DEFAULTS {
+        for (name, default) in preshade_plan::limits::DEFAULTS {
             // wgpu's defaults equal WebGPU's.
             assert_eq!(
                 limit(&wgpu::Limits::default(), name),

@@ -38,12 +38,12 @@ pub(crate) mod textures;
 mod trusted;
 pub mod turns;
 
-pub use crate::limits::Trust;
 pub use frame::{ComputedVertices, FrameSettings, Prepared, Rendered};
 pub use gpu::{AdapterChoice, AdapterReport, Card, Gpu, adapters, cards};
 pub use inputs::SceneInputs;
 pub(crate) use layout::binding_type;
 pub use picture::{ColorImage, DepthImage};
+pub use preshade_text::limits::Trust;
 pub use self_test::{SelfTestResult, self_test};
 pub use shader::{ShaderForm, Variant};
 pub use subdivided::{DrawSubdivision, SubdivisionCost, Surplus};
@@ -112,7 +112,7 @@ pub enum Error {
     #[error(
         "{NOT_MEASURED}{} did not end within {} turns, so that it would hang a GPU",
         .which.as_deref().unwrap_or("a loop"),
-        preshade_passes::bounded::MOST_TURNS
+        preshade_passes::rebuild::bounded::MOST_TURNS
     )]
     Endless {
         /// The loop, in words.
@@ -120,7 +120,7 @@ pub enum Error {
     },
     /// The plans of a scene's materials do not fit into one frame.
     #[error(transparent)]
-    Frame(#[from] preshade_passes::frame::FrameError),
+    Frame(#[from] preshade_plan::frame::FrameError),
     /// The scene gives a draw a value or resource that cannot be used.
     #[error("draw `{draw}`: {message}")]
     Scene {

@@ -2,18 +2,18 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::checks::Checks;
-use preshade_passes::frame::{ColorAttachments, FramePass};
-use preshade_passes::plan::{GpuPass, Plan};
-use preshade_passes::state::ColorTarget;
+use preshade_passes::analysis::checks::Checks;
+use preshade_plan::frame::{ColorAttachments, FramePass};
+use preshade_plan::plan::{GpuPass, Plan};
+use preshade_plan::state::ColorTarget;
 
 use super::compiled::{self, Compiled, RenderKey};
 use super::gpu::Gpu;
 use super::inputs::{self, DrawInputs};
-use super::layout::{Groups, Made};
+use super::layout::{self, Groups, Made};
 use super::shader::ShaderStageRef;
 use super::targets::Targets;
-use super::{Error, layout, limits, state};
+use super::{Error, limits, state};
 
 /// Draws of one material pass share a pipeline if their vertices and bindings have the same layouts.
 #[derive(Clone, PartialEq)]

@@ -1,6 +1,6 @@
 //! Reading textures back, exactly.
 
-use preshade_passes::state::DepthFormat;
+use preshade_plan::state::DepthFormat;
 
 use super::gpu::Gpu;
 use super::picture::{ColorImage, DepthImage};

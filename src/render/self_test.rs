@@ -1,8 +1,8 @@
 //! Runs a plan's self-test.
 
-use preshade_passes::frame::{ColorAttachments, FrameLoad, FrameOps, FramePass};
-use preshade_passes::plan::{GpuPass, Phase, Plan, SamplesPassed, SelfTest, SelfTestDraw};
-use preshade_passes::state::{DepthFormat, StoreOp};
+use preshade_plan::frame::{ColorAttachments, FrameLoad, FrameOps, FramePass};
+use preshade_plan::plan::{GpuPass, Phase, Plan, SamplesPassed, SelfTest, SelfTestDraw};
+use preshade_plan::state::{DepthFormat, StoreOp};
 use serde::{Deserialize, Serialize};
 
 use super::{Error, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};

@@ -3,10 +3,10 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::bounded;
-use preshade_passes::checks::Checks;
-use preshade_passes::frame::{FramePass, FramePlan};
-use preshade_passes::plan::{GpuPass, Plan, SCHEMA};
+use preshade_passes::analysis::checks::Checks;
+use preshade_passes::rebuild::bounded;
+use preshade_plan::frame::{FramePass, FramePlan};
+use preshade_plan::plan::{GpuPass, Plan, SCHEMA};
 
 use super::Error;
 use super::compiled::{self, Compiled};

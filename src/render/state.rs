@@ -1,7 +1,7 @@
 //! Converts a plan's pipeline state to wgpu types: one function per type, no decisions.
 
-use preshade_passes::state as plan;
-use preshade_passes::state::DepthFormat;
+use preshade_plan::state as plan;
+use preshade_plan::state::DepthFormat;
 
 pub(super) fn compare(c: plan::CompareFunction) -> wgpu::CompareFunction {
     use plan::CompareFunction as P;

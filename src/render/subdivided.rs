@@ -3,10 +3,10 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use preshade_passes::geometry::{self, Constants, Form, Geometry, Stream, Subdivision};
-use preshade_passes::plan::{BindingSource, BindingUse, GeometryPart, Plan};
-use preshade_passes::state::Topology;
-use preshade_passes::tessellate::mesh::{self, Mesh};
+use preshade_passes::transforms::tessellate::mesh::{self, Mesh};
+use preshade_plan::geometry::{self, Constants, Form, Geometry, Stream, Subdivision};
+use preshade_plan::plan::{BindingSource, BindingUse, GeometryPart, Plan};
+use preshade_plan::state::Topology;
 use serde::{Deserialize, Serialize};
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
@@ -250,7 +250,7 @@ impl SubdividedMesh {
                 let Mesh { points, triangles } =
                     mesh::subdivide(subdivision.pattern, subdivision.level, all);
                 let vertices = points.len() as u64 * u64::from(draw.instances);
-                let stored = |b: &preshade_passes::plan::VertexBuffer| {
+                let stored = |b: &preshade_plan::plan::VertexBuffer| {
                     gpu.device.create_buffer(&wgpu::BufferDescriptor {
                         label: Some(&b.name),
                         size: (vertices * u64::from(b.stride)).max(16),
@@ -358,7 +358,7 @@ impl Subdivided {
                 return Err("a pass that subdivides its geometry has no draw table".to_owned());
             }
         };
-        let read_only = binding.kind == preshade_passes::plan::BindingKind::StorageRead;
+        let read_only = binding.kind == preshade_plan::plan::BindingKind::StorageRead;
         Ok((buffer, wgpu::BufferBindingType::Storage { read_only }))
     }
 }

@@ -2,11 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::frame::{ColorAttachments, FramePass, FramePlan};
-use preshade_passes::plan::{
+use preshade_plan::frame::{ColorAttachments, FramePass, FramePlan};
+use preshade_plan::plan::{
     Attachment, AttachmentFormat, BindingSource, ClearValue, GpuPass, SCENE_COLOR,
 };
-use preshade_passes::state::DepthFormat;
+use preshade_plan::state::DepthFormat;
 
 use super::gpu::Gpu;
 use super::shader::Variant;

@@ -2,8 +2,8 @@
 //! checks.
 #![allow(unsafe_code)]
 
-use crate::limits::Trust;
-use preshade_passes::checks::Checks;
+use preshade_passes::analysis::checks::Checks;
+use preshade_text::limits::Trust;
 use wgpu::{Device, ShaderModule, ShaderModuleDescriptor, ShaderRuntimeChecks};
 
 /// Compiles a shader with the checks that `trust` demands, and those that it needs. A device has one

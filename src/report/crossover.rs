@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 use super::plain::plain;
 use crate::measure::crossover::{Crossover, Series};
-use preshade_passes::contract::Verdict;
+use preshade_plan::contract::Verdict;
 
 /// The series as lines of text: a row a value, a column a variant, and the crossings.
 pub fn render(series: &Series) -> String {

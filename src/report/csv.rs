@@ -1,6 +1,6 @@
 //! Measurements for a spreadsheet: one line a variant and view.
 
-use preshade_passes::contract::Verdict;
+use preshade_plan::contract::Verdict;
 
 use super::plain::plain;
 use crate::measure::crossover::Series;

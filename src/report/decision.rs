@@ -1,6 +1,6 @@
 //! A decision for a terminal: plain text, without colours.
 
-use preshade_passes::contract::Verdict;
+use preshade_plan::contract::Verdict;
 
 use crate::render::order;
 use crate::search::plan::decision::{

@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::contract::{Contract, Verdict};
+use preshade_plan::contract::{Contract, Verdict};
 
 use crate::measure::Estimate;
 use crate::measure::error::counted;
@@ -321,7 +321,7 @@ fn orders<'v, 'r: 'v>(views: impl Iterator<Item = &'v (&'r ViewReport, Estimate)
 
 #[cfg(test)]
 mod tests {
-    use preshade_passes::budget::{Budget, Metric};
+    use preshade_plan::budget::{Budget, Metric};
 
     use super::*;
     use crate::measure::outputs::OutputsReport;

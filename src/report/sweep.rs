@@ -1,7 +1,7 @@
 //! A sweep as a table, a plot and rows of pictures: error and time by parameter.
 
-use preshade_passes::budget::Metric;
-use preshade_passes::contract::Verdict;
+use preshade_plan::budget::Metric;
+use preshade_plan::contract::Verdict;
 
 use super::picture::file_name;
 use super::plot::{self, Line, Mark, Panel};

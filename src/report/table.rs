@@ -1,7 +1,7 @@
 //! The table for a terminal: plain text, aligned.
 
-use preshade_passes::budget::Metric;
-use preshade_passes::contract::Verdict;
+use preshade_plan::budget::Metric;
+use preshade_plan::contract::Verdict;
 
 use super::headline::{headline, verdict};
 use crate::measure::record::{PathTime, Report, VariantReport};
@@ -486,7 +486,7 @@ fn by_view(report: &Report, coloured: bool) -> String {
 
 #[cfg(test)]
 mod tests {
-    use preshade_passes::contract::Contract;
+    use preshade_plan::contract::Contract;
 
     use super::*;
     use crate::measure::FrameTime;

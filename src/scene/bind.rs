@@ -12,9 +12,9 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use naga::{ImageClass, ImageDimension, ScalarKind, ShaderStage, TypeInner};
-use preshade_passes::declared;
-use preshade_passes::plan::{BindingKind, BindingLayout, BindingSource, BindingUse, GpuPass};
-use preshade_passes::state::CompareFunction;
+use preshade_ir::declared;
+use preshade_plan::plan::{BindingKind, BindingLayout, BindingSource, BindingUse, GpuPass};
+use preshade_plan::state::CompareFunction;
 
 use super::flow::BufferRead;
 use super::layout::{self, Leaf, Segment};
@@ -24,11 +24,11 @@ use super::{
     value_path,
 };
 
-mod guessed;
+pub mod guessed;
 mod held;
 mod numbers;
 mod streams;
-mod unplaced;
+pub mod unplaced;
 
 pub(super) use held::uniforms;
 pub(super) use numbers::numbers;
@@ -251,7 +251,7 @@ impl Area {
     }
 
     /// The same part of an attachment with this divisor
-    /// ([`preshade_passes::plan::Attachment`]).
+    /// ([`preshade_plan::plan::Attachment`]).
     pub(crate) fn divided(self, divisor: u32) -> Self {
         if divisor <= 1 {
             return self;
@@ -948,9 +948,7 @@ fn texture(
 }
 
 /// The inputs of a material's vertex entry point, with struct arguments split into members.
-fn vertex_inputs(
-    material: &Material,
-) -> Result<Vec<preshade_passes::core::interface::Io>, SceneError> {
+fn vertex_inputs(material: &Material) -> Result<Vec<preshade_ir::interface::Io>, SceneError> {
     let (_, entry) = material
         .program
         .entry_point(ShaderStage::Vertex, &material.vertex)
@@ -960,7 +958,7 @@ fn vertex_inputs(
                 material.name, material.vertex
             ))
         })?;
-    Ok(preshade_passes::core::interface::inputs(
+    Ok(preshade_ir::interface::inputs(
         material.program.module(),
         &entry.function,
     ))

@@ -2,7 +2,7 @@
 //! with an optionally infinite far plane.
 
 use glam::{Mat4, Vec3, Vec4};
-use preshade_passes::state::DepthDirection;
+use preshade_plan::state::DepthDirection;
 use serde::Deserialize;
 
 use super::Frame;

@@ -1,6 +1,6 @@
 //! The error codes of scenes.
 
-use preshade_passes::core::refusals::refusals;
+use preshade_text::refusals::refusals;
 
 refusals! {
     SCENE = "scene":

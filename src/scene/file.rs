@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 
-use preshade_passes::state::{DepthDirection, DepthFormat, MaterialState};
+use preshade_plan::state::{DepthDirection, DepthFormat, MaterialState};
 use serde::Deserialize;
 use toml::Spanned;
 
@@ -16,7 +16,7 @@ use super::mesh::{
 };
 use super::variables::Variable;
 use super::{DrawOrder, Sampler};
-use crate::front::options::ClipSpace;
+use preshade_text::options::ClipSpace;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

@@ -132,7 +132,7 @@ impl Recipe {
     /// # Errors
     /// The bytes are no such image.
     pub fn decode(&self, name: &str, bytes: &[u8]) -> Result<Image, SceneError> {
-        let limits = crate::limits::Limits::default();
+        let limits = preshade_text::limits::Limits::default();
         self.decode_within(name, bytes, &limits, &|_| Ok(()))
     }
 
@@ -141,7 +141,7 @@ impl Recipe {
         &self,
         name: &str,
         bytes: &[u8],
-        limits: &crate::limits::Limits,
+        limits: &preshade_text::limits::Limits,
         hold: decode::Hold<'_>,
     ) -> Result<Image, SceneError> {
         let reading = decode::Reading {

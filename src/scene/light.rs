@@ -4,10 +4,10 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use glam::{Mat4, Vec3};
-use preshade_passes::state::DepthDirection;
+use preshade_plan::state::DepthDirection;
 
 use super::{Camera, Frame, Scene, SceneError, Stream, bind, file, load};
-use crate::limits::Limits;
+use preshade_text::limits::Limits;
 
 /// A directional light and the world-space box that its shadow map covers.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -161,7 +161,7 @@ impl Scene {
 
     /// The scene with the uniforms in `names` (by material) fixed at their values in `frame`. All
     /// others follow the scene's cameras. A name is a variable or a member, as in
-    /// [`GpuPass::view_dependent`](preshade_passes::plan::GpuPass::view_dependent).
+    /// [`GpuPass::view_dependent`](preshade_plan::plan::GpuPass::view_dependent).
     ///
     /// # Errors
     /// A value of the scene does not fit its variable.

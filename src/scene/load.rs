@@ -8,8 +8,8 @@ use std::sync::Arc;
 
 use glam::{EulerRot, Mat4, Quat, Vec3};
 use naga::ShaderStage;
-use preshade_passes::plan::Plan;
-use preshade_passes::state::{Blend, ColorTarget};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::{Blend, ColorTarget};
 use toml::Spanned;
 
 use super::asset::Parts;
@@ -25,9 +25,9 @@ use super::{
     Access, Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, SceneError, Stream,
     Value, Variables, error, material, meshes, numbers, range, size, value_path, variables,
 };
-use crate::front::options;
-use crate::limits::Limits;
-use crate::{front, regular};
+use crate::front;
+use preshade_text::limits::Limits;
+use preshade_text::{options, regular};
 
 /// The quantity that the limit `scene-bytes` counts.
 pub(super) const SCENE_BYTES: &str = "the bytes of vertex data, texels and draws";

@@ -4,7 +4,7 @@
 use std::sync::{Arc, LazyLock};
 
 use naga::{AddressSpace, Handle, ImageDimension, Type, TypeInner};
-use preshade_passes::program::Program;
+use preshade_plan::program::Program;
 
 use super::image::{Pattern, Recipe};
 use super::{Image, Material, SceneError, value_path};
@@ -104,7 +104,7 @@ pub(super) fn check(material: &Material) -> Result<(), SceneError> {
     let inputs = material
         .program
         .entry_point(naga::ShaderStage::Vertex, &material.vertex)
-        .map(|(_, e)| preshade_passes::core::interface::inputs(module, &e.function))
+        .map(|(_, e)| preshade_ir::interface::inputs(module, &e.function))
         .unwrap_or_default();
     let names: Vec<&str> = inputs.iter().filter_map(|i| i.name.as_deref()).collect();
     for name in material.attributes.keys() {

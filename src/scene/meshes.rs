@@ -12,7 +12,7 @@ use super::mesh::{self, Rigged};
 use super::noise::{hash, random};
 use super::place::Folder;
 use super::{Mesh, SceneError, Variables, size};
-use crate::limits::Limits;
+use preshade_text::limits::Limits;
 
 /// One copy of a field.
 pub(super) struct FieldCopy {

@@ -12,7 +12,7 @@ mod file;
 pub(crate) mod flow;
 mod layout;
 mod light;
-mod load;
+pub mod load;
 mod loops;
 mod material;
 mod meshes;
@@ -27,7 +27,7 @@ mod setup;
 mod size;
 mod skin;
 mod stand_in;
-mod synthesise;
+pub mod synthesise;
 mod value_path;
 mod variables;
 
@@ -50,9 +50,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
-use preshade_passes::plan::Plan;
-use preshade_passes::program::Program;
-use preshade_passes::state::{CompareFunction, DepthDirection, DepthFormat, MaterialState};
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
+use preshade_plan::state::{CompareFunction, DepthDirection, DepthFormat, MaterialState};
 
 /// The files that a scene may read, and its size limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -60,7 +60,7 @@ pub struct Access {
     /// Whether its files may lie outside of its root folder.
     pub outside: Outside,
     /// Size limits.
-    pub limits: crate::limits::Limits,
+    pub limits: preshade_text::limits::Limits,
 }
 
 /// Whether a scene's files may lie outside of its root folder (`docs/reference/scenes.md`,

@@ -7,8 +7,8 @@ use naga::{
     AddressSpace, BinaryOperator, Binding, BuiltIn, Expression, MathFunction, Module, ScalarKind,
     ShaderStage, TypeInner,
 };
+use preshade_ir::interface::Io;
 use preshade_passes::analysis::values::ValueId;
-use preshade_passes::core::interface::Io;
 use preshade_passes::graph::Graph;
 
 use super::bind::{is_instance_data, known_stream};

@@ -2,8 +2,8 @@
 //! Value in, value out.
 
 use glam::Vec4;
-use preshade_passes::place;
-use preshade_passes::state::{DepthDirection, DepthFormat};
+use preshade_passes::rebuild::place;
+use preshade_plan::state::{DepthDirection, DepthFormat};
 
 use super::Scene;
 

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use naga::{ArraySize, TypeInner};
-use preshade_passes::program::Program;
-use preshade_passes::state::MaterialState;
 use preshade_passes::validate::agree::Partner;
+use preshade_plan::program::Program;
+use preshade_plan::state::MaterialState;
 
 use super::bind::{self, TextureContent};
 use super::{Draw, Frame, Material, Scene, SceneError, Value, layout, material};

@@ -6,8 +6,8 @@ use std::path::Path;
 
 use glam::{Mat4, Vec3};
 use naga::{ArraySize, BinaryOperator, Expression, Literal, ShaderStage, TypeInner};
-use preshade_passes::program::Program;
-use preshade_passes::state::{MaterialState, Topology};
+use preshade_plan::program::Program;
+use preshade_plan::state::{MaterialState, Topology};
 
 use super::bind::known_stream;
 use super::camera::{Pose, Range};
@@ -202,7 +202,7 @@ impl Wants {
             morph: false,
         };
         if let Some((_, entry)) = program.entry_point(ShaderStage::Vertex, &parsed.vertex) {
-            for io in preshade_passes::core::interface::inputs(module, &entry.function) {
+            for io in preshade_ir::interface::inputs(module, &entry.function) {
                 let name = io.name.as_deref().unwrap_or("");
                 if let Some(naga::Binding::Location { .. }) = io.binding {
                     wants.data = true;

@@ -1,8 +1,8 @@
 //! The recipes that are tried: those of the passes' examples that are for it.
 
-use preshade_passes::budget::{Budget, Metric};
 use preshade_passes::examples;
-use preshade_passes::pass::Use;
+use preshade_plan::budget::{Budget, Metric};
+use preshade_plan::pass::Use;
 
 use crate::recipe::{Recipe, RecipeError};
 

@@ -16,11 +16,11 @@ use naga::{
     Arena, BinaryOperator as B, Expression, Function, Handle, LocalVariable, MathFunction as M,
     Module, Range, ScalarKind, Span, Type, TypeInner, UniqueArena,
 };
-use preshade_passes::core::source::Language;
-use preshade_passes::graph::operands;
-use preshade_passes::program::Program;
-use preshade_passes::rebuild::copy::{Copies, CopyFunction, Copying};
-use preshade_passes::rebuild::writer::FunctionWriter;
+use naga_operands as operands;
+use preshade_ir::copy::{Copies, CopyFunction, Copying};
+use preshade_ir::writer::FunctionWriter;
+use preshade_plan::program::Program;
+use preshade_text::source::Language;
 
 /// The module with such operands in variables; `None` if there are none.
 pub(crate) fn hide(program: &Program) -> Option<Module> {

@@ -3,7 +3,7 @@
 
 use naga::proc::TypeResolution;
 use naga::{Expression, Function, Handle, Module, TypeInner};
-use preshade_passes::program::Program;
+use preshade_plan::program::Program;
 
 use crate::wgsl::operands;
 

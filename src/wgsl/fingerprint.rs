@@ -6,8 +6,8 @@ use naga::diagnostic_filter::DiagnosticFilterNode;
 use naga::{
     AddressSpace, Arena, Binding, Expression, Handle, Literal, Module, ShaderStage, Type, TypeInner,
 };
-use preshade_passes::core::interface::{self, Io};
-use preshade_passes::graph::operands;
+use naga_operands as operands;
+use preshade_ir::interface::{self, Io};
 
 use super::varying::Varying;
 

@@ -7,8 +7,8 @@
 use naga::{
     AddressSpace, Expression, Function, FunctionResult, Handle, Module, Span, Statement, Type,
 };
-use preshade_passes::graph::operands;
-use preshade_passes::rebuild::writer::FunctionWriter;
+use naga_operands as operands;
+use preshade_ir::writer::FunctionWriter;
 
 /// A module without such initialisers, and their targets.
 pub(crate) struct Apart {

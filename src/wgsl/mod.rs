@@ -6,16 +6,15 @@ pub(crate) mod deep_expressions;
 pub(crate) mod fingerprint;
 mod initialisers;
 mod loops;
-pub(crate) mod operands;
+pub mod operands;
 mod repair;
 pub(crate) mod subgroups;
-pub(crate) mod text;
 pub(crate) mod tidy;
 pub(crate) mod varying;
 
 use naga::Module;
 use naga::back::wgsl::{Writer, WriterFlags};
-use preshade_passes::program::Program;
+use preshade_plan::program::Program;
 
 /// The program cannot be written as WGSL.
 #[derive(Debug)]
@@ -62,7 +61,8 @@ pub(crate) fn written(program: &Program) -> Result<(Program, String), WgslError>
         None => raw(&prepared)?,
         Some(apart) => apart.put_back(&raw(&with(apart.module.clone())?)?),
     };
-    let written = text::exact_floats(&written, text::Spelling::Wgsl);
+    let written =
+        preshade_text::tokens::exact_floats(&written, preshade_text::tokens::Spelling::Wgsl);
     let repaired = repair::repair(prepared.module(), &written).map_err(WgslError::Inexpressible)?;
     Ok((prepared, repaired))
 }

@@ -2,9 +2,7 @@
 //! `preshade-passes`.
 
 use naga::{Expression, Handle, Statement};
-use preshade_passes::graph::operands;
-
-pub(crate) use operands::blocks_mut as blocks;
+use naga_operands as operands;
 
 /// Calls `f` on each operand of `expression`.
 pub(crate) fn of_expression(

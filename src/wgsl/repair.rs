@@ -11,7 +11,8 @@ use naga::{
 };
 
 use super::fingerprint::{filter_chain, filters};
-use super::text::{self, TokenKind, Words};
+use preshade_text::tokens as text;
+use preshade_text::tokens::{TokenKind, Words};
 
 /// Restores everything that the writer dropped.
 ///

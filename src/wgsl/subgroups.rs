@@ -5,7 +5,8 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use super::text::{self, TokenKind};
+use preshade_text::tokens as text;
+use preshade_text::tokens::TokenKind;
 
 const NAME: &str = "subgroups";
 

@@ -28,7 +28,8 @@ use naga::{
 };
 
 use super::loops;
-use super::text::{self, TokenKind, Words};
+use preshade_text::tokens as text;
+use preshade_text::tokens::{TokenKind, Words};
 
 /// Tidies the text of `module` after the writer and `repair`.
 pub(crate) fn tidy(module: &Module, text: &str) -> String {

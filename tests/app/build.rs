@@ -1,7 +1,7 @@
 //! The leaf is drawn with a depth pre-pass; the shaders in their forms that need no scene come
 //! beside it, to be compared.
 
-use preshade::unstable::passes::state::{ColorTarget, CullMode, MaterialState};
+use preshade::{ColorTarget, CullMode, MaterialState};
 
 fn main() -> Result<(), preshade::build_script::BuildError> {
     let mut state = MaterialState::default();

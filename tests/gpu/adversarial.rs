@@ -3,15 +3,16 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Color, Source};
-use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings, record};
-use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::pass::Use;
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{SelfTestResult, ShaderForm};
-use preshade::unstable::scene::{self, Scene};
+use preshade::front::{self, Source};
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings, record};
+use preshade::recipe::Recipe;
+use preshade::render::{SelfTestResult, ShaderForm};
+use preshade::scene::{self, Scene};
+use preshade_plan::contract::Verdict;
+use preshade_plan::pass::Use;
+use preshade_plan::state::MaterialState;
+use preshade_text::error::Color;
+use preshade_text::options::Options;
 
 use crate::fixtures_support::recipes;
 use crate::render_support::gpu;

@@ -2,11 +2,11 @@
 
 use std::fs;
 
-use preshade::unstable::capture::{self, Capture, Choice, check};
-use preshade::unstable::limits::Limits;
-use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::ShaderForm;
+use preshade::capture::{self, Capture, Choice, check};
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
+use preshade::recipe::Recipe;
+use preshade::render::ShaderForm;
+use preshade_text::limits::Limits;
 
 use crate::capture_support::{SIZE, folder, point};
 use crate::render_support::{gpu, render};

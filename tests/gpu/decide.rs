@@ -2,27 +2,22 @@
 
 use std::time::Duration;
 
-use preshade::unstable::measure::Session;
-use preshade::unstable::measure::TimingSettings;
-use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::state::{
-    ColorTarget, CompareFunction, DepthDirection, DepthFormat,
-};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{SceneInputs, ShaderForm};
-use preshade::unstable::scene::{DrawOrder, Scene};
-use preshade::unstable::search::plan::assign::{Assignment, FramePredictor, Taken};
-use preshade::unstable::search::plan::choose::WORTHWHILE;
-use preshade::unstable::search::plan::count::FragmentCounter;
-use preshade::unstable::search::plan::layers::Layers;
-use preshade::unstable::search::plan::model::Model;
-use preshade::unstable::search::plan::policy::{Hold, Rule};
-use preshade::unstable::search::plan::terms::{Term, Work};
-use preshade::unstable::search::plan::work::{Counted, DrawCounts, Fragments, drawn};
-use preshade::unstable::search::plan::{
-    Choices, Settings, Timed, ahead, choices, decide, recipes, sorting,
-};
+use preshade::measure::{Session, TimingSettings};
+use preshade::recipe::Recipe;
+use preshade::render::{SceneInputs, ShaderForm};
+use preshade::scene::{DrawOrder, Scene};
+use preshade::search::plan::assign::{Assignment, FramePredictor, Taken};
+use preshade::search::plan::choose::WORTHWHILE;
+use preshade::search::plan::count::FragmentCounter;
+use preshade::search::plan::layers::Layers;
+use preshade::search::plan::model::Model;
+use preshade::search::plan::policy::{Hold, Rule};
+use preshade::search::plan::terms::{Term, Work};
+use preshade::search::plan::work::{Counted, DrawCounts, Fragments, drawn};
+use preshade::search::plan::{Choices, Settings, Timed, ahead, choices, decide, recipes, sorting};
+use preshade_plan::contract::Verdict;
+use preshade_plan::pass::Facts;
+use preshade_plan::state::{ColorTarget, CompareFunction, DepthDirection, DepthFormat};
 
 use crate::render_support::*;
 

@@ -5,17 +5,15 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
-use preshade::unstable::measure::record::Unfinished;
-use preshade::unstable::measure::{self, Detail, Session, Settings, Timed, TimingSettings, verify};
-use preshade::unstable::passes::budget::Metric;
-use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::unstable::scene::{DrawOrder, Scene};
-use preshade::unstable::search::explore::{
-    Ended, Fate, Journal, SearchStage, Settings as Search, explore,
-};
+use preshade::measure::record::Unfinished;
+use preshade::measure::{self, Detail, Session, Settings, Timed, TimingSettings, verify};
+use preshade::recipe::Recipe;
+use preshade::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::scene::{DrawOrder, Scene};
+use preshade::search::explore::{Ended, Fate, Journal, SearchStage, Settings as Search, explore};
+use preshade_plan::budget::Metric;
+use preshade_plan::contract::Verdict;
+use preshade_plan::pass::Facts;
 
 /// One of its own: it is lost.
 fn gpu() -> Gpu {
@@ -24,9 +22,7 @@ fn gpu() -> Gpu {
 
 fn scene() -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/simple.toml");
-    let mut scene = preshade::unstable::scene::load(&path)
-        .unwrap()
-        .resized([64, 48]);
+    let mut scene = preshade::scene::load(&path).unwrap().resized([64, 48]);
     scene.orders = vec![
         DrawOrder::BackToFront,
         DrawOrder::FrontToBack,
@@ -208,9 +204,7 @@ fn explore_keeps_what_it_drew_and_goes_on_with_another_device() {
 fn a_loss_while_values_are_measured_is_no_value_without_measurement() {
     let gpu = gpu();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/teapot-specular.toml");
-    let scene = preshade::unstable::scene::load(&path)
-        .unwrap()
-        .resized([64, 48]);
+    let scene = preshade::scene::load(&path).unwrap().resized([64, 48]);
     let session = Session::new(&gpu, &scene, ShaderForm::Text).unwrap();
     let facts = Facts::without_ties();
     let mut asked = 0;

@@ -3,20 +3,19 @@
 
 use std::path::Path;
 
-use preshade::unstable::measure::{self, Counter, ErrorLadder, counting};
-use preshade::unstable::passes::budget::Budget;
-use preshade::unstable::passes::contract::Contract;
-use preshade::unstable::passes::early_discard::PREPASS_PACKED;
-use preshade::unstable::passes::pass::{Facts, Refusal};
-use preshade::unstable::passes::plan::{AttachmentFormat, BindingSource, ClearValue, Plan, Role};
-use preshade::unstable::passes::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{
-    FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
-};
-use preshade::unstable::scene::{DrawOrder, Scene};
+use preshade::measure::{self, Counter, ErrorLadder, counting};
+use preshade::recipe::Recipe;
+use preshade::render::{FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant};
+use preshade::scene::{DrawOrder, Scene};
+use preshade_passes::transforms::early_discard::PREPASS_PACKED;
+use preshade_plan::budget::Budget;
+use preshade_plan::contract::Contract;
+use preshade_plan::pass::{Facts, Refusal};
+use preshade_plan::plan::{AttachmentFormat, BindingSource, ClearValue, Plan, Role};
+use preshade_plan::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat};
 
-use crate::render_support::{gpu, originals, planes, with_depth, with_samples};
+use crate::render_support::{gpu, planes, with_depth, with_samples};
+use preshade::measure::originals;
 
 const ORDERS: [DrawOrder; 2] = [DrawOrder::BackToFront, DrawOrder::Shuffled];
 
@@ -24,9 +23,7 @@ fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(name);
-    preshade::unstable::scene::load(&path)
-        .unwrap()
-        .resized([160, 90])
+    preshade::scene::load(&path).unwrap().resized([160, 90])
 }
 
 /// Five layers of a textured material that fill the screen, seen at a slant. `edit` makes the
@@ -61,7 +58,7 @@ far = 40
 "#
     );
     std::fs::write(&path, text).unwrap();
-    preshade::unstable::scene::load(&path).unwrap()
+    preshade::scene::load(&path).unwrap()
 }
 
 /// The fixture's one sample.
@@ -258,10 +255,10 @@ fn lanes_with_gradients_taken_first_need_a_budget() {
         apply(original, recipe).unwrap();
     }
     let plan = apply(original, "early-discard:quad=lane,budget=0.02").unwrap();
-    let files = preshade::unstable::emit::emit(
+    let files = preshade::emit::emit(
         &plan,
-        &[preshade::unstable::emit::Target::Wgsl],
-        &preshade::unstable::emit::Options::default(),
+        &[preshade::emit::Target::Wgsl],
+        &preshade::emit::Options::default(),
     )
     .unwrap();
     let main = files
@@ -493,7 +490,7 @@ fn it_saves_where_the_hardware_cannot_test_early() {
 #[cfg(feature = "glsl")]
 #[test]
 fn packed_depth_is_for_webgl() {
-    use preshade::unstable::emit::{self, Target};
+    use preshade::emit::{self, Target};
     let scene = scene("frag-depth.toml");
     for plan in transformed(&self::scene("simple.toml"), "early-discard:texture=packed") {
         let files = emit::emit(&plan, &[Target::GlslEs300], &emit::Options::default()).unwrap();

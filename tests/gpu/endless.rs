@@ -3,9 +3,9 @@
 
 use std::sync::OnceLock;
 
-use preshade::unstable::measure::{self, Session};
-use preshade::unstable::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::unstable::scene::{DrawOrder, Scene};
+use preshade::measure::{self, Session};
+use preshade::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade::scene::{DrawOrder, Scene};
 
 use crate::render_support::{draw, material, scene};
 

@@ -5,19 +5,18 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use glam::{Mat4, Vec3};
-use preshade::unstable::front;
-use preshade::unstable::front::options;
-use preshade::unstable::measure::originals;
-use preshade::unstable::passes::evaluate::{self, Environment, Scalar, Value};
-use preshade::unstable::passes::state::{
-    ColorTarget, CullMode, DepthDirection, DepthFormat, MaterialState, PrimitiveState,
-};
-use preshade::unstable::render::{
-    ColorImage, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant,
-};
-use preshade::unstable::scene::{
+use naga_interp as evaluate;
+use naga_interp::{Environment, Scalar, Value};
+use preshade::front;
+use preshade::measure::originals;
+use preshade::render::{ColorImage, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
+use preshade::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Light, Material, Mesh, Scene, Stream,
 };
+use preshade_plan::state::{
+    ColorTarget, CullMode, DepthDirection, DepthFormat, MaterialState, PrimitiveState,
+};
+use preshade_text::options;
 
 use crate::render_support::gpu;
 

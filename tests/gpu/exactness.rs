@@ -4,17 +4,17 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use preshade::unstable::measure::{self, ErrorLadder, Session};
-use preshade::unstable::passes::contract::Contract;
-use preshade::unstable::passes::examples;
-use preshade::unstable::passes::pass::{Facts, Use};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::{DepthBias, DepthDirection, DepthFormat};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{
+use preshade::measure::{self, ErrorLadder, Session};
+use preshade::recipe::Recipe;
+use preshade::render::{
     AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
 };
-use preshade::unstable::scene::{DrawOrder, Scene};
+use preshade::scene::{DrawOrder, Scene};
+use preshade_passes::examples;
+use preshade_plan::contract::Contract;
+use preshade_plan::pass::{Facts, Use};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::{DepthBias, DepthDirection, DepthFormat};
 
 /// Sorted both ways, and as an unsorted host draws.
 const ORDERS: [DrawOrder; 3] = [
@@ -42,7 +42,7 @@ fn load(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(name);
-    small(preshade::unstable::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render())))
+    small(preshade::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render())))
 }
 
 /// The scene at [`SIZE`], with the first frame of each camera and one from the middle of each path.

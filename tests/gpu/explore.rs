@@ -5,16 +5,15 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
-use preshade::unstable::measure;
-use preshade::unstable::passes::budget::Metric;
-use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::ShaderForm;
-use preshade::unstable::report;
-use preshade::unstable::scene::Scene;
-use preshade::unstable::search::explore::{
+use preshade::recipe::Recipe;
+use preshade::render::ShaderForm;
+use preshade::scene::Scene;
+use preshade::search::explore::{
     Ended, Explored, Fate, Journal, Point, SearchStage, Settings, explore,
 };
+use preshade::{measure, report};
+use preshade_plan::budget::Metric;
+use preshade_plan::contract::Verdict;
 
 use crate::render_support::gpu;
 
@@ -22,9 +21,7 @@ fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(format!("{name}.toml"));
-    preshade::unstable::scene::load(&path)
-        .unwrap()
-        .resized([163, 91])
+    preshade::scene::load(&path).unwrap().resized([163, 91])
 }
 
 fn settings(recipes: &[&str]) -> Settings {

@@ -4,14 +4,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::measure;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::{CullMode, MaterialState};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::ShaderForm;
-use preshade::unstable::scene::{DrawOrder, synthesise};
+use preshade::emit::{self, Target};
+use preshade::measure;
+use preshade::recipe::Recipe;
+use preshade::render::ShaderForm;
+use preshade::scene::{DrawOrder, synthesise};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::{CullMode, MaterialState};
 
 use crate::native::both::{self, Both, Difference};
 use crate::native::pair::{Draw, FirstRow, Texture};

@@ -3,15 +3,13 @@
 
 use std::path::Path;
 
-use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{
-    ColorImage, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant,
-};
-use preshade::unstable::scene::{self, Scene};
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
+use preshade::recipe::Recipe;
+use preshade::render::{ColorImage, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
+use preshade::scene::{self, Scene};
+use preshade_plan::contract::Verdict;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
 
 use crate::render_support::gpu;
 

@@ -4,13 +4,13 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use preshade::unstable::measure::record::VariantReport;
-use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::pass::{Facts, Source};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::ShaderForm;
-use preshade::unstable::scene::Scene;
+use preshade::measure::record::VariantReport;
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
+use preshade::recipe::Recipe;
+use preshade::render::ShaderForm;
+use preshade::scene::Scene;
+use preshade_plan::contract::Verdict;
+use preshade_plan::pass::{Facts, Source};
 
 use crate::render_support::gpu;
 
@@ -18,7 +18,7 @@ fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(format!("{name}.toml"));
-    let scene = preshade::unstable::scene::load(&path).unwrap();
+    let scene = preshade::scene::load(&path).unwrap();
     scene.resized([163, 91])
 }
 
@@ -154,7 +154,7 @@ fn noise_that_bends_within_a_triangle_is_refused_with_the_number() {
 #[test]
 fn what_is_packed_into_bytes_is_not_interpolated() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hoist/packed.toml");
-    let scene = preshade::unstable::scene::load(&path).unwrap();
+    let scene = preshade::scene::load(&path).unwrap();
     let report = |recipe: &str| {
         let recipe = Recipe::parse([recipe]).unwrap();
         verified(&scene, &recipe, &Facts::default())

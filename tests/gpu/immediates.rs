@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings, verify};
-use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::ShaderForm;
-use preshade::unstable::scene::{self, DrawOrder, Scene};
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings, verify};
+use preshade::recipe::Recipe;
+use preshade::render::ShaderForm;
+use preshade::scene::{self, DrawOrder, Scene};
+use preshade_plan::contract::Verdict;
+use preshade_plan::pass::Facts;
 
 use crate::render_support::gpu;
 

@@ -4,12 +4,11 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use preshade::unstable::measure;
-use preshade::unstable::measure::{Detail, Session};
-use preshade::unstable::passes::hoist::{self, Hoist};
-use preshade::unstable::passes::pass::{Bound, Facts, Frequency, Pass};
-use preshade::unstable::render::ShaderForm;
-use preshade::unstable::scene::Scene;
+use preshade::measure::{self, Detail, Session};
+use preshade::render::ShaderForm;
+use preshade::scene::Scene;
+use preshade_passes::transforms::hoist::{self, Hoist};
+use preshade_plan::pass::{Bound, Facts, Frequency, Pass};
 
 use crate::render_support::gpu;
 
@@ -17,11 +16,7 @@ fn frequencies(name: &str) -> Vec<Frequency> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(format!("{name}.toml"));
-    measured(
-        &preshade::unstable::scene::load(&path)
-            .unwrap()
-            .resized([96, 54]),
-    )
+    measured(&preshade::scene::load(&path).unwrap().resized([96, 54]))
 }
 
 fn measured(scene: &Scene) -> Vec<Frequency> {
@@ -118,7 +113,7 @@ target = [0, 0, 0]
     );
     let path = folder.join(format!("{name}.toml"));
     std::fs::write(&path, scene).unwrap();
-    preshade::unstable::scene::load(&path).unwrap()
+    preshade::scene::load(&path).unwrap()
 }
 
 /// At the edge `inverse * inverse` overflows and 0 times it is no number, which a target of 8 bits

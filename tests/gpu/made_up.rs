@@ -3,12 +3,13 @@
 
 use std::path::Path;
 
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Color, Source};
-use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings, record};
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::render::ShaderForm;
-use preshade::unstable::scene;
+use preshade::front::{self, Source};
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings, record};
+use preshade::render::ShaderForm;
+use preshade::scene;
+use preshade_plan::state::MaterialState;
+use preshade_text::error::Color;
+use preshade_text::options::Options;
 
 use crate::render_support::gpu;
 

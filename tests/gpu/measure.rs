@@ -3,15 +3,13 @@
 use std::time::Duration;
 
 use glam::{Mat4, Vec3};
-use preshade::unstable::measure::error::ulps;
-use preshade::unstable::measure::timing::estimate;
-use preshade::unstable::measure::{
-    self, CountProgram, Counter, Discarded, Session, TimingSettings,
-};
-use preshade::unstable::passes::plan::{GpuPass, Plan};
-use preshade::unstable::passes::state::{ColorTarget, DepthDirection, DepthFormat};
-use preshade::unstable::render::{FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
-use preshade::unstable::scene::{DrawOrder, Scene, Value};
+use preshade::measure::error::ulps;
+use preshade::measure::timing::estimate;
+use preshade::measure::{self, CountProgram, Counter, Discarded, Session, TimingSettings};
+use preshade::render::{FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
+use preshade::scene::{DrawOrder, Scene, Value};
+use preshade_plan::plan::{GpuPass, Plan};
+use preshade_plan::state::{ColorTarget, DepthDirection, DepthFormat};
 
 use crate::render_support::*;
 

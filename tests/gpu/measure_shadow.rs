@@ -3,17 +3,15 @@
 
 use std::path::Path;
 
-use preshade::unstable::measure::record::VariantReport;
-use preshade::unstable::measure::{
-    self, Session, Settings, Timed, TimingSettings, Variant, verify,
-};
-use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::{GpuPass, Phase};
-use preshade::unstable::passes::state::{DepthDirection, DepthFormat};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::ShaderForm;
-use preshade::unstable::scene::{self, Scene};
+use preshade::measure::record::VariantReport;
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
+use preshade::recipe::Recipe;
+use preshade::render::ShaderForm;
+use preshade::scene::{self, Scene};
+use preshade_plan::contract::Verdict;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{GpuPass, Phase};
+use preshade_plan::state::{DepthDirection, DepthFormat};
 
 use crate::render_support::*;
 

@@ -5,19 +5,17 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
-use preshade::unstable::front::options;
-use preshade::unstable::measure::record::{Report, VariantReport};
-use preshade::unstable::measure::{
-    self, Session, Settings, Timed, TimingSettings, Variant, verify,
-};
-use preshade::unstable::passes::budget::{Budget, Metric};
-use preshade::unstable::passes::contract::{Contract, Verdict};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::{Blend, ColorTarget, CompareFunction, MaterialState};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::ShaderForm;
-use preshade::unstable::scene::{self, Scene};
+use preshade::measure::record::{Report, VariantReport};
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
+use preshade::recipe::Recipe;
+use preshade::render::ShaderForm;
+use preshade::scene::{self, Scene};
+use preshade_plan::budget::{Budget, Metric};
+use preshade_plan::contract::{Contract, Verdict};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::{Blend, ColorTarget, CompareFunction, MaterialState};
+use preshade_text::options;
 
 use crate::render_support::*;
 
@@ -214,7 +212,7 @@ fn a_step_of_255_is_a_budget_that_steep_shading_exceeds() {
 /// said beside.
 #[test]
 fn a_plan_for_another_adapter_is_named() {
-    use preshade::unstable::passes::rasterizer::Corners;
+    use preshade_plan::rasterizer::Corners;
     let seen = measure::rasterizer(gpu()).unwrap();
     let [own, other] = match seen.corners {
         Corners::Snapped => ["snapped", "as-given"],
@@ -250,7 +248,7 @@ fn a_step_of_a_target_of_halves_is_theirs() {
         bright.materials[0].state.targets = vec![Some(ColorTarget::opaque(format))];
         for draw in &mut bright.draws {
             let tint = vec![largest, largest, largest, 1.0];
-            let value = preshade::unstable::scene::Value::Numbers(tint);
+            let value = preshade::scene::Value::Numbers(tint);
             draw.values.insert("object.tint".to_owned(), value);
         }
         let report = run(&bright, made_by(&bright, "visibility-buffer:budget=1"));
@@ -363,8 +361,8 @@ fn a_discard_that_no_fragment_takes_is_untested() {
 /// Leaves that do not tie in a made-up scene may tie in the real one.
 #[test]
 fn a_made_up_scene_without_ties_does_not_remove_a_discard() {
-    use preshade::unstable::front::{self, Source};
-    use preshade::unstable::scene::synthesise;
+    use preshade::front::{self, Source};
+    use preshade::scene::synthesise;
     let text = include_str!("../app/shaders/leaf.wgsl");
     let parsed = front::parse(
         &[Source::new("leaf.wgsl", text)],

@@ -2,16 +2,16 @@
 
 use std::time::Duration;
 
-use preshade::unstable::measure::{
+use preshade::measure::{
     self, Session, Settings, Timed, TimingSettings, Variant, Verified, record, verify,
 };
-use preshade::unstable::passes::budget::{Budget, Metric};
-use preshade::unstable::passes::contract::{Assumption, Contract, Surface, Turned, Verdict};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::CompareFunction;
-use preshade::unstable::render::ShaderForm;
-use preshade::unstable::report::table;
-use preshade::unstable::scene::{DrawOrder, Scene};
+use preshade::render::ShaderForm;
+use preshade::report::table;
+use preshade::scene::{DrawOrder, Scene};
+use preshade_plan::budget::{Budget, Metric};
+use preshade_plan::contract::{Assumption, Contract, Surface, Turned, Verdict};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::CompareFunction;
 
 use crate::render_support::*;
 
@@ -234,8 +234,7 @@ fn pictures_are_pngs_of_the_right_size_under_safe_names() {
             "prepass-form-equal.sheet.png",
         ]
     );
-    let decode =
-        |f: &preshade::unstable::emit::File| image::load_from_memory(&f.bytes).unwrap().to_rgba8();
+    let decode = |f: &preshade::emit::File| image::load_from_memory(&f.bytes).unwrap().to_rgba8();
     for file in &files[..5] {
         assert_eq!(decode(file).dimensions(), (320, 200), "{}", file.name);
     }
@@ -249,7 +248,7 @@ fn pictures_are_pngs_of_the_right_size_under_safe_names() {
     let wrong = outcome.pictures[1].files().unwrap();
     assert!(decode(&wrong[2]).pixels().all(|p| p.0[0] >= 16));
     if let Some(dir) = std::env::var_os("PRESHADE_TEST_PICTURES") {
-        preshade::unstable::emit::write(dir.as_ref(), &files).unwrap();
+        preshade::emit::write(dir.as_ref(), &files).unwrap();
     }
 }
 

@@ -5,18 +5,16 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Source};
-use preshade::unstable::measure::record::VariantReport;
-use preshade::unstable::measure::{
-    self, Session, Settings, Timed, TimingSettings, Variant, verify,
-};
-use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::examples;
-use preshade::unstable::passes::pass::Use;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::ShaderForm;
-use preshade::unstable::scene::{DrawOrder, Scene};
+use preshade::front::{self, Source};
+use preshade::measure::record::VariantReport;
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
+use preshade::recipe::Recipe;
+use preshade::render::ShaderForm;
+use preshade::scene::{DrawOrder, Scene};
+use preshade_passes::examples;
+use preshade_plan::contract::Verdict;
+use preshade_plan::pass::Use;
+use preshade_text::options::Options;
 
 use crate::metamorphic_support::injection;
 use crate::render_support::gpu;
@@ -37,7 +35,7 @@ fn recipes() -> impl Iterator<Item = (&'static str, usize)> {
 
 fn scene(name: &str) -> Scene {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes");
-    let scene = preshade::unstable::scene::load(&folder.join(name).with_extension("toml"));
+    let scene = preshade::scene::load(&folder.join(name).with_extension("toml"));
     let mut scene = scene.unwrap().resized([61, 43]);
     scene.orders = vec![DrawOrder::BackToFront];
     scene.cameras.truncate(1);

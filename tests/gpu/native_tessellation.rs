@@ -3,14 +3,14 @@
 
 use std::path::Path;
 
-use preshade::unstable::emit::{self, ClipSpace, PlanFile, Target};
-use preshade::unstable::measure;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::{CompareFunction, CullMode, FrontFace};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{ColorImage, DepthImage, Rendered, ShaderForm};
-use preshade::unstable::scene::{self, DrawOrder, Scene, bind};
+use preshade::emit::{self, ClipSpace, PlanFile, Target};
+use preshade::measure;
+use preshade::recipe::Recipe;
+use preshade::render::{ColorImage, DepthImage, Rendered, ShaderForm};
+use preshade::scene::{self, DrawOrder, Scene, bind};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::{CompareFunction, CullMode, FrontFace};
 
 use crate::native::{Attribute, Native, PatchDraw};
 use crate::render_support;

@@ -4,13 +4,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DVec3, DVec4, Mat4, Vec3};
-use preshade::unstable::measure::outputs::{self, MOST_LEFT_OUT, TOLERANCE};
-use preshade::unstable::measure::{Session, Timed, originals, verify};
-use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::plan::{BindingSource, Plan, Role};
-use preshade::unstable::passes::reflect;
-use preshade::unstable::render::ShaderForm;
-use preshade::unstable::scene::{Draw, Scene, Value};
+use preshade::measure::outputs::{self, MOST_LEFT_OUT, TOLERANCE};
+use preshade::measure::{Session, Timed, originals, verify};
+use preshade::render::ShaderForm;
+use preshade::scene::{Draw, Scene, Value};
+use preshade_plan::contract::Verdict;
+use preshade_plan::plan::{BindingSource, Plan, Role};
+use preshade_plan::reflect;
 
 use crate::outputs_support::{
     Row, Subject, alone, drawn, drawn_after, earlier, fixtures, limited, load, moving_scenes,

@@ -6,16 +6,16 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use glam::{Mat4, Vec3};
-use preshade::unstable::emit::{self, File, PlanFile, Target};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::{
+use preshade::emit::{self, File, PlanFile, Target};
+use preshade::recipe::Recipe;
+use preshade::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
+use preshade::scene::{DrawOrder, Scene, Stream, Value};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::{
     Blend, ColorTarget, CompareFunction, CullMode, DepthBias, DepthFormat, StencilFace,
     StencilOperation, StencilState,
 };
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
-use preshade::unstable::scene::{DrawOrder, Scene, Stream, Value};
 use serde_json::{Value as Json, json};
 
 use crate::render_support::*;
@@ -640,7 +640,7 @@ fn scene_of(case: Case) -> Scene {
                 env!("CARGO_MANIFEST_DIR"),
                 "/fixtures/adversarial/thin-lines.toml"
             );
-            let scene = preshade::unstable::scene::load(Path::new(path)).unwrap();
+            let scene = preshade::scene::load(Path::new(path)).unwrap();
             scene.resized([64, 64])
         }
     }

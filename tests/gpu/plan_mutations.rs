@@ -5,11 +5,11 @@
 
 use std::collections::BTreeSet;
 
-use preshade::unstable::emit::{self, File, PlanFile, Target};
-use preshade::unstable::passes::pass::{Facts, Use};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
-use preshade::unstable::scene::DrawOrder;
+use preshade::emit::{self, File, PlanFile, Target};
+use preshade::recipe::Recipe;
+use preshade::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
+use preshade::scene::DrawOrder;
+use preshade_plan::pass::{Facts, Use};
 use rayon::prelude::*;
 use serde_json::{Value as Json, json};
 

@@ -6,18 +6,18 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use preshade::unstable::emit::{self, PlanFile, Target};
-use preshade::unstable::front::options;
-use preshade::unstable::front::{self, Source};
-use preshade::unstable::measure;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::{ColorTarget, MaterialState};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{
+use preshade::emit::{self, PlanFile, Target};
+use preshade::front::{self, Source};
+use preshade::measure;
+use preshade::recipe::Recipe;
+use preshade::render::{
     AdapterChoice, Error, FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant,
 };
-use preshade::unstable::scene::{DrawOrder, Scene, synthesise};
+use preshade::scene::{DrawOrder, Scene, synthesise};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::{ColorTarget, MaterialState};
+use preshade_text::options;
 
 use crate::interfaces::{interfaces, varied};
 
@@ -25,7 +25,7 @@ fn load(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(name);
-    let scene = preshade::unstable::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
+    let scene = preshade::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
     scene.resized([97, 61])
 }
 

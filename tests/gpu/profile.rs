@@ -2,13 +2,13 @@
 
 use std::time::Duration;
 
-use preshade::unstable::measure::TimingSettings;
-use preshade::unstable::measure::profile::{Profile, profile};
-use preshade::unstable::passes::state::{
+use preshade::measure::TimingSettings;
+use preshade::measure::profile::{Profile, profile};
+use preshade::report;
+use preshade::scene::Scene;
+use preshade_plan::state::{
     CompareFunction, DepthFormat, StencilFace, StencilOperation, StencilState,
 };
-use preshade::unstable::report;
-use preshade::unstable::scene::Scene;
 
 use crate::outputs_support::load;
 use crate::render_support::*;

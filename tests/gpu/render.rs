@@ -2,15 +2,15 @@
 //! several samples, viewports.
 
 use glam::{Mat4, Vec3};
-use preshade::unstable::limits::Limits;
-use preshade::unstable::passes::plan::{
+use preshade::render::{self, AdapterChoice, Gpu, SceneInputs, ShaderForm, Variant};
+use preshade::scene::DrawOrder;
+use preshade_plan::plan::{
     BindingKind, BindingSource, BindingUse, GpuPass, Plan, SCENE_DEPTH, Visibility,
 };
-use preshade::unstable::passes::state::{
+use preshade_plan::state::{
     Blend, ColorTarget, CompareFunction, DepthDirection, DepthFormat, Topology,
 };
-use preshade::unstable::render::{self, AdapterChoice, Gpu, SceneInputs, ShaderForm, Variant};
-use preshade::unstable::scene::DrawOrder;
+use preshade_text::limits::Limits;
 
 use crate::render_support::*;
 
@@ -284,7 +284,7 @@ fn reading_depth(plan: &Plan, kind: BindingKind, samples: u32) -> Plan {
             name: SCENE_DEPTH.to_owned(),
         },
     });
-    preshade::unstable::passes::reflect::fill(main, &shader);
+    preshade_plan::reflect::fill(main, &shader);
     let depth = main.depth.as_mut().unwrap();
     depth.compare = CompareFunction::LessEqual;
     depth.read_only = true;

@@ -8,22 +8,19 @@ use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, Literal, Module, Scalar, ShaderStage, Span, Type,
     TypeInner, VectorSize,
 };
-use preshade::unstable::measure::{
-    self, Session, Settings, Timed, TimingSettings, Variant, verify,
-};
-use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::{Plan, Role, SamplesPassed};
-use preshade::unstable::passes::rebuild::writer::FunctionWriter;
-use preshade::unstable::passes::returns;
-use preshade::unstable::passes::state::{CompareFunction, DepthBias};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{SceneInputs, SelfTestResult, ShaderForm, self_test};
-use preshade::unstable::report::table;
-use preshade::unstable::scene::{self, Scene};
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
+use preshade::recipe::Recipe;
+use preshade::render::{SceneInputs, SelfTestResult, ShaderForm, self_test};
+use preshade::report::table;
+use preshade::scene::{self, Scene};
+use preshade_ir::returns;
+use preshade_ir::writer::FunctionWriter;
+use preshade_plan::contract::Verdict;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{Plan, Role, SamplesPassed};
+use preshade_plan::state::{CompareFunction, DepthBias};
 
-use crate::render_support::scene as scene_of;
-use crate::render_support::*;
+use crate::render_support::{scene as scene_of, *};
 
 const BIASED: &str = "depth-prepass";
 const EQUAL: &str = "depth-prepass:form=equal";

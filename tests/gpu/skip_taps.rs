@@ -3,12 +3,12 @@
 
 use std::path::Path;
 
-use preshade::unstable::measure::record::VariantReport;
-use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::ShaderForm;
+use preshade::measure::record::VariantReport;
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
+use preshade::recipe::Recipe;
+use preshade::render::ShaderForm;
+use preshade_plan::contract::Verdict;
+use preshade_plan::pass::Facts;
 
 use crate::render_support::gpu;
 
@@ -16,9 +16,7 @@ fn verified(name: &str, recipes: &[&str]) -> Vec<VariantReport> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(format!("{name}.toml"));
-    let mut scene = preshade::unstable::scene::load(&path)
-        .unwrap()
-        .resized([160, 90]);
+    let mut scene = preshade::scene::load(&path).unwrap().resized([160, 90]);
     scene.orders.truncate(1);
     let originals = measure::originals(&scene);
     let variant = |recipe: &&str| {

@@ -3,25 +3,23 @@
 
 use std::path::Path;
 
-use preshade::unstable::emit;
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Source};
-use preshade::unstable::measure::record::VariantReport;
-use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::graph::Graph;
-use preshade::unstable::passes::guard::Assumed;
-use preshade::unstable::passes::naga;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::specialize::Params;
-use preshade::unstable::passes::specialize::dispatch::Dispatch;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{
-    FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
-};
-use preshade::unstable::scene::bind::{self, BufferBinding};
-use preshade::unstable::scene::{Scene, Value};
+use preshade::emit;
+use preshade::front::{self, Source};
+use preshade::measure::record::VariantReport;
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
+use preshade::recipe::Recipe;
+use preshade::render::{FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant};
+use preshade::scene::bind::{self, BufferBinding};
+use preshade::scene::{Scene, Value};
+use preshade_passes::graph::Graph;
+use preshade_passes::naga;
+use preshade_passes::transforms::specialize::Params;
+use preshade_passes::transforms::specialize::dispatch::Dispatch;
+use preshade_plan::contract::Verdict;
+use preshade_plan::guard::Assumed;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_text::options::Options;
 
 use crate::render_support::gpu;
 
@@ -29,9 +27,7 @@ fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(format!("{name}.toml"));
-    preshade::unstable::scene::load(&path)
-        .unwrap()
-        .resized([160, 90])
+    preshade::scene::load(&path).unwrap().resized([160, 90])
 }
 
 fn museum() -> Scene {

@@ -4,19 +4,16 @@
 use std::collections::BTreeMap;
 
 use glam::{Mat4, Vec3};
-use preshade::unstable::measure::record::{Choice, Chosen, SweepReport};
-use preshade::unstable::measure::{
-    self, Estimate, Session, Settings, Timed, TimingSettings, Verified,
-};
-use preshade::unstable::passes::budget::Budget;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::render::ShaderForm;
-use preshade::unstable::scene::mesh::Sphere;
-use preshade::unstable::scene::{Draw, Frame, Scene};
-use preshade::unstable::sweep::Sweep;
+use preshade::measure::record::{Choice, Chosen, SweepReport};
+use preshade::measure::{self, Estimate, Session, Settings, Timed, TimingSettings, Verified};
+use preshade::render::ShaderForm;
+use preshade::scene::mesh::Sphere;
+use preshade::scene::{Draw, Frame, Scene};
+use preshade::sweep::Sweep;
+use preshade_plan::budget::Budget;
+use preshade_plan::pass::Facts;
 
-use crate::render_support;
-use crate::render_support::{gpu, material, scene};
+use crate::render_support::{self, gpu, material, scene};
 
 const WAVES: &str = "
 struct Camera { view_proj: mat4x4<f32> }
@@ -60,7 +57,7 @@ fn sphere() -> Scene {
 fn drawn() -> (Sweep, Vec<String>, Verified) {
     let scene = sphere();
     let steps = ["hoist", "tessellate:level=1..3"].map(str::to_owned);
-    let steps = preshade::unstable::sweep::completed(&steps).unwrap();
+    let steps = preshade::sweep::completed(&steps).unwrap();
     let sweep = Sweep::parse_steps(&steps).unwrap();
     let facts = Facts {
         changing: Some(measure::changing(&scene).unwrap()),
@@ -137,10 +134,10 @@ fn a_range_has_a_table_a_plot_and_pictures_a_form() {
         .iter_mut()
         .filter(|v| v.name.contains("static"))
     {
-        variant.verdict = preshade::unstable::passes::contract::Verdict::NotMeasured {
+        variant.verdict = preshade_plan::contract::Verdict::NotMeasured {
             why: "every material refuses it".to_owned(),
         };
-        variant.kept = vec![preshade::unstable::measure::record::KeptMaterial {
+        variant.kept = vec![preshade::measure::record::KeptMaterial {
             material: "waves".to_owned(),
             without: None,
             why: "it moves".to_owned(),
@@ -184,7 +181,7 @@ fn a_budget_leaves_the_fastest_within_it() {
         .map(|v| v.error.as_ref().unwrap().flip_mean)
         .collect();
     let choose = |report: &_, most| {
-        let report: &preshade::unstable::measure::record::Report = report;
+        let report: &preshade::measure::record::Report = report;
         let told = Chosen::among(&report.variants, budget(most));
         let said = told.said();
         (told.choice, said)
@@ -202,7 +199,7 @@ fn a_budget_leaves_the_fastest_within_it() {
     assert!(said.contains("the best error is"), "{said}");
     assert!(said.contains(&format!("{:.5}", flip[level_3])), "{said}");
 
-    let speed = |report: &mut preshade::unstable::measure::record::Report, speeds: [f64; 3]| {
+    let speed = |report: &mut preshade::measure::record::Report, speeds: [f64; 3]| {
         for (i, variant) in report.variants[1..].iter_mut().enumerate() {
             let median = speeds[i / 3] + 0.01 * (i % 3) as f64;
             variant.speedup = Some(Estimate {

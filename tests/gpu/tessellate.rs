@@ -4,17 +4,16 @@
 use std::collections::BTreeMap;
 
 use glam::{Mat4, Vec3};
-use preshade::unstable::measure;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::{Blend, ColorTarget, CompareFunction};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{ColorImage, Rendered, ShaderForm};
-use preshade::unstable::scene::mesh::Sphere;
-use preshade::unstable::scene::{Draw, DrawOrder, Frame, Scene};
+use preshade::measure;
+use preshade::recipe::Recipe;
+use preshade::render::{ColorImage, Rendered, ShaderForm};
+use preshade::scene::mesh::Sphere;
+use preshade::scene::{Draw, DrawOrder, Frame, Scene};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::{Blend, ColorTarget, CompareFunction};
 
-use crate::render_support;
-use crate::render_support::{gpu, material, render_as, scene};
+use crate::render_support::{self, gpu, material, render_as, scene};
 
 /// Green waves to hoist, and a step of red for each fragment.
 const WAVES: &str = "
@@ -210,7 +209,7 @@ fn instances_and_indices_of_every_kind_are_fetched() {
     let transforms = [-0.7, 0.1, 0.6].map(transform);
     scene.draws[0].instance_streams.insert(
         "instance_transform".to_owned(),
-        preshade::unstable::scene::Stream::Float {
+        preshade::scene::Stream::Float {
             components: 16,
             data: transforms.iter().flat_map(|m| m.to_cols_array()).collect(),
         },
@@ -233,7 +232,7 @@ fn instances_and_indices_of_every_kind_are_fetched() {
     // More vertices than 16 bits count, of which no triangle uses the last.
     mesh.vertex_count = 70_000;
     for stream in mesh.streams.values_mut() {
-        if let preshade::unstable::scene::Stream::Float { components, data } = stream {
+        if let preshade::scene::Stream::Float { components, data } = stream {
             data.resize(70_000 * *components as usize, 0.0);
         }
     }
@@ -241,7 +240,7 @@ fn instances_and_indices_of_every_kind_are_fetched() {
     let mesh = &mut scene.meshes[0];
     let indices = mesh.indices.take().unwrap();
     for stream in mesh.streams.values_mut() {
-        if let preshade::unstable::scene::Stream::Float { components, data } = stream {
+        if let preshade::scene::Stream::Float { components, data } = stream {
             let n = *components as usize;
             let gathered = indices
                 .iter()
@@ -257,7 +256,7 @@ fn instances_and_indices_of_every_kind_are_fetched() {
 #[test]
 fn strips_are_divided_as_lists() {
     let mut scene = sphere(WAVES);
-    scene.materials[0].state.primitive.cull = preshade::unstable::passes::state::CullMode::Back;
+    scene.materials[0].state.primitive.cull = preshade_plan::state::CullMode::Back;
     let given = scene.meshes[0].indices.clone().unwrap();
     let mut triangles = given.as_chunks::<3>().0.iter().peekable();
     let (mut strip, mut list) = (Vec::new(), Vec::new());
@@ -274,8 +273,7 @@ fn strips_are_divided_as_lists() {
     assert_eq!(list.len(), given.len());
     assert!(strip.len() < given.len());
     scene.meshes[0].indices = Some(strip);
-    scene.materials[0].state.primitive.topology =
-        preshade::unstable::passes::state::Topology::TriangleStrip;
+    scene.materials[0].state.primitive.topology = preshade_plan::state::Topology::TriangleStrip;
     let check = |scene: &Scene, what: &str| {
         let hoisted = draw(scene, &[HOIST]);
         for parameters in PARAMETERS.into_iter().chain(["edge-pixels=200"]) {
@@ -295,7 +293,7 @@ fn strips_are_divided_as_lists() {
     let mesh = &mut scene.meshes[0];
     mesh.vertex_count = 70_000;
     for stream in mesh.streams.values_mut() {
-        if let preshade::unstable::scene::Stream::Float { components, data } = stream {
+        if let preshade::scene::Stream::Float { components, data } = stream {
             data.resize(70_000 * *components as usize, 0.0);
         }
     }
@@ -337,7 +335,7 @@ fn coverage(rendered: &Rendered) -> (Vec<bool>, usize) {
 #[test]
 fn adaptive_levels_leave_no_cracks() {
     let mut scene = counting(sphere(WAVES));
-    scene.materials[0].state.primitive.cull = preshade::unstable::passes::state::CullMode::Back;
+    scene.materials[0].state.primitive.cull = preshade_plan::state::CullMode::Back;
     for frame in around() {
         scene.cameras[0].frames = vec![frame];
         let (expected, _) = coverage(&draw(&scene, &[HOIST]));
@@ -387,8 +385,7 @@ fn an_edge_divided_on_one_side_alone_is_found() {
     let whole = scene.meshes[0].clone();
     let indices = whole.indices.clone().unwrap();
     let height = |i: &u32| {
-        let preshade::unstable::scene::Stream::Float { data, .. } = &whole.streams["position"]
-        else {
+        let preshade::scene::Stream::Float { data, .. } = &whole.streams["position"] else {
             panic!("positions are floats");
         };
         data[*i as usize * 3 + 1]

@@ -4,18 +4,15 @@
 use std::collections::BTreeMap;
 
 use glam::{Mat4, Vec3};
-use preshade::unstable::measure;
-use preshade::unstable::passes::pass::{Facts, Refusal};
-use preshade::unstable::passes::plan::{Plan, When};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{
-    FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
-};
-use preshade::unstable::scene::mesh::Sphere;
-use preshade::unstable::scene::{Draw, DrawOrder, Frame, Scene};
+use preshade::measure;
+use preshade::recipe::Recipe;
+use preshade::render::{FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant};
+use preshade::scene::mesh::Sphere;
+use preshade::scene::{Draw, DrawOrder, Frame, Scene};
+use preshade_plan::pass::{Facts, Refusal};
+use preshade_plan::plan::{Plan, When};
 
-use crate::render_support;
-use crate::render_support::{gpu, material, scene};
+use crate::render_support::{self, gpu, material, scene};
 
 /// Waves that stand still on the object, with a light that follows the camera's time outside what
 /// is hoisted.

@@ -3,13 +3,13 @@
 use std::path::Path;
 use std::sync::OnceLock;
 
-use preshade::unstable::capture::browser::prepare;
-use preshade::unstable::capture::trace::{Wanted, convert};
-use preshade::unstable::capture::{self, Capture, Choice, check};
-use preshade::unstable::limits::Limits;
-use preshade::unstable::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::ShaderForm;
+use preshade::capture::browser::prepare;
+use preshade::capture::trace::{Wanted, convert};
+use preshade::capture::{self, Capture, Choice, check};
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
+use preshade::recipe::Recipe;
+use preshade::render::ShaderForm;
+use preshade_text::limits::Limits;
 use tempfile::TempDir;
 
 use crate::render_support::gpu;

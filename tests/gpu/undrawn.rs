@@ -3,15 +3,13 @@
 
 use std::path::Path;
 
-use preshade::unstable::measure::record::Report;
-use preshade::unstable::measure::{
-    self, Session, Settings, Timed, TimingSettings, Variant, verify,
-};
-use preshade::unstable::passes::contract::{Assumption, Verdict};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::ShaderForm;
-use preshade::unstable::scene::{self, Scene};
+use preshade::measure::record::Report;
+use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
+use preshade::recipe::Recipe;
+use preshade::render::ShaderForm;
+use preshade::scene::{self, Scene};
+use preshade_plan::contract::{Assumption, Verdict};
+use preshade_plan::pass::Facts;
 
 use crate::render_support::gpu;
 
@@ -117,7 +115,7 @@ fn a_budget_measured_on_one_side_of_a_branch_is_guarded_on_the_other() {
 fn only_ways_that_no_draw_takes_are_guarded() {
     let of = |name: &str, all: &[i32]| measure::undrawn(&drawn_with(name, all)).unwrap();
     assert_eq!(of("both", &[0, 1]), []);
-    let values = |found: &[preshade::unstable::passes::pass::Undrawn]| -> Vec<String> {
+    let values = |found: &[preshade_plan::pass::Undrawn]| -> Vec<String> {
         let each = found.iter().flat_map(|u| &u.values);
         each.map(ToString::to_string).collect()
     };

@@ -4,13 +4,13 @@
 use std::collections::BTreeMap;
 
 use naga::{BinaryOperator, Expression, Function, Module, SampleLevel, Statement};
-use preshade::unstable::measure::validate_on;
-use preshade::unstable::passes::examples;
-use preshade::unstable::passes::pass::{Facts, Use};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::passes::validate::{Check, Counterexample, Effort, Verdict};
-use preshade::unstable::recipe::Recipe;
+use preshade::measure::validate_on;
+use preshade::recipe::Recipe;
+use preshade_passes::examples;
+use preshade_passes::validate::{Check, Counterexample, Effort, Verdict};
+use preshade_plan::pass::{Facts, Use};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
 
 use crate::fixtures_support::{materials, original};
 use crate::render_support::{gpu, program};

@@ -5,19 +5,19 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 use glam::{Mat4, Vec3};
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::measure::{self, Counter};
-use preshade::unstable::passes::contract::{Assumption, Contract, Surface, Turned};
-use preshade::unstable::passes::draw_table::Entry;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::{Plan, Role};
-use preshade::unstable::passes::rasterizer::{Corners, Neighbours, Rasterizer};
-use preshade::unstable::passes::state::{ColorTarget, CullMode, FrontFace};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{
+use preshade::emit::{self, Target};
+use preshade::measure::{self, Counter};
+use preshade::recipe::Recipe;
+use preshade::render::{
     FrameSettings, Prepared, Rendered, SceneInputs, SelfTestResult, ShaderForm, Variant, self_test,
 };
-use preshade::unstable::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream, Value};
+use preshade::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream, Value};
+use preshade_plan::contract::{Assumption, Contract, Surface, Turned};
+use preshade_plan::draw_table::Entry;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{Plan, Role};
+use preshade_plan::rasterizer::{Corners, Neighbours, Rasterizer};
+use preshade_plan::state::{ColorTarget, CullMode, FrontFace};
 
 use crate::render_support::*;
 
@@ -234,8 +234,8 @@ fn mips(levels: u32) -> Arc<Image> {
 
 /// A soft pattern with all its mips.
 fn pattern() -> Arc<Image> {
-    let recipe = preshade::unstable::scene::image::Recipe {
-        pattern: Some(preshade::unstable::scene::image::Pattern::Noise),
+    let recipe = preshade::scene::image::Recipe {
+        pattern: Some(preshade::scene::image::Pattern::Noise),
         size: 128,
         ..Default::default()
     };
@@ -868,13 +868,9 @@ fn assert_drawn(scene: &Scene, what: &str) {
         "visibility-buffer:form=compute,vertices=kept",
     ] {
         let split: Vec<Plan> = plans.iter().map(|p| split(p, form)).collect();
-        let targets = [preshade::unstable::emit::Target::Wgsl];
-        preshade::unstable::emit::emit(
-            &split[0],
-            &targets,
-            &preshade::unstable::emit::Options::default(),
-        )
-        .unwrap_or_else(|e| panic!("{what}: {e}"));
+        let targets = [preshade::emit::Target::Wgsl];
+        preshade::emit::emit(&split[0], &targets, &preshade::emit::Options::default())
+            .unwrap_or_else(|e| panic!("{what}: {e}"));
         let drawn = render_as(gpu(), scene, &split, order, ShaderForm::Text);
         let found = difference(&forward, &drawn);
         assert!(found.most <= 1, "{what}, {form}: {found:?}");
@@ -948,13 +944,8 @@ fn colours_are_stored_where_there_is_a_target() {
         "visibility-buffer:form=binned",
     ] {
         let plan = split(&originals(&half)[0], form);
-        let targets = [preshade::unstable::emit::Target::Wgsl];
-        preshade::unstable::emit::emit(
-            &plan,
-            &targets,
-            &preshade::unstable::emit::Options::default(),
-        )
-        .unwrap();
+        let targets = [preshade::emit::Target::Wgsl];
+        preshade::emit::emit(&plan, &targets, &preshade::emit::Options::default()).unwrap();
     }
 }
 
@@ -1064,8 +1055,7 @@ fn a_neighbour_that_is_not_split_is_drawn_behind() {
 #[test]
 fn a_neighbour_that_moves_depth_keeps_it_from_being_split() {
     let mut scene = three_draws();
-    scene.materials[1].state.depth_compare =
-        Some(preshade::unstable::passes::state::CompareFunction::Always);
+    scene.materials[1].state.depth_compare = Some(preshade_plan::state::CompareFunction::Always);
     let plans = originals(&scene);
     let recipe = Recipe::parse(["visibility-buffer:budget=1"]).unwrap();
     let variant = measure::variant(&plans, &recipe, &Facts::default());
@@ -1123,7 +1113,7 @@ fn positions_are_the_authors_or_marked() {
         let (_, entry) = program
             .entry_point(naga::ShaderStage::Vertex, &pass.vertex)
             .unwrap();
-        let outputs = preshade_passes::core::interface::outputs(program.module(), &entry.function);
+        let outputs = preshade_ir::interface::outputs(program.module(), &entry.function);
         let marked = naga::Binding::BuiltIn(naga::BuiltIn::Position { invariant: true });
         (
             outputs.len(),
@@ -1195,8 +1185,7 @@ fn what_cannot_be_split_is_refused() {
         refused(&floor(material))
     };
     assert_eq!(
-        with(&|m| m.state.primitive.topology =
-            preshade::unstable::passes::state::Topology::TriangleStrip),
+        with(&|m| m.state.primitive.topology = preshade_plan::state::Topology::TriangleStrip),
         "topology"
     );
     assert_eq!(with(&|m| m.state.multisample.count = 4), "multisampled");
@@ -1354,9 +1343,7 @@ fn the_emitted_text_and_the_ir_draw_alike() {
 fn a_root_of_what_cancels_is_promised_nothing_without_a_budget() {
     let path =
         std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/frag-depth.toml");
-    let mut scene = preshade::unstable::scene::load(&path)
-        .unwrap()
-        .resized([320, 180]);
+    let mut scene = preshade::scene::load(&path).unwrap().resized([320, 180]);
     let eye = Vec3::new(30.0, 27.0, 90.0);
     let frame = &mut scene.cameras[0].frames[0];
     frame.view = Mat4::look_at_rh(eye, Vec3::new(0.0, 1.8, 0.0), Vec3::Y);

@@ -3,10 +3,10 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::emit::{self, EmitError, Target};
-use preshade::unstable::passes::pass::{Facts, Use};
-use preshade::unstable::passes::validate::{Effort, validate};
-use preshade::unstable::recipe::Recipe;
+use preshade::emit::{self, EmitError, Target};
+use preshade::recipe::Recipe;
+use preshade_passes::validate::{Effort, validate};
+use preshade_plan::pass::{Facts, Use};
 use rayon::prelude::*;
 
 use crate::fixtures_support::{original, recipes, root};
@@ -63,7 +63,7 @@ fn no_promise_is_broken_and_each_text_is_written_or_refused_by_name() {
 }
 
 /// The targets that fail otherwise than by naming what they lack.
-fn written(label: &str, plan: &preshade::unstable::passes::plan::Plan) -> Vec<String> {
+fn written(label: &str, plan: &preshade_plan::plan::Plan) -> Vec<String> {
     let written = |target| emit::emit(plan, &[target], &emit::Options::default());
     let errors = Target::GENERAL
         .into_iter()

@@ -8,17 +8,17 @@ use std::path::{Path, PathBuf};
 
 use naga::back::wgsl;
 use naga::{EntryPoint, Module, TypeInner};
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::options::{ClipSpace, Options};
-use preshade::unstable::front::{self, Source};
-use preshade::unstable::passes::declared::Depth;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::{BindingSource, GpuPass, Plan, Role};
-use preshade::unstable::passes::program::Program;
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::passes::validate::Effort;
-use preshade::unstable::passes::validate::agree::{Agreement, Outcome, Relation, agree};
-use preshade::unstable::recipe::Recipe;
+use preshade::emit::{self, Target};
+use preshade::front::{self, Source};
+use preshade::recipe::Recipe;
+use preshade_ir::declared::Depth;
+use preshade_passes::validate::Effort;
+use preshade_passes::validate::agree::{Agreement, Outcome, Relation, agree};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{BindingSource, GpuPass, Plan, Role};
+use preshade_plan::program::Program;
+use preshade_plan::state::MaterialState;
+use preshade_text::options::{ClipSpace, Options};
 use rayon::prelude::*;
 
 use crate::fixtures_support::root;

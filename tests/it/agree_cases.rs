@@ -2,11 +2,9 @@
 
 use std::path::PathBuf;
 
-use preshade::unstable::passes::core::mapping::Equation;
-use preshade::unstable::passes::validate::Effort;
-use preshade::unstable::passes::validate::agree::{
-    Agreement, Class, Outcome, Question, Relation, agree,
-};
+use preshade_passes::validate::Effort;
+use preshade_passes::validate::agree::{Agreement, Class, Outcome, Question, Relation, agree};
+use preshade_plan::mapping::Equation;
 
 use crate::agree::read;
 use crate::fixtures_support::root;

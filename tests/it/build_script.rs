@@ -7,16 +7,14 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use preshade::build_script::{BuildConfig, BuildError, Built, configure};
-use preshade::unstable::emit::Target;
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{Source, parse};
-use preshade::unstable::lock::{Inputs, Lock, Locked};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::{
-    Blend, ColorTarget, CompareFunction, DepthFormat, MaterialState,
-};
-use preshade::unstable::recipe::Recipe;
+use preshade::emit::Target;
+use preshade::front::{Source, parse};
+use preshade::lock::{Inputs, Lock, Locked};
+use preshade::recipe::Recipe;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::{Blend, ColorTarget, CompareFunction, DepthFormat, MaterialState};
+use preshade_text::options::Options;
 
 const SHADER: &str = include_str!("../../fixtures/shaders/toon.wgsl");
 

@@ -3,10 +3,10 @@
 use std::fs;
 use std::io::Write as _;
 
-use preshade::unstable::capture::{self, Capture, Choice, Kind};
-use preshade::unstable::limits::Limits;
-use preshade::unstable::passes::state::{Blend, ColorTarget, DepthDirection};
-use preshade::unstable::scene::Scene;
+use preshade::capture::{self, Capture, Choice, Kind};
+use preshade::scene::Scene;
+use preshade_plan::state::{Blend, ColorTarget, DepthDirection};
+use preshade_text::limits::Limits;
 use serde_json::{Value, json};
 
 use crate::capture_support::{SIZE, folder, name, point};

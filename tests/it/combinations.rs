@@ -1,11 +1,11 @@
 //! Recipes of random passes in random order, on all fixture materials: all compose or refuse.
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 
-use preshade::unstable::passes::examples;
-use preshade::unstable::passes::pass::Use;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::CompareFunction;
-use preshade::unstable::passes::validate::Effort;
+use preshade_passes::examples;
+use preshade_passes::validate::Effort;
+use preshade_plan::pass::Use;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::CompareFunction;
 
 use crate::combinations_support::combinations;
 use crate::fixtures_support::{materials, original, root};
@@ -52,7 +52,7 @@ fn random_recipes_compose_or_refuse() {
     assert!(tally.refused_whole < count / 2, "{tally:#?}");
     assert_eq!(
         tally.accepted.len(),
-        preshade::unstable::passes::PASSES.len(),
+        preshade_passes::PASSES.len(),
         "{tally:#?}"
     );
 }

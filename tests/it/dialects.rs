@@ -3,11 +3,12 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Memory, Source};
-use preshade_passes::plan::Plan;
-use preshade_passes::state::MaterialState;
+use preshade::emit::{self, Target};
+use preshade::front::{self, Source};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
+use preshade_text::memory::Memory;
+use preshade_text::options::Options;
 
 fn source(path: &Path) -> Source {
     let text = std::fs::read_to_string(path).unwrap();
@@ -292,7 +293,7 @@ fn includes_are_found_in_memory() {
         let files = files.iter().map(|(name, text)| (*name, (*text).to_owned()));
         let options = Options {
             files: files.collect(),
-            limits: preshade::unstable::limits::Limits::parse(limits).unwrap(),
+            limits: preshade_text::limits::Limits::parse(limits).unwrap(),
             ..Options::default()
         };
         front::parse(&sources, &options)

@@ -4,10 +4,10 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use preshade::unstable::emit::{self, ClipSpace, EmitError, File, PlanFile, Target};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::recipe::Recipe;
+use preshade::emit::{self, ClipSpace, EmitError, File, PlanFile, Target};
+use preshade::recipe::Recipe;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
 
 use crate::fixtures_support;
 

@@ -3,9 +3,10 @@
 
 use std::time::{Duration, Instant};
 
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Code, Color, Error, Parsed, Source};
-use preshade_passes::core::source::Language;
+use preshade::front::{self, Parsed, Source};
+use preshade_text::error::{Code, Color, Error};
+use preshade_text::options::Options;
+use preshade_text::source::Language;
 
 const VERTEX: &str = r"
 struct Camera { view_proj: mat4x4<f32>, eye: vec3<f32> }

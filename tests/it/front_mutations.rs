@@ -2,12 +2,12 @@
 //! emitted, read back and equal.
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::options;
-use preshade::unstable::front::{self, Source};
-use preshade_passes::plan::Plan;
-use preshade_passes::program::Program;
-use preshade_passes::state::MaterialState;
+use preshade::emit::{self, Target};
+use preshade::front::{self, Source};
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
+use preshade_plan::state::MaterialState;
+use preshade_text::options;
 
 const WGSL: &str = include_str!("../materials/everything.wgsl");
 const VERTEX: &str = include_str!("../materials/everything.vert");

@@ -4,13 +4,14 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::options::{ClipSpace, Options};
-use preshade::unstable::front::{self, Code, Color, Parsed, Source, normalised_glsl};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::{MaterialState, Topology};
-use preshade::unstable::recipe::Recipe;
+use preshade::emit::{self, Target};
+use preshade::front::{self, Parsed, Source, normalised_glsl};
+use preshade::recipe::Recipe;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::{MaterialState, Topology};
+use preshade_text::error::{Code, Color};
+use preshade_text::options::{ClipSpace, Options};
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/glsl/dialects")

@@ -2,12 +2,13 @@
 //! plainer one beside it does.
 #![cfg(feature = "glsl")]
 
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Code, Color, Source};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::passes::validate::Effort;
-use preshade::unstable::passes::validate::agree::{Relation, agree};
+use preshade::front::{self, Source};
+use preshade_passes::validate::Effort;
+use preshade_passes::validate::agree::{Relation, agree};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
+use preshade_text::error::{Code, Color};
+use preshade_text::options::Options;
 
 const VERTEX: &str = "#version 430
 in vec3 position; out vec2 uv;

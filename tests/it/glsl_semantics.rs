@@ -2,14 +2,14 @@
 //! blocks lie, what the preprocessor is asked, and errors in GLSL's words.
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::options;
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Code, Color, Parsed, Source, normalised_glsl};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::recipe::Recipe;
+use preshade::emit::{self, Target};
+use preshade::front::{self, Parsed, Source, normalised_glsl};
+use preshade::recipe::Recipe;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
+use preshade_text::error::{Code, Color};
+use preshade_text::options::{self, Options};
 
 const VERTEX: &str = "attribute vec4 p; void main() { gl_Position = p; }";
 

@@ -1,13 +1,14 @@
 //! GLSL for Vulkan: what WebGPU can say is read, and the rest is refused by its name.
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Code, Color, Parsed, Source};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::recipe::Recipe;
+use preshade::emit::{self, Target};
+use preshade::front::{self, Parsed, Source};
+use preshade::recipe::Recipe;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
+use preshade_text::error::{Code, Color};
+use preshade_text::options::Options;
 
 const VERTEX: &str = "#version 460
 layout(location = 0) in vec4 p;

@@ -3,11 +3,11 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::limits::Limits;
-use preshade::unstable::passes::state::{CullMode, FrontFace};
-use preshade::unstable::scene::{
+use preshade::scene::{
     self, Access, Address, Filter, Material, Scene, SceneError, Shading, Value, Variables,
 };
+use preshade_plan::state::{CullMode, FrontFace};
+use preshade_text::limits::Limits;
 
 fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))

@@ -1,10 +1,10 @@
 //! Both stages of `half-rate` in every language.
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::{Plan, Role};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::scene;
+use preshade::emit::{self, Target};
+use preshade::recipe::Recipe;
+use preshade::scene;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{Plan, Role};
 
 use crate::fixtures_support::root;
 
@@ -46,9 +46,8 @@ fn a_texel_that_the_light_does_not_need_stays() {
         .iter()
         .find(|p| p.role == Role::HalfRate)
         .unwrap();
-    let reads = |p: &preshade::unstable::passes::plan::GpuPass| {
-        p.bindings.iter().any(|b| b.name == "gbuffer_albedo")
-    };
+    let reads =
+        |p: &preshade_plan::plan::GpuPass| p.bindings.iter().any(|b| b.name == "gbuffer_albedo");
     assert!(
         !reads(half) && reads(variant.main().unwrap()),
         "{:?}",

@@ -1,13 +1,13 @@
 //! Auxiliary passes of WebGL's materials: their plain uniforms stay plain.
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::options::{ClipSpace, Options};
-use preshade::unstable::front::{self, Source};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::recipe::Recipe;
+use preshade::emit::{self, Target};
+use preshade::front::{self, Source};
+use preshade::recipe::Recipe;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
+use preshade_text::options::{ClipSpace, Options};
 
 const VERTEX: &str = "precision highp float;
 attribute vec3 position; attribute vec2 uv; attribute vec4 joints;

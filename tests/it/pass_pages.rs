@@ -5,16 +5,16 @@ use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{Source, parse};
-use preshade::unstable::parameters::{Parameter, parameters};
-use preshade::unstable::passes::PASSES;
-use preshade::unstable::passes::contract::Contract;
-use preshade::unstable::passes::pass::{AnyPass, Facts, PassInfo, Use};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::{CompareFunction, MaterialState};
-use preshade::unstable::recipe::Recipe;
+use preshade::emit::{self, Target};
+use preshade::front::{Source, parse};
+use preshade::parameters::{Parameter, parameters};
+use preshade::recipe::Recipe;
+use preshade_passes::PASSES;
+use preshade_plan::contract::Contract;
+use preshade_plan::pass::{AnyPass, Facts, PassInfo, Use};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::{CompareFunction, MaterialState};
+use preshade_text::options::Options;
 
 /// The recipe of a pass's page and the text it is applied to, by name.
 fn example(pass: &dyn AnyPass) -> (Vec<String>, &'static str, String) {
@@ -332,7 +332,7 @@ fn each_pass_has_the_page_that_its_source_makes() {
 /// What a user of a visibility buffer decides is four parameters. Recipes accept the others.
 #[test]
 fn a_listing_shows_what_a_user_decides() {
-    let pass = preshade::unstable::passes::pass_named("visibility-buffer").unwrap();
+    let pass = preshade_passes::pass_named("visibility-buffer").unwrap();
     let all = parameters(pass);
     let shown = all.iter().filter(|p| !p.expert).map(|p| p.name.as_str());
     let shown: Vec<&str> = shown.collect();

@@ -1,19 +1,19 @@
 //! What the depth transforms refuse, by name and with a remedy: a refusal is a normal outcome, and
 //! the original is kept.
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Source};
-use preshade::unstable::passes::contract::{Assumption, Contract};
-use preshade::unstable::passes::frame::{FrameLoad, FramePlan};
-use preshade::unstable::passes::neighbours;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::{
+use preshade::emit::{self, Target};
+use preshade::front::{self, Source};
+use preshade::recipe::Recipe;
+use preshade_passes::analysis::neighbours;
+use preshade_plan::contract::{Assumption, Contract};
+use preshade_plan::frame::{FrameLoad, FramePlan};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::{
     Blend, ColorTarget, CompareFunction, DepthBias, MaterialState, StencilFace, StencilOperation,
     StencilState, Topology,
 };
-use preshade::unstable::recipe::Recipe;
+use preshade_text::options::Options;
 
 const VERTEX: &str =
     "@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }\n";
@@ -648,7 +648,7 @@ fn an_order_is_blamed_only_where_another_helps() {
     let code = |text: &str| {
         let plan = plan(text, &MaterialState::default());
         let recipe = Recipe::parse(["depth-prepass", "early-alpha"]).unwrap();
-        let (_, skipped) = preshade::unstable::pipeline::apply(&plan, &recipe, &Facts::default());
+        let (_, skipped) = preshade::pipeline::apply(&plan, &recipe, &Facts::default());
         let codes = skipped.iter().map(|s| s.refusal.code.clone());
         codes.collect::<Vec<_>>()
     };
@@ -660,7 +660,7 @@ fn an_order_is_blamed_only_where_another_helps() {
 /// WebGPU filters no depth texture. All passes of the material say so, for they share its bind group.
 #[test]
 fn a_sampler_of_depths_is_non_filtering() {
-    use preshade::unstable::passes::plan::BindingLayout;
+    use preshade_plan::plan::BindingLayout;
     let text = "@group(0) @binding(0) var leaf: texture_2d<f32>;
 @group(0) @binding(1) var depths: texture_depth_2d;
 @group(0) @binding(2) var both: sampler;

@@ -5,11 +5,11 @@
 use std::path::Path;
 
 use glam::Mat4;
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Source};
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::scene::bind::{self, DrawBindings, unplaced};
-use preshade::unstable::scene::{self, Scene};
+use preshade::front::{self, Source};
+use preshade::scene::bind::{self, DrawBindings, unplaced};
+use preshade::scene::{self, Scene};
+use preshade_plan::state::MaterialState;
+use preshade_text::options::Options;
 
 /// A scene of two draws with one shader. `keys` are more of the material's and the scene's.
 fn two_draws(name: &str, shader: &str, keys: &str) -> Scene {

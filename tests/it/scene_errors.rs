@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::scene;
+use preshade::scene;
 
 /// A scene that is right but for what a case changes.
 const GOOD: &str = r#"size = [64, 32]
@@ -245,7 +245,7 @@ fn load_strictly(case: &str, text: &str) -> Result<scene::Scene, scene::SceneErr
     let path = folder(case).join("scenes/bad.toml");
     std::fs::write(&path, text).unwrap();
     let access = scene::Access {
-        limits: preshade::unstable::limits::Limits::strict(),
+        limits: preshade_text::limits::Limits::strict(),
         ..scene::Access::default()
     };
     scene::load_within(&path, &scene::Variables::new(), access)
@@ -289,7 +289,7 @@ fn draws_are_counted_before_they_are_made() {
     let path = folder("instances").join("scenes/bad.toml");
     std::fs::write(&path, with(&copies)).unwrap();
     let access = scene::Access {
-        limits: preshade::unstable::limits::Limits::parse("scene-bytes=300M").unwrap(),
+        limits: preshade_text::limits::Limits::parse("scene-bytes=300M").unwrap(),
         ..scene::Access::default()
     };
     let refused = scene::load_within(&path, &scene::Variables::new(), access);
@@ -564,7 +564,7 @@ fn immediate_data_is_named_like_a_uniform() {
         let text = GOOD.replace("values = {", &format!("values = {{ {values}"));
         std::fs::write(&path, text).unwrap();
         let scene = scene::load(&path).map_err(|e| e.to_string())?;
-        let plan = &preshade::unstable::measure::originals(&scene)[0];
+        let plan = &preshade::measure::originals(&scene)[0];
         let (_, frame) = scene.frames().next().unwrap();
         let (pass, draw) = (plan.main().unwrap(), &scene.draws[0]);
         assert_eq!(pass.limits.get("maxImmediateSize"), Some(&16));

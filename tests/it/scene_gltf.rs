@@ -2,9 +2,9 @@
 //! before.
 #![cfg(feature = "verify")]
 
-use preshade::unstable::limits::Limits;
-use preshade::unstable::scene::mesh::Gltf;
-use preshade::unstable::scene::{self, Access, Outside, Variables};
+use preshade::scene::mesh::Gltf;
+use preshade::scene::{self, Access, Outside, Variables};
+use preshade_text::limits::Limits;
 
 /// Two triangles of four corners: 48 bytes of positions, then 6 indices of two bytes, as zeroes.
 const FILE: &str = r#"{

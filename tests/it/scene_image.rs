@@ -2,9 +2,9 @@
 #![cfg(feature = "verify")]
 
 use glam::{Mat4, Vec3};
-use preshade::unstable::scene::image::{Pattern, Recipe, mip_chain};
-use preshade::unstable::scene::mesh::{Gltf, positions};
-use preshade::unstable::scene::{Image, Stream};
+use preshade::scene::image::{Pattern, Recipe, mip_chain};
+use preshade::scene::mesh::{Gltf, positions};
+use preshade::scene::{Image, Stream};
 
 #[test]
 fn mips_average_light_and_not_its_encoding() {

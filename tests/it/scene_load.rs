@@ -3,8 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::scene::{self, bind};
+use preshade::scene::{self, bind};
+use preshade_plan::plan::Plan;
 
 fn scenes() -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes");
@@ -145,7 +145,7 @@ fn an_orbit_is_an_eye_on_a_sphere_round_its_target() {
 
 #[test]
 fn variables_are_what_the_command_line_says() {
-    use preshade::unstable::scene::{Stream, Variable, Variables};
+    use preshade::scene::{Stream, Variable, Variables};
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/grass.toml");
     let with = |pairs: &[(&str, &str)]| {
         let set: Variables = pairs

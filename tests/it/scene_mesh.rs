@@ -5,11 +5,11 @@
 use std::collections::BTreeMap;
 
 use glam::{Vec3, Vec4};
-use preshade::unstable::scene::mesh::{
+use preshade::scene::mesh::{
     Arch, Column, Cuboid, Curtain, Morph, Plane, Skin, Sphere, Stairs, Teapot, WireSphere, merged,
     positions, transformed,
 };
-use preshade::unstable::scene::{Mesh, Stream};
+use preshade::scene::{Mesh, Stream};
 
 fn floats<'a>(mesh: &'a Mesh, name: &str) -> &'a [f32] {
     match &mesh.streams[name] {

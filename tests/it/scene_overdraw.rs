@@ -6,9 +6,9 @@
 use std::path::Path;
 
 use glam::{Vec3, Vec4};
-use preshade::unstable::passes::state::{CullMode, DepthDirection};
-use preshade::unstable::scene::mesh::positions;
-use preshade::unstable::scene::{self, Draw, DrawOrder, Frame, Scene};
+use preshade::scene::mesh::positions;
+use preshade::scene::{self, Draw, DrawOrder, Frame, Scene};
+use preshade_plan::state::{CullMode, DepthDirection};
 
 const SIZE: [usize; 2] = [192, 108];
 

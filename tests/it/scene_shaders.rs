@@ -3,8 +3,9 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Color, Source};
+use preshade::front::{self, Source};
+use preshade_text::error::Color;
+use preshade_text::options::Options;
 
 fn files(folder: &str, suffix: &str) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))

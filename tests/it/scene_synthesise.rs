@@ -3,11 +3,11 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Parsed, Source};
-use preshade::unstable::passes::state::{DepthDirection, MaterialState};
-use preshade::unstable::scene::bind::{self, DrawBindings};
-use preshade::unstable::scene::{self, Scene};
+use preshade::front::{self, Parsed, Source};
+use preshade::scene::bind::{self, DrawBindings};
+use preshade::scene::{self, Scene};
+use preshade_plan::state::{DepthDirection, MaterialState};
+use preshade_text::options::Options;
 
 fn parse(files: &[&str]) -> Parsed {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures");
@@ -498,7 +498,7 @@ fn a_buffer_of_vertices_holds_a_mesh_whatever_its_name() {
 /// Only what a scene file says becomes a fact: no texture, flag or colour that it leaves out.
 #[test]
 fn values_that_a_scene_leaves_out_are_no_facts() {
-    use preshade::unstable::measure;
+    use preshade::measure;
     let folder = std::env::temp_dir().join(format!("preshade-left-out-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("leaf.wgsl"), NAMELESS).unwrap();
@@ -526,9 +526,8 @@ target = [0, 0, 0]
     assert_eq!(names, ["f.b.x", "f.b.y", "f.b.z", "f.b.w", "g.d"]);
     let facts = measure::known(&scene);
     let bounds = |wanted: &str| {
-        let is_it = |s: &&preshade::unstable::passes::pass::SourceRange| {
-            format!("{:?}", s.source).contains(wanted)
-        };
+        let is_it =
+            |s: &&preshade_plan::pass::SourceRange| format!("{:?}", s.source).contains(wanted);
         facts.ranges.iter().find(is_it).map(|s| [s.low, s.high])
     };
     assert_eq!(bounds("\"d\""), Some([0.25; 2]));
@@ -544,8 +543,8 @@ target = [0, 0, 0]
 
 #[test]
 fn nothing_of_a_bare_shader_is_a_fact() {
-    use preshade::unstable::measure;
-    use preshade::unstable::passes::pass::Facts;
+    use preshade::measure;
+    use preshade_plan::pass::Facts;
     let scene = written(&[("nameless.wgsl", NAMELESS)]);
     assert_eq!(measure::known(&scene), Facts::default());
     assert!(measure::constants(&scene).unwrap().is_empty());
@@ -554,11 +553,11 @@ fn nothing_of_a_bare_shader_is_a_fact() {
 /// A variant without the discard of its original must say so, with the values that it is for.
 #[test]
 fn a_removed_discard_is_reported_with_its_values() {
-    use preshade::unstable::command::rewrite::removed_discard;
+    use preshade::command::rewrite::removed_discard;
     let plan = written(&[("nameless.wgsl", NAMELESS)]).materials[0].plan();
     let apply = |recipe: &str| {
         let recipe = preshade::Recipe::parse_list(recipe).unwrap();
-        recipe.apply(&plan, &preshade::Facts::default())
+        recipe.apply(&plan, &preshade_plan::pass::Facts::default())
     };
     let bare = apply("specialize");
     assert!(bare.is_err(), "nothing is given, so nothing is constant");

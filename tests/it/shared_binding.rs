@@ -1,12 +1,13 @@
 //! Two variables at one group and binding, each in a stage of its own: legal WGSL. The plan's
 //! layout serves both, or the material is refused by name.
 
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Code, Color, Source};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::{BindingLayout, Plan};
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::recipe::Recipe;
+use preshade::front::{self, Source};
+use preshade::recipe::Recipe;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{BindingLayout, Plan};
+use preshade_plan::state::MaterialState;
+use preshade_text::error::{Code, Color};
+use preshade_text::options::Options;
 
 const TEXT: &str = include_str!("../materials/shared-binding.wgsl");
 

@@ -4,10 +4,10 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::passes::pass::{Facts, Use};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::recipe::Recipe;
+use preshade::emit::{self, Target};
+use preshade::recipe::Recipe;
+use preshade_plan::pass::{Facts, Use};
+use preshade_plan::plan::Plan;
 
 use crate::fixtures_support::{original, recipes};
 

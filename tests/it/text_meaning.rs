@@ -3,14 +3,14 @@
 
 use std::collections::BTreeMap;
 
-use preshade::unstable::emit::{self, EmitError, File, Meaning, Target};
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Source};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::passes::validate::Effort;
-use preshade::unstable::recipe::Recipe;
+use preshade::emit::{self, EmitError, File, Meaning, Target};
+use preshade::front::{self, Source};
+use preshade::recipe::Recipe;
+use preshade_passes::validate::Effort;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
+use preshade_text::options::Options;
 use rayon::prelude::*;
 
 use crate::agree::{fixtures, read};

@@ -3,12 +3,10 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::capture::browser::prepare;
-use preshade::unstable::capture::trace::{
-    Found, FramesBy, TRACE, TraceError, Version, Wanted, convert,
-};
-use preshade::unstable::capture::{Capture, file_of};
-use preshade::unstable::limits::Limits;
+use preshade::capture::browser::prepare;
+use preshade::capture::trace::{Found, FramesBy, TRACE, TraceError, Version, Wanted, convert};
+use preshade::capture::{Capture, file_of};
+use preshade_text::limits::Limits;
 use serde_json::Value;
 
 const LAST: Wanted = Wanted {

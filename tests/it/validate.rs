@@ -3,10 +3,10 @@
 
 use std::collections::BTreeMap;
 
-use preshade::unstable::passes::pass::{Facts, Use};
-use preshade::unstable::passes::plan::Role;
-use preshade::unstable::passes::validate::{Check, Effort, Verdict, validate};
-use preshade::unstable::recipe::Recipe;
+use preshade::recipe::Recipe;
+use preshade_passes::validate::{Check, Effort, Verdict, validate};
+use preshade_plan::pass::{Facts, Use};
+use preshade_plan::plan::Role;
 use rayon::prelude::*;
 
 use crate::fixtures_support::{materials, original, recipes};

@@ -3,13 +3,15 @@
 use std::fs;
 use std::path::Path;
 
-use preshade::unstable::front::options::Options;
-use preshade::{Facts, MaterialState, Recipe, Shader, Source, Target, rewrite};
+use preshade::{Recipe, Shader, Source, Target, rewrite};
+use preshade_plan::pass::Facts;
+use preshade_plan::state::MaterialState;
+use preshade_text::options::Options;
 
-use preshade::unstable::front;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::validate::Effort;
-use preshade::unstable::passes::validate::agree::{Relation, agree};
+use preshade::front;
+use preshade_passes::validate::Effort;
+use preshade_passes::validate::agree::{Relation, agree};
+use preshade_plan::plan::Plan;
 
 use crate::wgsl_in_cases::{CASES, text};
 
@@ -29,7 +31,7 @@ fn rewritten(text: &str) -> Result<Vec<String>, String> {
     };
     let recipe = Recipe::parse_list("depth-prepass").unwrap();
     let output = rewrite(shader, &recipe, &Facts::default(), &[Target::Wgsl]);
-    let output = output.map_err(|e| e.render(preshade::unstable::front::Color::Never))?;
+    let output = output.map_err(|e| e.render(preshade_text::error::Color::Never))?;
     assert!(output.errors.is_empty(), "{text}\n{:?}", output.errors);
     let files = output.files.iter().filter(|f| f.name.ends_with(".wgsl"));
     let texts = files.map(|f| String::from_utf8(f.bytes.clone()).unwrap());

@@ -3,17 +3,17 @@
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
-use preshade::unstable::measure::verdict::breaks;
-use preshade::unstable::measure::{self, Counter, ErrorLadder, Session};
-use preshade::unstable::passes::contract::{Assumption, Contract};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::{Plan, Role};
-use preshade::unstable::passes::state::{DepthDirection, DepthFormat};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{
+use preshade::measure::verdict::breaks;
+use preshade::measure::{self, Counter, ErrorLadder, Session};
+use preshade::recipe::Recipe;
+use preshade::render::{
     FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant as Host,
 };
-use preshade::unstable::scene::{self, DrawOrder, Scene};
+use preshade::scene::{self, DrawOrder, Scene};
+use preshade_plan::contract::{Assumption, Contract};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{Plan, Role};
+use preshade_plan::state::{DepthDirection, DepthFormat};
 use serde::{Deserialize, Serialize};
 
 use super::mutate::{Moved, Mutation, Plain, judged, moved, seen};

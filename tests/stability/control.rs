@@ -1,6 +1,6 @@
 //! Control: lanes that leave, and what their neighbours still need of them.
 
-use preshade::unstable::passes::contract::Contract;
+use preshade_plan::contract::Contract;
 
 use super::case::Expect::{Holds, Refused, Untied};
 use super::case::{ALL, COLORS, Case, DIRECTIONS, Red, SAMPLED, Stage};

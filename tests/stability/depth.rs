@@ -1,11 +1,11 @@
 //! Depth: two passes that must agree on it to the bit, formats that round it, surfaces that share
 //! it.
 
-use preshade::unstable::passes::plan::{Plan, Role};
-use preshade::unstable::passes::state::DepthDirection::{Forward, Reversed};
-use preshade::unstable::passes::state::DepthFormat::{Depth16unorm, Depth24plus, Depth32float};
-use preshade::unstable::passes::state::{DepthBias, DepthDirection};
-use preshade::unstable::render::{SelfTestResult, ShaderForm, Variant as Host, self_test};
+use preshade::render::{SelfTestResult, ShaderForm, Variant as Host, self_test};
+use preshade_plan::plan::{Plan, Role};
+use preshade_plan::state::DepthBias;
+use preshade_plan::state::DepthDirection::{self, Forward, Reversed};
+use preshade_plan::state::DepthFormat::{Depth16unorm, Depth24plus, Depth32float};
 
 use super::case::Expect::{Holds, Refused, Shades, Untied, Withstands};
 use super::case::{ALL, Case, REFUSED, Red, SAMPLED, Stage, contract, setup};
@@ -266,8 +266,8 @@ pub fn biased(plans: &mut [Plan], change: impl Fn(DepthBias) -> DepthBias) {
 /// fallback, which is right.
 fn self_tested(stage: &Stage<'_>) -> Red {
     let facts = stage.facts.clone();
-    let recipe = |text: &str| preshade::unstable::recipe::Recipe::parse_list(text).unwrap();
-    let variant = preshade::unstable::measure::variant(&stage.originals, &recipe(EQUAL), &facts);
+    let recipe = |text: &str| preshade::recipe::Recipe::parse_list(text).unwrap();
+    let variant = preshade::measure::variant(&stage.originals, &recipe(EQUAL), &facts);
     if variant.is_refused() {
         return Red::NotHere {
             why: REFUSED.to_owned(),

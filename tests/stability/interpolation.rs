@@ -1,12 +1,12 @@
 //! Interpolation: what a triangle makes of its corners, where they are behind the viewer, far away,
 //! or without a value.
 
-use preshade::unstable::passes::contract::Contract;
-use preshade::unstable::passes::plan::Role;
-use preshade::unstable::render::{ColorImage, Rendered, ShaderForm, Variant as Host};
+use preshade::render::{ColorImage, Rendered, ShaderForm, Variant as Host};
+use preshade_plan::contract::Contract;
+use preshade_plan::plan::Role;
 
-use super::case::Expect::{Holds, OffNearPlane, Refused, Untied};
-use super::case::{ALL, COLORS, Case, DIRECTIONS, Expect, Red, SAMPLED, Stage, pictures};
+use super::case::Expect::{self, Holds, OffNearPlane, Refused, Untied};
+use super::case::{ALL, COLORS, Case, DIRECTIONS, Red, SAMPLED, Stage, pictures};
 use super::mutate::{Moved, Mutation, edited, moved};
 
 const BIASED: &str = "depth-prepass";

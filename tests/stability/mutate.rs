@@ -5,17 +5,17 @@ use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, Handle, Literal, Module, Scalar, ScalarKind,
     ShaderStage, Span, Type, TypeInner, VectorSize,
 };
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::options;
-use preshade::unstable::measure::verdict::breaks;
-use preshade::unstable::passes::contract::Contract;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::{Plan, Role};
-use preshade::unstable::passes::rebuild::writer::FunctionWriter;
-use preshade::unstable::passes::returns;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{ShaderForm, Variant as Host};
-use preshade::unstable::{front, measure};
+use preshade::emit::{self, Target};
+use preshade::measure::verdict::breaks;
+use preshade::recipe::Recipe;
+use preshade::render::{ShaderForm, Variant as Host};
+use preshade::{front, measure};
+use preshade_ir::returns;
+use preshade_ir::writer::FunctionWriter;
+use preshade_plan::contract::Contract;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{Plan, Role};
+use preshade_text::options;
 
 use super::case::{Red, Stage, contract};
 use super::root;

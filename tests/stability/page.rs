@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use preshade::unstable::render::AdapterReport;
+use preshade::render::AdapterReport;
 use serde::{Deserialize, Serialize};
 
 use super::case::{Case, Outcome, Red};

@@ -1,12 +1,11 @@
 //! Range: worlds far from the origin, long times, and the ends of what a float or a half holds.
 
-use preshade::unstable::passes::budget::{Budget, Metric};
-use preshade::unstable::passes::contract::Contract;
-use preshade::unstable::passes::state::DepthBias;
+use preshade_plan::budget::{Budget, Metric};
+use preshade_plan::contract::Contract;
+use preshade_plan::state::DepthBias;
 
-use super::case::Case;
 use super::case::Expect::{Holds, Refused, Untied};
-use super::case::{ALL, COLORS, DIRECTIONS, Red};
+use super::case::{ALL, COLORS, Case, DIRECTIONS, Red};
 use super::depth::biased;
 use super::mutate::Mutation;
 

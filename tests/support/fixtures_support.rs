@@ -3,14 +3,14 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Parsed, Source};
-use preshade::unstable::passes::examples;
-use preshade::unstable::passes::graph::counted::Ends;
-use preshade::unstable::passes::graph::{FunctionId, Graph};
-use preshade::unstable::passes::pass::Use;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::MaterialState;
+use preshade::front::{self, Parsed, Source};
+use preshade_passes::examples;
+use preshade_passes::graph::counted::Ends;
+use preshade_passes::graph::{FunctionId, Graph};
+use preshade_plan::pass::Use;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
+use preshade_text::options::Options;
 
 /// The recipes of the passes' examples with one of these uses.
 pub fn recipes(of: &[Use]) -> Vec<&'static str> {

@@ -5,15 +5,14 @@
 
 use std::collections::HashSet;
 
-use preshade::unstable::front::options;
-use preshade::unstable::front::{self, Color, Source};
-use preshade::unstable::passes::pass::{Facts, Refusal, Use};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::{
-    Blend, ColorTarget, DepthDirection, DepthFormat, MaterialState,
-};
-use preshade::unstable::passes::validate::inputs::Random;
-use preshade::unstable::recipe::Recipe;
+use preshade::front::{self, Source};
+use preshade::recipe::Recipe;
+use preshade_passes::validate::inputs::Random;
+use preshade_plan::pass::{Facts, Refusal, Use};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::{Blend, ColorTarget, DepthDirection, DepthFormat, MaterialState};
+use preshade_text::error::Color;
+use preshade_text::options;
 
 use crate::fixtures_support;
 

@@ -5,21 +5,19 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Source};
-use preshade::unstable::measure::outputs::{self, OutputsReport};
-use preshade::unstable::measure::{
+use preshade::front::{self, Source};
+use preshade::measure::outputs::{self, OutputsReport};
+use preshade::measure::{
     self, Estimate, Session, Settings, Timed, TimingSettings, Variant, shadow,
 };
-use preshade::unstable::passes::contract::Verdict;
-use preshade::unstable::passes::plan::{Attachment, GpuPass, Phase, Plan, Role, SCENE_DEPTH};
-use preshade::unstable::passes::reflect;
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::{
-    self, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm,
-};
-use preshade::unstable::scene::{self, Draw, DrawOrder, Scene};
+use preshade::recipe::Recipe;
+use preshade::render::{self, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm};
+use preshade::scene::{self, Draw, DrawOrder, Scene};
+use preshade_plan::contract::Verdict;
+use preshade_plan::plan::{Attachment, GpuPass, Phase, Plan, Role, SCENE_DEPTH};
+use preshade_plan::reflect;
+use preshade_plan::state::MaterialState;
+use preshade_text::options::Options;
 
 use crate::fixtures_support::{materials, root};
 

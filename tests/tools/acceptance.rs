@@ -3,16 +3,14 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::emit::{self, File, Target};
-use preshade::unstable::passes::pass::{Facts, Use};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::uniformity::non_uniform;
-use preshade::unstable::recipe::Recipe;
+use preshade::emit::{self, File, Target};
+use preshade::recipe::Recipe;
+use preshade_passes::analysis::uniformity::non_uniform;
+use preshade_plan::pass::{Facts, Use};
+use preshade_plan::plan::Plan;
 use rayon::prelude::*;
 
-use crate::accept;
-use crate::fixtures_support;
-use crate::{uniformity_cases, wgsl_in_cases};
+use crate::{accept, fixtures_support, uniformity_cases, wgsl_in_cases};
 
 #[test]
 fn other_compilers_take_every_variant_of_every_fixture() {

@@ -5,16 +5,16 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::measure;
-use preshade::unstable::passes::contract::{Assumption, Contract};
-use preshade::unstable::passes::geometry::Geometry;
-use preshade::unstable::passes::pass::{Facts, Use};
-use preshade::unstable::passes::plan::{BindingKind, BindingSource, Plan};
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::scene::bind::{self, DrawBindings, TextureContent};
-use preshade::unstable::scene::{Address, Filter, Sampler, Scene, synthesise};
+use preshade::emit::{self, Target};
+use preshade::measure;
+use preshade::recipe::Recipe;
+use preshade::scene::bind::{self, DrawBindings, TextureContent};
+use preshade::scene::{Address, Filter, Sampler, Scene, synthesise};
+use preshade_plan::contract::{Assumption, Contract};
+use preshade_plan::geometry::Geometry;
+use preshade_plan::pass::{Facts, Use};
+use preshade_plan::plan::{BindingKind, BindingSource, Plan};
+use preshade_plan::state::MaterialState;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 

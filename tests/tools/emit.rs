@@ -1,13 +1,14 @@
 //! What is emitted reads back, keeps the author's interface, and is the same bytes each time.
 
-use preshade::unstable::emit::{self, File, Target};
-use preshade::unstable::front::options;
-use preshade::unstable::front::{self, Color, Source};
-use preshade::unstable::recipe::Recipe;
-use preshade_passes::pass::Facts;
-use preshade_passes::plan::{Plan, Role};
-use preshade_passes::program::Program;
-use preshade_passes::state::{ColorTarget, MaterialState};
+use preshade::emit::{self, File, Target};
+use preshade::front::{self, Source};
+use preshade::recipe::Recipe;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{Plan, Role};
+use preshade_plan::program::Program;
+use preshade_plan::state::{ColorTarget, MaterialState};
+use preshade_text::error::Color;
+use preshade_text::options;
 
 use crate::accept;
 

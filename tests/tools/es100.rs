@@ -5,13 +5,14 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use preshade::unstable::emit::{self, File, PlanFile, Target};
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Color, Source};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::recipe::Recipe;
+use preshade::emit::{self, File, PlanFile, Target};
+use preshade::front::{self, Source};
+use preshade::recipe::Recipe;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
+use preshade_text::error::Color;
+use preshade_text::options::Options;
 
 use crate::accept;
 

@@ -4,14 +4,15 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::emit::{self, File, Target};
-use preshade::unstable::front::options;
-use preshade::unstable::front::{self, Code, Color, Parsed, Source};
-use preshade::unstable::recipe::Recipe;
-use preshade_passes::pass::Facts;
-use preshade_passes::place;
-use preshade_passes::plan::{Plan, Role};
-use preshade_passes::state::MaterialState;
+use preshade::emit::{self, File, Target};
+use preshade::front::{self, Parsed, Source};
+use preshade::recipe::Recipe;
+use preshade_passes::rebuild::place;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{Plan, Role};
+use preshade_plan::state::MaterialState;
+use preshade_text::error::{Code, Color};
+use preshade_text::options;
 
 use crate::accept;
 use crate::emit::touched;

@@ -4,13 +4,14 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::options;
-use preshade::unstable::front::{self, Color, Source};
-use preshade::unstable::passes::validate::Effort;
-use preshade::unstable::passes::validate::agree::{Relation, agree};
-use preshade_passes::plan::Plan;
-use preshade_passes::state::MaterialState;
+use preshade::emit::{self, Target};
+use preshade::front::{self, Source};
+use preshade_passes::validate::Effort;
+use preshade_passes::validate::agree::{Relation, agree};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
+use preshade_text::error::Color;
+use preshade_text::options;
 
 use crate::accept;
 use crate::spirv_in::glslang;

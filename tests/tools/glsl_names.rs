@@ -1,11 +1,11 @@
 //! GLSL out keeps the author's own names for whatever an engine sees of a program: uniforms outside
 //! of blocks, blocks, samplers, attributes, outputs.
 
-use preshade::unstable::emit::{self, File, Target};
-use preshade::unstable::front::options;
-use preshade::unstable::front::{self, Source};
-use preshade_passes::plan::Plan;
-use preshade_passes::state::MaterialState;
+use preshade::emit::{self, File, Target};
+use preshade::front::{self, Source};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
+use preshade_text::options;
 
 use crate::accept;
 

@@ -3,11 +3,12 @@
 
 use std::collections::BTreeMap;
 
-use preshade::unstable::emit::{self, EmitError, File, Target};
-use preshade::unstable::front::options;
-use preshade::unstable::front::{self, Color, Source};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::MaterialState;
+use preshade::emit::{self, EmitError, File, Target};
+use preshade::front::{self, Source};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
+use preshade_text::error::Color;
+use preshade_text::options;
 use rayon::prelude::*;
 
 use crate::interfaces::{Es100, Interface, interfaces, of_es_100, varied};

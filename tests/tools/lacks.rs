@@ -2,11 +2,12 @@
 //! compilers take it, or refused by name. One small stage for each.
 
 use naga::{Binding, BuiltIn};
-use preshade::unstable::emit::{self, EmitError, Target};
-use preshade::unstable::front::options;
-use preshade::unstable::front::{self, Color, Source};
-use preshade_passes::plan::Plan;
-use preshade_passes::state::MaterialState;
+use preshade::emit::{self, EmitError, Target};
+use preshade::front::{self, Source};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
+use preshade_text::error::Color;
+use preshade_text::options;
 
 use crate::accept;
 

@@ -4,11 +4,11 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use preshade::unstable::emit::{self, PassFiles, Target};
-use preshade::unstable::recipe::Recipe;
-use preshade_passes::pass::Facts;
-use preshade_passes::plan::{BindingSource, GpuPass, Plan};
-use preshade_passes::state::CullMode;
+use preshade::emit::{self, PassFiles, Target};
+use preshade::recipe::Recipe;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{BindingSource, GpuPass, Plan};
+use preshade_plan::state::CullMode;
 
 use crate::reflection::{compiled, names};
 use crate::{accept, fixtures_support, spirv_in};

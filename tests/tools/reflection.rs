@@ -5,15 +5,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use preshade::unstable::emit::{self, File, PlanFile, StageFile, Target};
-use preshade::unstable::front::options;
-use preshade::unstable::front::{self, Source};
-use preshade::unstable::recipe::Recipe;
-use preshade_passes::declared::{CombinedSampler, Declared};
+use preshade::emit::{self, File, PlanFile, StageFile, Target};
+use preshade::front::{self, Source};
+use preshade::recipe::Recipe;
+use preshade_ir::declared::{CombinedSampler, Declared};
 use preshade_passes::naga;
-use preshade_passes::pass::Facts;
-use preshade_passes::plan::{BindingSource, Plan};
-use preshade_passes::state::MaterialState;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{BindingSource, Plan};
+use preshade_plan::state::MaterialState;
+use preshade_text::options;
 
 use crate::reflection_support::{self, Interface};
 use crate::{accept, fixtures_support};

@@ -4,11 +4,12 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::options;
-use preshade::unstable::front::{self, Error, Parsed, Source};
+use preshade::emit::{self, Target};
+use preshade::front::{self, Parsed, Source};
 use preshade_passes::naga::ShaderStage;
-use preshade_passes::state::MaterialState;
+use preshade_plan::state::MaterialState;
+use preshade_text::error::Error;
+use preshade_text::options;
 
 use crate::reflection_support::{self, Interface};
 use crate::{accept, fixtures_support};

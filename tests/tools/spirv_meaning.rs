@@ -3,13 +3,13 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::emit::{self, EmitError, Target};
-use preshade::unstable::front::options::{ClipSpace, Options};
-use preshade::unstable::front::{self, Source};
-use preshade_passes::plan::Plan;
-use preshade_passes::state::MaterialState;
+use preshade::emit::{self, EmitError, Target};
+use preshade::front::{self, Source};
 use preshade_passes::validate::Effort;
 use preshade_passes::validate::agree::{Class, Relation, agree};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
+use preshade_text::options::{ClipSpace, Options};
 use rayon::prelude::*;
 
 use crate::fixtures_support::root;

@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::process::Command;
 
-use preshade::unstable::emit::{File, PassFiles, PlanFile, StageFile, Target};
+use preshade::emit::{File, PassFiles, PlanFile, StageFile, Target};
 use serde_json::Value;
 
 use crate::accept::scratch;

@@ -3,17 +3,17 @@
 
 use std::collections::BTreeMap;
 
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Source};
-use preshade::unstable::passes::geometry::Geometry;
-use preshade::unstable::passes::plan::{
+use preshade::front::{self, Source};
+use preshade::scene::{Draw, Mesh, Scene, Value};
+use preshade_plan::geometry::Geometry;
+use preshade_plan::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, ComputePass, Draws, GpuPass, Phase, Plan,
     Role, When,
 };
-use preshade::unstable::passes::program::Program;
-use preshade::unstable::passes::reflect;
-use preshade::unstable::passes::state::{ColorTarget, CompareFunction, CullMode, MaterialState};
-use preshade::unstable::scene::{Draw, Mesh, Scene, Value};
+use preshade_plan::program::Program;
+use preshade_plan::reflect;
+use preshade_plan::state::{ColorTarget, CompareFunction, CullMode, MaterialState};
+use preshade_text::options::Options;
 
 use super::layers;
 use crate::Failure;
@@ -96,7 +96,7 @@ pub fn scene(text: &str, size: [u32; 2], count: u32) -> Result<Scene, Failure> {
         size,
         // The background of the hand-written resolves.
         [0.5, 0.7, 0.9, 1.0],
-        preshade::unstable::scene::Material {
+        preshade::scene::Material {
             name: "bounds".to_owned(),
             file: None,
             program: parsed.program,

@@ -2,12 +2,12 @@
 
 use std::path::Path;
 
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Source};
-use preshade::unstable::measure;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::scene::{self, Scene};
+use preshade::front::{self, Source};
+use preshade::measure;
+use preshade::scene::{self, Scene};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_text::options::Options;
 
 use crate::Failure;
 

@@ -7,8 +7,8 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use preshade::unstable::capture::Capture;
-use preshade::unstable::limits::Limits;
+use preshade::capture::Capture;
+use preshade_text::limits::Limits;
 
 /// Captures a page of `tests/capture`. Returns what was printed, and the folder.
 fn captured(page: &str) -> (String, PathBuf) {

@@ -43,9 +43,7 @@ fn a_decision_is_kept_for_builds() {
     let output = run(&tree, &args);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let path = tree.join("shaders/preshade.lock");
-    let lock = preshade::unstable::lock::Lock::read(&path)
-        .unwrap()
-        .unwrap();
+    let lock = preshade::lock::Lock::read(&path).unwrap().unwrap();
     let names: Vec<&String> = lock.materials.keys().collect();
     assert_eq!(names, ["leaves", "stone"]);
     assert!(lock.materials["stone"].measured.is_some());
@@ -74,7 +72,7 @@ fn a_decision_is_kept_for_builds() {
         stderr(&output)
     );
     assert_eq!(
-        preshade::unstable::lock::Lock::read(&path)
+        preshade::lock::Lock::read(&path)
             .unwrap()
             .unwrap()
             .materials
@@ -135,9 +133,7 @@ fn a_decision_is_kept_beside_its_own_shader() {
         ("oil", &["oiled"]),
     ] {
         let path = tree.join(folder).join("preshade.lock");
-        let lock = preshade::unstable::lock::Lock::read(&path)
-            .unwrap()
-            .unwrap();
+        let lock = preshade::lock::Lock::read(&path).unwrap().unwrap();
         let kept: Vec<&String> = lock.materials.keys().collect();
         assert_eq!(kept, names, "{folder}");
     }

@@ -7,16 +7,16 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::options;
-use preshade::unstable::front::{self, Source};
-use preshade::unstable::measure;
-use preshade::unstable::passes::pass::{Facts, Use};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::passes::{PASSES, examples};
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::scene::{self, Access, Variables};
+use preshade::emit::{self, Target};
+use preshade::front::{self, Source};
+use preshade::measure;
+use preshade::recipe::Recipe;
+use preshade::scene::{self, Access, Variables};
+use preshade_passes::{PASSES, examples};
+use preshade_plan::pass::{Facts, Use};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
+use preshade_text::options;
 
 /// Bytes by file name.
 type Files = BTreeMap<String, Vec<u8>>;

@@ -2,10 +2,12 @@
 
 use std::fmt::Write as _;
 
-use preshade::unstable::front::options::Options;
-use preshade::unstable::passes::plan::{BindingSource, BindingUse};
-use preshade::{Facts, GpuPass, MaterialState, Recipe, Shader, Source, Target, rewrite};
-use preshade_passes::core::source::Language;
+use preshade::{Recipe, Shader, Source, Target, rewrite};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{BindingSource, BindingUse, GpuPass};
+use preshade_plan::state::MaterialState;
+use preshade_text::options::Options;
+use preshade_text::source::Language;
 
 #[path = "previous.rs"]
 mod previous;

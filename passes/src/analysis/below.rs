@@ -10,8 +10,8 @@ use crate::analysis::named::{name, span};
 use crate::analysis::reach::with_operands;
 use crate::analysis::users::Users;
 use crate::analysis::values::{Node, ValueId, Values};
-use crate::core::pass::Left;
 use crate::graph::cost;
+use preshade_plan::pass::Left;
 
 /// The cost of values and all their dependences, each counted once, and the inputs among the
 /// dependences.
@@ -290,9 +290,9 @@ mod tests {
     use std::fmt::Write;
 
     use super::*;
-    use crate::core::program::Program;
-    use crate::core::source::Language;
     use crate::graph::Graph;
+    use preshade_plan::program::Program;
+    use preshade_text::source::Language;
 
     /// Statements that each use two earlier values, some in loops.
     fn program(statements: usize) -> Program {

@@ -8,10 +8,10 @@ use naga::{
     ScalarKind, Statement, TypeInner,
 };
 
-use crate::core::operands;
-use crate::core::program::Program;
 use crate::graph::counted::{Counted, integer};
 use crate::graph::{FunctionGraph, Graph, StmtId};
+use naga_operands as operands;
+use preshade_plan::program::Program;
 
 /// The checks without which a program may do anything.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -332,8 +332,8 @@ mod tests {
     use std::sync::Arc;
 
     use super::Checks;
-    use crate::core::program::Program;
-    use crate::core::source::{Language, SourceMap};
+    use preshade_plan::program::Program;
+    use preshade_text::source::{Language, SourceMap};
 
     fn needed(body: &str) -> Checks {
         let text = format!(

@@ -34,13 +34,14 @@ use naga::{
 use crate::analysis::operations::discontinuity;
 use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::values::{ContextId, Node, TooLarge, ValueId, Values};
-use crate::core::contract::Surface;
-use crate::core::plan::GpuPass;
-use crate::core::program::Program;
 use crate::graph::memory::Origin;
 use crate::graph::rate::Rate;
-use crate::graph::{FunctionGraph, FunctionId, Graph, control, operands};
+use crate::graph::{FunctionGraph, FunctionId, Graph, control};
 use crate::slice::{Need, Slice};
+use naga_operands as operands;
+use preshade_plan::contract::Surface;
+use preshade_plan::plan::GpuPass;
+use preshade_plan::program::Program;
 
 mod rewritten;
 
@@ -323,8 +324,7 @@ impl<'g, 'p> Operations<'_, 'g, 'p> {
     /// there does a compiler merge the operand into it: a product into a multiply-add, a sum into a
     /// longer sum, `mix` into either.
     fn begins_with_sum(&self, id: ValueId) -> bool {
-        use naga::BinaryOperator as B;
-        use naga::MathFunction as F;
+        use naga::{BinaryOperator as B, MathFunction as F};
         let adds = |e: &Expression| match e {
             Expression::Binary { op, .. } => matches!(op, B::Add | B::Subtract | B::Modulo),
             Expression::Math { fun, .. } => matches!(

@@ -2,14 +2,14 @@
 //! `frag_depth`, and under alpha to coverage the alpha of location 0. A pre-pass draws it, an early
 //! discard must not change it, and a shading count keeps it.
 
-use crate::core::interface;
 use naga::{Binding, BuiltIn, EarlyDepthTest, ShaderStage, TypeInner};
+use preshade_ir::interface;
 
-use crate::core::plan::GpuPass;
-use crate::core::program::Program;
-use crate::core::state::ColorTarget;
 use crate::graph::{FunctionId, Graph};
 use crate::slice::{self, Criterion, OutputFilter, Slice};
+use preshade_plan::plan::GpuPass;
+use preshade_plan::program::Program;
+use preshade_plan::state::ColorTarget;
 
 /// The component of location 0 that alpha to coverage reads.
 pub const ALPHA: u32 = 3;

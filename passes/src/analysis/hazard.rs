@@ -5,8 +5,8 @@ use naga::{BinaryOperator, Expression, Handle, Literal, MathFunction, Scalar, Sc
 
 use crate::analysis::range::AllRanges;
 use crate::analysis::values::{ValueId, Values};
-use crate::evaluate::Number as _;
-use crate::evaluate::accuracy::LARGEST_TANH;
+use naga_interp::Number as _;
+use naga_interp::accuracy::LARGEST_TANH;
 
 /// Name of the operation, if it may return NaN or infinity for finite operands. `ranges` are of
 /// what adapters compute (`AllRanges::computed`): a difference that is above 0 may be rounded to

@@ -29,17 +29,16 @@ use naga::{Binding, BuiltIn, Interpolation, Sampling, ShaderStage, Span};
 use crate::analysis::coverage::Decides;
 use crate::analysis::uniformity::{self, Need};
 use crate::analysis::{contraction, effects, refusals};
-use crate::core::contract::Assumption;
-use crate::core::interface;
-use crate::core::interface::Io;
-use crate::core::pass::Refusal;
-use crate::core::plan::{GpuPass, Plan};
-use crate::core::program::Program;
-use crate::core::refusals::RefusalInfo;
-use crate::core::state::DepthDirection;
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
 use crate::slice::Slice;
+use preshade_ir::interface::{self, Io};
+use preshade_plan::contract::Assumption;
+use preshade_plan::pass::Refusal;
+use preshade_plan::plan::{GpuPass, Plan};
+use preshade_plan::program::Program;
+use preshade_plan::state::DepthDirection;
+use preshade_text::refusals::RefusalInfo;
 
 /// How a pass changes the conditions under which the author's stages run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

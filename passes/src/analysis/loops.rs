@@ -7,10 +7,10 @@ use naga::Statement;
 
 use crate::analysis::reach::with_users;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
-use crate::core::guard::{Assumed, Bounds, Guard};
 use crate::graph::counted::{self, Ends};
 use crate::graph::memory::Origin;
 use crate::graph::{FunctionId, StmtId};
+use preshade_plan::guard::{Assumed, Bounds, Guard};
 
 /// For each value, whether it may differ between iterations of an enclosing loop, including loops
 /// around the calls that lead to it.

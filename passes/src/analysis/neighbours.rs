@@ -7,12 +7,11 @@
 //! channels that the covering surface does not write. Surfaces shaded from ids get their colour
 //! before their neighbours are drawn, so the neighbours must write depth.
 
-use crate::analysis::opaque;
-use crate::analysis::refusals;
-use crate::core::channels::{self, Channels};
-use crate::core::pass::Refusal;
-use crate::core::plan::{BindingSource, GpuPass, Phase, Plan, Role};
+use crate::analysis::{opaque, refusals};
 use crate::graph::Graph;
+use preshade_plan::channels::{self, Channels};
+use preshade_plan::pass::Refusal;
+use preshade_plan::plan::{BindingSource, GpuPass, Phase, Plan, Role};
 
 /// Why `plan` may not draw its depth ahead in a frame with `neighbours`; `None` where it may, or
 /// does not. The plan's own material may be among them.
@@ -32,7 +31,7 @@ pub fn conflict<'a>(
     // Nobody may have moved depth meanwhile. Under a bias the author's own comparison goes on, and
     // what a mover overdraws does not show: of its colour, `shows_through` makes sure.
     let samples =
-        |b: &crate::core::plan::BindingUse| matches!(b.source, BindingSource::Attachment { .. });
+        |b: &preshade_plan::plan::BindingUse| matches!(b.source, BindingSource::Attachment { .. });
     let main = plan.main().and_then(|p| Some((p, p.depth.as_ref()?)));
     // Without a main pass it is shaded from ids, before its neighbours are drawn.
     let trusts_depth = main.is_none_or(|(main, depth)| {
@@ -177,7 +176,7 @@ fn leaves_traces(plan: &Plan, pass: &GpuPass) -> bool {
     let stencil = pass
         .stencil
         .as_ref()
-        .is_some_and(crate::core::state::StencilState::writes);
+        .is_some_and(preshade_plan::state::StencilState::writes);
     stencil
         || plan
             .program(pass)

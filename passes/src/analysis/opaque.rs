@@ -4,22 +4,22 @@
 //! Primozic's article on fragment culling), an alpha test in one pass only, stores that run twice,
 //! a forced early test on an alpha-tested draw.
 
-use crate::core::interface;
 use naga::{Binding, BuiltIn, EntryPoint, ShaderStage, Span};
+use preshade_ir::interface;
 
 use crate::analysis::coverage::{self, Decides};
 use crate::analysis::implicit_inputs::{self, ImplicitInputs, PassEffect};
 use crate::analysis::{effects, refusals};
-use crate::core::channels;
-use crate::core::contract::Assumption;
-use crate::core::pass::{Facts, Refusal};
-use crate::core::plan::{ClearValue, GpuPass, Phase, Plan, Role};
-use crate::core::program::Program;
-use crate::core::refusals::RefusalInfo;
-use crate::core::state::{Blend, CompareFunction, DepthDirection, DepthState};
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
 use crate::slice::Slice;
+use preshade_plan::channels;
+use preshade_plan::contract::Assumption;
+use preshade_plan::pass::{Facts, Refusal};
+use preshade_plan::plan::{ClearValue, GpuPass, Phase, Plan, Role};
+use preshade_plan::program::Program;
+use preshade_plan::state::{Blend, CompareFunction, DepthDirection, DepthState};
+use preshade_text::refusals::RefusalInfo;
 
 /// The main pass of a material whose depth may be drawn first, with the properties that the
 /// transforms need.

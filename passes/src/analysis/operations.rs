@@ -6,8 +6,8 @@ use std::f64::consts::{LN_2, LOG2_E};
 
 use naga::{BinaryOperator, Expression, MathFunction, ScalarKind};
 
-use crate::evaluate::accuracy::Accuracy;
-use crate::evaluate::interval::Interval;
+use naga_interp::accuracy::Accuracy;
+use naga_interp::interval::Interval;
 
 /// A discontinuity of an operation.
 #[derive(Clone, Copy, Debug)]

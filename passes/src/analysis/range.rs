@@ -13,14 +13,14 @@ use naga::{
 
 use crate::analysis::values::cycle::{Merges, UNCOUNTED_ITERATIONS, operands_first};
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
-use crate::core::interface;
-use crate::core::pass::{Source, SourceRange};
-use crate::evaluate::Number;
-use crate::evaluate::accuracy::Accuracy;
-use crate::evaluate::interval::{Arithmetic, Interval};
 use crate::graph::cells::Root;
 use crate::graph::memory::{Origin, VersionId};
 use crate::graph::rate::Rate;
+use naga_interp::Number;
+use naga_interp::accuracy::Accuracy;
+use naga_interp::interval::{Arithmetic, Interval};
+use preshade_ir::interface;
+use preshade_plan::pass::{Source, SourceRange};
 
 /// Most values times iterations to follow around one loop; beyond that, ranges are assumed
 /// unbounded.

@@ -20,12 +20,12 @@ use crate::analysis::operations::{self, Operation, OwnError};
 use crate::analysis::range::{AllRanges, dimension, terms};
 use crate::analysis::users::Users;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
-use crate::core::pass::SourceRange;
-use crate::core::plan::GpuPass;
-use crate::core::state::ColorTarget;
-use crate::evaluate::bound::Accuracy;
-use crate::evaluate::interval::Interval;
 use crate::graph::rate::Rate;
+use naga_interp::bound::Accuracy;
+use naga_interp::interval::Interval;
+use preshade_plan::pass::SourceRange;
+use preshade_plan::plan::GpuPass;
+use preshade_plan::state::ColorTarget;
 
 /// Assumed magnitude of varyings, textures and draw constants without a scene.
 pub const ORDINARY: u32 = 4;
@@ -413,7 +413,7 @@ impl<'v, 'g, 'p> Slopes<'v, 'g, 'p> {
         context: ContextId,
         expression: &Expression,
     ) -> Vec<(Handle<Expression>, f64)> {
-        let operands = || crate::graph::operands::of_expression(expression).into_iter();
+        let operands = || naga_operands::of_expression(expression).into_iter();
         let all = |slope: f64| operands().map(|o| (o, slope)).collect();
         match expression {
             Expression::Compose { .. }

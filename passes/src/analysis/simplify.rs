@@ -8,13 +8,13 @@ use serde::Serialize;
 
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::refusals;
-use crate::core::contract::{Assumption, Contract};
-use crate::core::pass::{Change, Left, Outcome, Refusal, Refused, Site, SiteCost};
-use crate::core::plan::{GpuPass, Plan, Role};
-use crate::core::program::Program;
-use crate::core::reflect;
 use crate::graph::{FunctionId, Graph};
 use crate::slice::{self, Criterion, OutputFilter, Slice};
+use preshade_plan::contract::{Assumption, Contract};
+use preshade_plan::pass::{Change, Left, Outcome, Refusal, Refused, Site, SiteCost};
+use preshade_plan::plan::{GpuPass, Plan, Role};
+use preshade_plan::program::Program;
+use preshade_plan::reflect;
 
 /// A material's main pass with less work.
 pub struct Simplified {

@@ -23,13 +23,14 @@ use crate::analysis::range::terms;
 use crate::analysis::reach::with_users;
 use crate::analysis::refusals;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
-use crate::core::pass::{self, Facts, Refusal, Source, SourceRange};
-use crate::core::plan::Plan;
-use crate::evaluate::interval::{Arithmetic, Interval};
+use crate::graph::Graph;
 use crate::graph::cells::Root;
 use crate::graph::memory::{Origin, VersionId};
 use crate::graph::rate::Rate;
-use crate::graph::{Graph, operands};
+use naga_interp::interval::{Arithmetic, Interval};
+use naga_operands as operands;
+use preshade_plan::pass::{self, Facts, Refusal, Source, SourceRange};
+use preshade_plan::plan::Plan;
 
 /// Least normal number.
 const NORMAL: f64 = f32::MIN_POSITIVE as f64;

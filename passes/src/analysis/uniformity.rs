@@ -14,7 +14,8 @@ use naga::{
     Module, SampleLevel, ShaderStage, Span, Statement, StorageAccess, SwitchCase, TypeInner,
 };
 
-use crate::graph::{FunctionId, operands};
+use crate::graph::FunctionId;
+use naga_operands as operands;
 
 /// Why uniform control flow is needed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

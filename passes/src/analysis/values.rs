@@ -15,11 +15,10 @@ use naga::{Binding, BuiltIn, Expression, Handle, Statement, TypeInner};
 use rustc_hash::FxHashMap;
 
 use crate::analysis::users::Users;
-use crate::core::interface;
-use crate::core::interface::Io;
 use crate::graph::memory::VersionId;
 use crate::graph::rate::{Fact, Rate};
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
+use preshade_ir::interface::{self, Io};
 
 pub(crate) mod cycle;
 mod expand;

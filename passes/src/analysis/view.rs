@@ -9,8 +9,8 @@ use naga::{
 };
 
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
-use crate::core::program::Program;
 use crate::graph::Graph;
+use preshade_plan::program::Program;
 
 pub mod names;
 

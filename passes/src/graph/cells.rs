@@ -6,10 +6,12 @@
 
 use std::collections::BTreeMap;
 
-use naga::{AddressSpace, Expression, Function, GlobalVariable, Handle, LocalVariable, Module};
-use naga::{StorageAccess, TypeInner};
+use naga::{
+    AddressSpace, Expression, Function, GlobalVariable, Handle, LocalVariable, Module,
+    StorageAccess, TypeInner,
+};
 
-use super::operands;
+use naga_operands as operands;
 
 /// A variable, as seen in a function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

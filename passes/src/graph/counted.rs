@@ -8,8 +8,9 @@ use naga::{
 
 use super::cells::Root;
 use super::memory::{Origin, VersionId};
-use super::{FunctionGraph, StmtId, operands};
-use crate::core::uniforms::UniformScalar;
+use super::{FunctionGraph, StmtId};
+use naga_operands as operands;
+use preshade_plan::uniforms::UniformScalar;
 
 /// Longest loop that we simulate to find its trip count.
 const MOST_TRIPS: u32 = 4096;

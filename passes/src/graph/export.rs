@@ -10,8 +10,9 @@ use serde::{Deserialize, Serialize};
 
 use super::memory::{Origin, VersionId};
 use super::rate::{self, Fact, Stages};
-use super::{FunctionGraph, FunctionId, Graph, Root, StmtId, cells, cost, effect, operands, text};
-use crate::core::interface;
+use super::{FunctionGraph, FunctionId, Graph, Root, StmtId, cells, cost, effect, text};
+use naga_operands as operands;
+use preshade_ir::interface;
 
 /// Schema of [`GraphData`].
 pub const SCHEMA: &str = "preshade.graph.v1";

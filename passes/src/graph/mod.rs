@@ -15,7 +15,7 @@ use naga::valid::FunctionInfo;
 use naga::{Expression, Function, Handle, Module, Statement, TypeInner};
 
 use self::counted::Ends;
-use crate::core::program::Program;
+use preshade_plan::program::Program;
 
 pub mod cells;
 pub mod control;
@@ -25,7 +25,7 @@ mod dot;
 pub mod effect;
 pub mod export;
 pub mod memory;
-pub use crate::core::operands;
+pub use naga_operands as operands;
 pub mod rate;
 pub mod rates;
 pub mod statements;
@@ -237,7 +237,7 @@ impl<'p> Graph<'p> {
     }
 
     /// Rate and stages of each member of a function's struct result, or of its result: for an entry
-    /// point in the order of [`crate::core::interface::outputs`].
+    /// point in the order of [`preshade_ir::interface::outputs`].
     pub fn result_facts(&self, function: FunctionId) -> &[Fact] {
         self.rates().outputs(self.index(function))
     }

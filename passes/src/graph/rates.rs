@@ -10,7 +10,8 @@ use naga::{
 use super::cells::{Cell, Root};
 use super::memory::{self, Origin, VersionId};
 use super::rate::{Fact, Rate, Stages, of_binding};
-use super::{Effect, FunctionGraph, FunctionId, StmtId, effect, operands};
+use super::{Effect, FunctionGraph, FunctionId, StmtId, effect};
+use naga_operands as operands;
 
 /// A value from a function's caller.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -2,7 +2,7 @@
 
 use naga::{Block, Expression, Function, Handle, Span, Statement};
 
-use super::operands;
+use naga_operands as operands;
 
 /// A statement of one function, numbered in preorder from 0: a statement before the statements in
 /// its blocks, `accept` before `reject`, cases in order, `body` before `continuing`.

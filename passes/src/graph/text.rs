@@ -1,12 +1,13 @@
 //! Expressions and statements in source notation, for labels.
 
-use crate::core::interface;
 use naga::{
     BinaryOperator, Expression, Handle, ImageQuery, Literal, Module, Statement, SwizzleComponent,
     UnaryOperator,
 };
+use preshade_ir::interface;
 
-use super::{FunctionGraph, StmtId, operands};
+use super::{FunctionGraph, StmtId};
+use naga_operands as operands;
 
 /// Levels of nesting written out before an ellipsis.
 const DEPTH: usize = 3;

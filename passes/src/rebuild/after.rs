@@ -2,8 +2,8 @@
 
 use naga::{Expression, Function, Handle, Statement};
 
-use super::writer::FunctionWriter;
-use crate::core::operands;
+use naga_operands as operands;
+use preshade_ir::writer::FunctionWriter;
 
 /// Calls `then` behind each statement, for each expression that the statement evaluates.
 pub fn after(

@@ -7,10 +7,10 @@ use naga::{
     Type,
 };
 
-use crate::core::interface;
 use crate::graph::Graph;
 use crate::rebuild::place::{self, CodeBuilder, PositionInvariance};
 use crate::slice::Slice;
+use preshade_ir::interface;
 
 /// A function made of a slice of a stage.
 #[derive(Clone, Debug)]

@@ -11,14 +11,14 @@ use naga::{
     Scalar, ScalarKind, ShaderStage, Span, Statement, StorageAccess, Type, TypeInner,
 };
 
-use super::variable;
-use super::writer::FunctionWriter;
-use crate::core::operands;
-use crate::core::program::Program;
-use crate::core::source::Invalid;
-use crate::core::uniforms::UniformScalar;
 use crate::graph::counted::{self, Ends};
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
+use naga_operands as operands;
+use preshade_ir::variable;
+use preshade_ir::writer::FunctionWriter;
+use preshade_plan::program::Program;
+use preshade_plan::uniforms::UniformScalar;
+use preshade_text::source::Invalid;
 
 /// Most turns that all loops of an invocation take together. llvmpipe leaves a loop by itself after
 /// 65,535.

@@ -6,8 +6,8 @@ use naga::{
     ShaderStage, Span, StructMember, Type, TypeInner, VectorSize,
 };
 
-use super::returns;
-use super::writer::FunctionWriter;
+use preshade_ir::returns;
+use preshade_ir::writer::FunctionWriter;
 
 /// An output or a varying at a location.
 pub fn location(location: u32) -> Binding {

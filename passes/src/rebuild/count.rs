@@ -4,20 +4,20 @@
 //! the number of shaded fragments per covered pixel on any adapter. Discarded fragments are not
 //! counted; the rest hid each other.
 
-use crate::core::interface;
 use naga::{
     Binding, Block, BuiltIn, Expression, Handle, Literal, Module, ShaderStage, Span, Statement,
     VectorSize,
 };
+use preshade_ir::interface;
 
 use crate::analysis::coverage;
-use crate::core::plan::{GpuPass, Plan};
-use crate::core::program::Program;
-use crate::core::source::Invalid;
 use crate::graph::Graph;
 use crate::rebuild::color;
 use crate::rebuild::place::{self, PositionInvariance};
-use crate::rebuild::writer::FunctionWriter;
+use preshade_ir::writer::FunctionWriter;
+use preshade_plan::plan::{GpuPass, Plan};
+use preshade_plan::program::Program;
+use preshade_text::source::Invalid;
 
 /// Name of the counting entry point.
 pub const ENTRY: &str = "preshade_count";

@@ -1,21 +1,22 @@
 //! The depth-only version of a material: the slice of its vertex stage to position, and of its
 //! fragment stage to coverage and depth. `rebuild::depth_pass` adds it to a plan.
 
-use crate::core::interface;
 use naga::{BinaryOperator, Binding, BuiltIn, Expression, Literal, Module, Span, TypeInner};
+use preshade_ir::interface;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::Opaque;
-use crate::core::contract::{Assumption, Contract};
-use crate::core::pass::{Change, Outcome, Refusal, Site, SiteCost};
-use crate::core::plan::{Plan, Role, Step};
 use crate::rebuild::ahead::Ahead;
+use crate::rebuild::color;
 use crate::rebuild::place::{self, PositionInvariance};
-use crate::rebuild::writer::FunctionWriter;
-use crate::rebuild::{color, returns};
 use crate::slice::{self, Criterion, OutputFilter, Slice};
+use preshade_ir::returns;
+use preshade_ir::writer::FunctionWriter;
+use preshade_plan::contract::{Assumption, Contract};
+use preshade_plan::pass::{Change, Outcome, Refusal, Site, SiteCost};
+use preshade_plan::plan::{Plan, Role, Step};
 
 /// The vertex stage of a depth-only pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

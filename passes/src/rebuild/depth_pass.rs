@@ -5,14 +5,13 @@ use naga::{Module, ShaderStage};
 
 use super::depth_only::{Invariance, Placed};
 use super::place;
-use crate::analysis::coverage;
 use crate::analysis::opaque::Opaque;
-use crate::analysis::refusals;
-use crate::core::contract::{Assumption, Contract};
-use crate::core::pass::Refusal;
-use crate::core::plan::{Draws, GpuPass, Phase, Plan, Role};
-use crate::core::reflect;
-use crate::core::state::{AttachmentOps, CompareFunction, DepthBias, DepthFormat, DepthState};
+use crate::analysis::{coverage, refusals};
+use preshade_plan::contract::{Assumption, Contract};
+use preshade_plan::pass::Refusal;
+use preshade_plan::plan::{Draws, GpuPass, Phase, Plan, Role};
+use preshade_plan::reflect;
+use preshade_plan::state::{AttachmentOps, CompareFunction, DepthBias, DepthFormat, DepthState};
 
 /// The material, for a picture of its own that has one sample and no colour of the author's: alpha
 /// to coverage does not apply there.

@@ -10,8 +10,8 @@
 
 use std::fmt::Write;
 
-use crate::core::geometry::{FORMATS, Formats};
-use crate::core::plan::AttributeUse;
+use preshade_plan::geometry::{FORMATS, Formats};
+use preshade_plan::plan::AttributeUse;
 
 /// Prefixes of generated functions and variables.
 #[derive(Clone, Copy, Debug)]

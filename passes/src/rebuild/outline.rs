@@ -15,14 +15,15 @@ use naga::{
 
 use crate::analysis::named;
 use crate::analysis::values::{ContextId, ValueId, Values};
-use crate::core::program::Program;
-use crate::graph::{FunctionId, Graph, operands};
+use crate::graph::{FunctionId, Graph};
 use crate::rebuild::after::after;
 use crate::rebuild::color::location;
 use crate::rebuild::isolate::isolate;
 use crate::rebuild::place::{self, PositionInvariance};
-use crate::rebuild::returns;
 use crate::slice::{self, Criterion, OutputFilter};
+use naga_operands as operands;
+use preshade_ir::returns;
+use preshade_plan::program::Program;
 
 /// A value to return.
 #[derive(Clone, Debug)]
@@ -109,8 +110,8 @@ pub enum Failed {
     Built(String),
 }
 
-impl From<Box<crate::core::source::Invalid>> for Failed {
-    fn from(invalid: Box<crate::core::source::Invalid>) -> Self {
+impl From<Box<preshade_text::source::Invalid>> for Failed {
+    fn from(invalid: Box<preshade_text::source::Invalid>) -> Self {
         Self::Built(invalid.to_string())
     }
 }

@@ -1,14 +1,15 @@
 //! The vote of a 2x2 quad: its lanes leave together, so that no survivor loses a neighbour that its
 //! derivatives need.
 
-use naga::Statement;
-use naga::{DerivativeAxis, DerivativeControl, Expression, Function, Handle, Module, ShaderStage};
+use naga::{
+    DerivativeAxis, DerivativeControl, Expression, Function, Handle, Module, ShaderStage, Statement,
+};
 
 use crate::analysis::effects;
-use crate::core::plan::Plan;
 use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::snippet::{InjectError, link_snippet};
+use preshade_plan::plan::Plan;
 
 /// Name of the function that compares with a pre-pass's depth; with a vote if its quad votes.
 pub const HIDDEN: &str = "hidden_by_prepass";

@@ -6,12 +6,12 @@ use std::collections::BTreeMap;
 use naga::{Expression, Handle, Module};
 
 use crate::analysis::values::{ContextId, Values};
-use crate::core::program::Program;
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::isolate::{self, isolate};
 use crate::rebuild::outline::{Failed, Wanted};
 use crate::rebuild::place::{self, CodeBuilder, PositionInvariance, Replacement, Rewrite};
 use crate::slice::{self, Criterion, OutputFilter, Termination};
+use preshade_plan::program::Program;
 
 /// The values that a stage is given, by index of the wanted ones.
 pub type Given = BTreeMap<usize, Handle<Expression>>;

@@ -8,9 +8,9 @@ use naga::{
     TypeInner,
 };
 
-use crate::core::link;
 use crate::graph::FunctionId;
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
+use preshade_ir::link;
 
 /// A source offset beyond every file: our own text has no place in the author's.
 pub(crate) const NOWHERE: u32 = u32::MAX / 2;

@@ -4,7 +4,8 @@
 use naga::{Expression, Handle, MathFunction, Module, RelationalFunction, TypeInner};
 
 use super::need::Need;
-use crate::graph::{FunctionGraph, operands};
+use crate::graph::FunctionGraph;
+use naga_operands as operands;
 
 /// The operands of `e` that `need` requires, with the needed part of each. Other operands may have
 /// any value.

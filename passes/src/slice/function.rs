@@ -5,13 +5,13 @@ use std::rc::Rc;
 
 use naga::{Expression, Handle, Statement};
 
-use super::components;
 use super::fault::{self, Fault};
 use super::need::Need;
-use super::{Demand, Termination};
+use super::{Demand, Termination, components};
 use crate::graph::cells::{self, Cell, Root};
 use crate::graph::memory::{self, Origin, VersionId};
-use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, counted, operands};
+use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, counted};
+use naga_operands as operands;
 
 /// The part of a function that its caller's demand depends on.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -6,7 +6,8 @@ use std::fmt::{self, Write};
 use naga::{Expression, Handle, LocalVariable, Module, Statement, Type, TypeInner};
 
 use super::Slice;
-use crate::graph::{FunctionGraph, Graph, StmtId, operands};
+use crate::graph::{FunctionGraph, Graph, StmtId};
+use naga_operands as operands;
 
 /// FNV-1a, 64 bits, over the text written to it: stable across platforms and releases. The text,
 /// tens of kilobytes for a large material, isn't stored.

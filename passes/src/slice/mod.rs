@@ -10,10 +10,11 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Binding, Expression, GlobalVariable, Handle, ShaderStage, Span, Statement};
 
-use crate::core::guard::Guard;
-use crate::core::interface;
 use crate::graph::counted::{self, Ends};
-use crate::graph::{Cell, FunctionId, Graph, StmtId, operands};
+use crate::graph::{Cell, FunctionId, Graph, StmtId};
+use naga_operands as operands;
+use preshade_ir::interface;
+use preshade_plan::guard::Guard;
 
 pub(crate) mod components;
 pub(crate) mod fault;

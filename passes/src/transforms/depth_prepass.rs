@@ -37,21 +37,19 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::analysis::coverage;
-use crate::analysis::effects;
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::{self, Opaque};
-use crate::analysis::refusals as shared;
-use crate::core::contract::{Assumption, Contract};
-use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
-use crate::core::plan::{Plan, Role, Step};
-use crate::core::refusals::RefusalInfo;
-use crate::core::self_test::{self, MainDiscards};
-use crate::core::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState};
+use crate::analysis::{coverage, effects, refusals as shared};
 use crate::graph::FunctionId;
 use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
 use crate::rebuild::depth_pass::{self, PrepassProgram};
 use crate::rebuild::place::{self, PositionInvariance};
+use preshade_plan::contract::{Assumption, Contract};
+use preshade_plan::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
+use preshade_plan::plan::{Plan, Role, Step};
+use preshade_plan::self_test::{self, MainDiscards};
+use preshade_plan::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState};
+use preshade_text::refusals::RefusalInfo;
 
 mod near_plane;
 pub mod refusals;

@@ -38,16 +38,19 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::refusals as shared;
 use crate::analysis::simplify::{self, FragmentStage, Simplified};
-use crate::core::contract::Contract;
-use crate::core::operands;
-use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use};
-use crate::core::plan::Plan;
-use crate::core::refusals::{RefusalInfo, refusals};
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph, StmtId};
 use crate::rebuild::ahead::Ahead;
-use crate::rebuild::{place, quad, returns};
+use crate::rebuild::{place, quad};
 use crate::slice::{self, Criterion, Slice};
+use naga_operands as operands;
+use preshade_ir::returns;
+use preshade_plan::contract::Contract;
+use preshade_plan::pass::{
+    Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
+};
+use preshade_plan::plan::Plan;
+use preshade_text::refusals::{RefusalInfo, refusals};
 
 refusals! {
     NO_DISCARD = "no-discard":
@@ -372,10 +375,10 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::core::program::Program;
-    use crate::core::source::{Language, SourceMap};
-    use crate::core::state::MaterialState;
     use crate::validate::{Effort, validate};
+    use preshade_plan::program::Program;
+    use preshade_plan::state::MaterialState;
+    use preshade_text::source::{Language, SourceMap};
 
     const WORK: &str = "var sum = 0.0;
     for (var i = 0; i < 8; i++) { sum += sin(in.x * f32(i)) * cos(in.y); }";

@@ -46,20 +46,22 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::{self, Opaque};
 use crate::analysis::refusals as shared;
-use crate::core::budget::Budget;
-use crate::core::contract::{Assumption, Contract};
-use crate::core::declared::CombinedSampler;
-use crate::core::pass::{Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
-use crate::core::plan::{
-    Attachment, BindingKind, BindingSource, BindingUse, Plan, Role, Visibility,
-};
-use crate::core::program::Program;
-use crate::core::refusals::RefusalInfo;
-use crate::core::self_test;
-use crate::core::state::{CompareFunction, DepthDirection, DepthFormat, DepthState};
 use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
 use crate::rebuild::depth_pass::{self, PrepassProgram};
 use crate::slice::{self, Criterion, OutputFilter};
+use preshade_ir::declared::CombinedSampler;
+use preshade_plan::budget::Budget;
+use preshade_plan::contract::{Assumption, Contract};
+use preshade_plan::pass::{
+    Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use,
+};
+use preshade_plan::plan::{
+    Attachment, BindingKind, BindingSource, BindingUse, Plan, Role, Visibility,
+};
+use preshade_plan::program::Program;
+use preshade_plan::self_test;
+use preshade_plan::state::{CompareFunction, DepthDirection, DepthFormat, DepthState};
+use preshade_text::refusals::RefusalInfo;
 
 mod gradients;
 mod packed;
@@ -302,7 +304,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
     }
     if params.budget.is_some_and(|b| !(0.0..=1.0).contains(&b)) {
         refuse(
-            &crate::core::refusals::BUDGET,
+            &preshade_plan::refusals::BUDGET,
             "the budget is the largest difference of a channel, which lies between 0 and 1",
             "give budget=0.02, say",
         );

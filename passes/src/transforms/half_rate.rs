@@ -33,21 +33,20 @@ use naga::ShaderStage;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::analysis::below;
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::loops::LoopEnds;
-use crate::analysis::refusals as shared;
 use crate::analysis::simplify::{self, FragmentStage};
 use crate::analysis::values::{ValueId, Values};
-use crate::core::budget::{Budget, Metric};
-use crate::core::guard::Guard;
-use crate::core::pass::{Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Use};
-use crate::core::plan::Plan;
-use crate::core::refusals::RefusalInfo;
-use crate::core::state::{CompareFunction, StencilState};
+use crate::analysis::{below, refusals as shared};
 use crate::graph::FunctionId;
 use crate::graph::effect::Effect;
 use crate::rebuild::outline::{self, Failed, Wanted};
+use preshade_plan::budget::{Budget, Metric};
+use preshade_plan::guard::Guard;
+use preshade_plan::pass::{Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Use};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::{CompareFunction, StencilState};
+use preshade_text::refusals::RefusalInfo;
 
 mod build;
 mod derivatives;

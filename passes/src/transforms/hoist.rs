@@ -39,25 +39,22 @@ use naga::ShaderStage;
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::loops::LoopEnds;
 use crate::analysis::named::span;
-use crate::analysis::refusals as shared;
-use crate::analysis::{below, rounding, values};
-use crate::core::budget::Budget;
-use crate::core::contract::{Assumption, Contract};
-use crate::core::guard::Guard;
-use crate::core::pass::{
+use crate::analysis::{below, refusals as shared, rounding, values};
+use crate::graph::effect::Effect;
+use crate::graph::{FunctionId, Graph};
+use crate::rebuild::{outline, place};
+use crate::slice::Termination;
+use preshade_plan::budget::Budget;
+use preshade_plan::contract::{Assumption, Contract};
+use preshade_plan::guard::Guard;
+use preshade_plan::pass::{
     Change, Example, Expected, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site,
     SiteCost, Source, Use,
 };
-use crate::core::plan::{GpuPass, HOIST, Plan, Role};
-use crate::core::program::Program;
-use crate::core::reflect;
-use crate::core::refusals::RefusalInfo;
-use crate::core::self_test;
-use crate::graph::effect::Effect;
-use crate::graph::{FunctionId, Graph};
-use crate::rebuild::outline;
-use crate::rebuild::place;
-use crate::slice::Termination;
+use preshade_plan::plan::{GpuPass, HOIST, Plan, Role};
+use preshade_plan::program::Program;
+use preshade_plan::{reflect, self_test};
+use preshade_text::refusals::RefusalInfo;
 
 mod advice;
 mod candidates;

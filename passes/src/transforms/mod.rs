@@ -14,9 +14,10 @@ pub mod tessellate;
 pub mod trim_loop;
 pub mod visibility_buffer;
 
-use crate::core::pass::{AnyPass, Erased, Use};
-use crate::core::refusals::RefusalInfo;
-use crate::{analysis, core};
+use crate::analysis;
+use preshade_plan as core;
+use preshade_plan::pass::{AnyPass, Erased, Use};
+use preshade_text::refusals::RefusalInfo;
 
 /// Every pass, in the order in which `explain` lists them.
 pub const PASSES: &[&dyn AnyPass] = &[

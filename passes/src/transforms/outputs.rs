@@ -51,17 +51,19 @@
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::Opaque;
 use crate::analysis::view::{self, Said};
-use crate::core::contract::Contract;
-use crate::core::limits;
-use crate::core::pass::{Example, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Use};
-use crate::core::plan::{Attachment, ClearValue, Draws, GpuPass, Phase, Plan, Role};
-use crate::core::program::Program;
-use crate::core::refusals::RefusalInfo;
-use crate::core::state::{AttachmentOps, ColorTarget, DepthDirection, DepthState, Multisample};
 use crate::rebuild::depth_only::{self, Placed, VertexStage};
 use crate::rebuild::depth_pass;
 use crate::rebuild::place::PositionInvariance;
 use crate::slice::OutputFilter;
+use preshade_plan::contract::Contract;
+use preshade_plan::limits;
+use preshade_plan::pass::{
+    Example, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Use,
+};
+use preshade_plan::plan::{Attachment, ClearValue, Draws, GpuPass, Phase, Plan, Role};
+use preshade_plan::program::Program;
+use preshade_plan::state::{AttachmentOps, ColorTarget, DepthDirection, DepthState, Multisample};
+use preshade_text::refusals::RefusalInfo;
 
 mod authored;
 mod calls;

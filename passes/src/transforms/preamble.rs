@@ -37,34 +37,32 @@ use naga::{
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::analysis::below;
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::loops::LoopEnds;
 use crate::analysis::named::span;
-use crate::analysis::refusals as shared;
-use crate::analysis::rounding;
 use crate::analysis::simplify::{self, FragmentStage};
 use crate::analysis::values::{ValueId, Values};
-use crate::core::contract::{Assumption, Contract};
-use crate::core::geometry::Geometry;
-use crate::core::guard::Guard;
-use crate::core::pass::{
-    Change, Example, Facts, Left, MaterialTexture, Outcome, Pass, PassInfo, Refusal, Refused, Site,
-    SiteCost, Source, Use,
-};
-use crate::core::plan::{
-    BindingKind, BindingSource, BindingUse, ComputePass, DrawBuffer, Draws, GeometryPart, ORIGINAL,
-    Plan, Role, When,
-};
-use crate::core::program::Program;
-use crate::core::reflect;
-use crate::core::refusals::RefusalInfo;
+use crate::analysis::{below, refusals as shared, rounding};
 use crate::graph::FunctionId;
 use crate::graph::effect::Effect;
 use crate::rebuild::outline::{self, Extracted, Failed, Names, Wanted};
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::remainder::{self, Given};
 use crate::slice::Termination;
+use preshade_plan::contract::{Assumption, Contract};
+use preshade_plan::geometry::Geometry;
+use preshade_plan::guard::Guard;
+use preshade_plan::pass::{
+    Change, Example, Facts, Left, MaterialTexture, Outcome, Pass, PassInfo, Refusal, Refused, Site,
+    SiteCost, Source, Use,
+};
+use preshade_plan::plan::{
+    BindingKind, BindingSource, BindingUse, ComputePass, DrawBuffer, Draws, GeometryPart, ORIGINAL,
+    Plan, Role, When,
+};
+use preshade_plan::program::Program;
+use preshade_plan::reflect;
+use preshade_text::refusals::RefusalInfo;
 
 mod values;
 

@@ -21,14 +21,14 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::coverage;
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::view::{self, Said};
-use crate::core::contract::Contract;
-use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refused, Use};
-use crate::core::plan::{Attachment, Phase, Plan, Role};
-use crate::core::refusals::RefusalInfo;
-use crate::core::state::{DepthDirection, DepthFormat, Multisample};
 use crate::rebuild::depth_only::{self, VertexStage};
 use crate::rebuild::depth_pass;
 use crate::rebuild::place::PositionInvariance;
+use preshade_plan::contract::Contract;
+use preshade_plan::pass::{Example, Facts, Outcome, Pass, PassInfo, Refused, Use};
+use preshade_plan::plan::{Attachment, Phase, Plan, Role};
+use preshade_plan::state::{DepthDirection, DepthFormat, Multisample};
+use preshade_text::refusals::RefusalInfo;
 
 /// Name of the depth attachment that the shadow pass writes.
 pub const SHADOW_DEPTH: &str = "shadow-depth";

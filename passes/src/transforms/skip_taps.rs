@@ -35,17 +35,18 @@ use std::collections::BTreeSet;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::analysis::contraction;
-use crate::analysis::refusals as shared;
 use crate::analysis::simplify::{self, FragmentStage, Simplified};
 use crate::analysis::zero::Seen;
-use crate::core::budget::{Budget, Metric};
-use crate::core::contract::{Assumption, Contract, Turned};
-use crate::core::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use};
-use crate::core::plan::{GpuPass, Plan};
-use crate::core::program::Program;
-use crate::core::refusals::RefusalInfo;
+use crate::analysis::{contraction, refusals as shared};
 use crate::graph::Graph;
+use preshade_plan::budget::{Budget, Metric};
+use preshade_plan::contract::{Assumption, Contract, Turned};
+use preshade_plan::pass::{
+    Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
+};
+use preshade_plan::plan::{GpuPass, Plan};
+use preshade_plan::program::Program;
+use preshade_text::refusals::RefusalInfo;
 
 pub mod branch;
 pub mod find;

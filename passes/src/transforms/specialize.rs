@@ -28,7 +28,7 @@
 //! decision may change ([`contraction`]): after a branch is removed, a compiler may fuse a product
 //! into a sum, and no text prevents it.
 //!
-//! The assumptions are the plan's [guard](crate::core::guard::Guard), which a host checks before it
+//! The assumptions are the plan's [guard](preshade_plan::guard::Guard), which a host checks before it
 //! draws.
 
 use std::collections::BTreeSet;
@@ -39,21 +39,21 @@ use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::values::Values;
 use crate::analysis::zero::{self, Zeros};
 use crate::analysis::{contraction, refusals as shared};
-use crate::core::contract::{Assumption, Contract, Surface, Turned};
-use crate::core::guard::Guard;
-use crate::core::interface;
-use crate::core::pass::{
+use crate::graph::{FunctionId, Graph};
+use crate::slice::{self, Criterion, OutputFilter};
+use naga_interp::accuracy::Accuracy;
+use naga_interp::overrides;
+use preshade_ir::interface;
+use preshade_plan::contract::{Assumption, Contract, Surface, Turned};
+use preshade_plan::guard::Guard;
+use preshade_plan::pass::{
     Change, Example, Expected, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Site,
     SiteCost, Use,
 };
-use crate::core::plan::{GpuPass, ORIGINAL, Plan, Role};
-use crate::core::program::Program;
-use crate::core::refusals::RefusalInfo;
-use crate::core::{reflect, self_test};
-use crate::evaluate::accuracy::Accuracy;
-use crate::evaluate::overrides;
-use crate::graph::{FunctionId, Graph};
-use crate::slice::{self, Criterion, OutputFilter};
+use preshade_plan::plan::{GpuPass, ORIGINAL, Plan, Role};
+use preshade_plan::program::Program;
+use preshade_plan::{reflect, self_test};
+use preshade_text::refusals::RefusalInfo;
 
 pub mod arithmetic;
 pub mod assume;

@@ -32,21 +32,22 @@ use serde::{Deserialize, Serialize};
 
 use naga::{Handle, Module, ShaderStage};
 
-use crate::core::contract::Contract;
-use crate::core::geometry::{Form, Geometry, Subdivision};
-use crate::core::pass::{
+use crate::graph::{FunctionId, Graph};
+use crate::rebuild::place;
+use preshade_plan::contract::Contract;
+use preshade_plan::geometry::{Form, Geometry, Subdivision};
+use preshade_plan::pass::{
     Change, Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
     Use,
 };
-use crate::core::pattern;
-use crate::core::plan::{BindingKind, BindingSource, BindingUse, ComputePass, Draws, GeometryPart};
-use crate::core::plan::{GpuPass, Plan, Step, VertexBuffer, When};
-use crate::core::program::Program;
-use crate::core::reflect;
-use crate::core::refusals::RefusalInfo;
-use crate::core::state::Topology;
-use crate::graph::{FunctionId, Graph};
-use crate::rebuild::place;
+use preshade_plan::plan::{
+    BindingKind, BindingSource, BindingUse, ComputePass, Draws, GeometryPart, GpuPass, Plan, Step,
+    VertexBuffer, When,
+};
+use preshade_plan::program::Program;
+use preshade_plan::state::Topology;
+use preshade_plan::{pattern, reflect};
+use preshade_text::refusals::RefusalInfo;
 
 mod adaptive;
 mod build;

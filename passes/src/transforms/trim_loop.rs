@@ -34,18 +34,18 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::coverage::Decides;
 use crate::analysis::refusals as shared;
 use crate::analysis::simplify::{self, FragmentStage, Simplified};
-use crate::core::budget::{Budget, Metric};
-use crate::core::contract::Contract;
-use crate::core::pass::{
-    Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
-};
-use crate::core::plan::{GpuPass, Plan};
-use crate::core::refusals::RefusalInfo;
 use crate::graph::counted::Counted;
 use crate::graph::effect::Effect;
-use crate::graph::operands;
 use crate::graph::{FunctionId, Graph, StmtId};
 use crate::rebuild::place::{Replacement, Rewrite, rewritten};
+use naga_operands as operands;
+use preshade_plan::budget::{Budget, Metric};
+use preshade_plan::contract::Contract;
+use preshade_plan::pass::{
+    Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
+};
+use preshade_plan::plan::{GpuPass, Plan};
+use preshade_text::refusals::RefusalInfo;
 
 /// The pass.
 pub struct TrimLoop;

@@ -23,22 +23,20 @@ use naga::ShaderStage;
 
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::Opaque;
-use crate::analysis::refusals as shared;
-use crate::analysis::subnormal;
-use crate::core::budget::Budget;
-use crate::core::contract::{Assumption, Contract, Surface, Turned};
-use crate::core::pass::{
-    Change, Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
-};
-use crate::core::plan::{Attachment, GpuPass, Plan, Role};
-use crate::core::rasterizer::Rasterizer;
-use crate::core::refusals::RefusalInfo;
-use crate::core::self_test;
+use crate::analysis::{refusals as shared, subnormal};
 use crate::graph::Graph;
 use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
-use crate::rebuild::depth_pass;
-use crate::rebuild::place;
+use crate::rebuild::{depth_pass, place};
 use crate::slice::{self, Criterion, OutputFilter, Slice};
+use preshade_plan::budget::Budget;
+use preshade_plan::contract::{Assumption, Contract, Surface, Turned};
+use preshade_plan::pass::{
+    Change, Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
+};
+use preshade_plan::plan::{Attachment, GpuPass, Plan, Role};
+use preshade_plan::rasterizer::Rasterizer;
+use preshade_plan::self_test;
+use preshade_text::refusals::RefusalInfo;
 
 mod build;
 mod count;
@@ -56,13 +54,13 @@ mod resolve;
 mod stage;
 mod text;
 
-pub use crate::core::draw_table::{DRAWS, IDS};
 pub use count::counted;
 use differences::Reached;
 use gradients::Shaded;
 use lists::Lists;
 pub use params::{Ids, Params, Select, ShadingForm, Vertices, Words};
 use parts::slots;
+pub use preshade_plan::draw_table::{DRAWS, IDS};
 
 /// The pass.
 pub struct VisibilityBuffer;
@@ -354,7 +352,7 @@ impl<'a> SplitMaterial<'a> {
         let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
         if params.budget.is_some_and(|b| !(0.0..=1.0).contains(&b)) {
             return Err(Box::new(refuse(
-                &crate::core::refusals::BUDGET,
+                &preshade_plan::refusals::BUDGET,
                 "the budget is the largest difference of a channel: a number from 0 to 1",
                 "set budget=0.01, for example",
             )));

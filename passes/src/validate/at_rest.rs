@@ -2,8 +2,8 @@
 
 use naga::{AddressSpace, Expression, Function, GlobalVariable, Handle, Module};
 
-use crate::core::plan::{BindingSource, GpuPass};
-use crate::core::program::Program;
+use preshade_plan::plan::{BindingSource, GpuPass};
+use preshade_plan::program::Program;
 
 /// The program of a pass, with the current buffers in place of the previous frame's, and zeros for
 /// what the host alone fills. Positions and discards depend on neither.

@@ -8,13 +8,13 @@ use super::compare::Colors;
 use super::promise::Pair;
 use super::world::TestPoint;
 use super::{By, Effort, Proof, Verdict, validate};
-use crate::core::pass::Facts;
-use crate::core::plan::{Plan, Role};
-use crate::core::program::Program;
-use crate::core::source::{Language, SourceMap};
-use crate::core::state::MaterialState;
 use crate::pass_named;
 use crate::slice::fault::{self, Fault};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{Plan, Role};
+use preshade_plan::program::Program;
+use preshade_plan::state::MaterialState;
+use preshade_text::source::{Language, SourceMap};
 
 /// A discard that depends on an early return, a branch, a partly written array, and a callee's
 /// writes.

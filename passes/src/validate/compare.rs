@@ -3,8 +3,8 @@
 use naga::BuiltIn;
 
 use super::stage::{POSITION, Ran, Slot};
-use crate::core::state::DepthDirection;
-use crate::evaluate::{Number, Scalar, Value};
+use naga_interp::{Number, Scalar, Value};
+use preshade_plan::state::DepthDirection;
 
 /// The promise about a variant's colours.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -1,5 +1,5 @@
 //! A made-up draw: a triangle with the buffers and the id from which a pass of the visibility
-//! buffer reads it, as the draw table describes them ([`crate::core::draw_table`]).
+//! buffer reads it, as the draw table describes them ([`preshade_plan::draw_table`]).
 //!
 //! Each seed has another layout: with and without indices, other offsets and strides, attributes
 //! that step by instance, other draws before and after it. Words that the draw does not use are
@@ -11,13 +11,13 @@ use naga::{Binding, BuiltIn, Module};
 
 use super::inputs::{Inputs, Random};
 use super::stage::{Slot, Stage};
-use crate::core::draw_table::{self, Entry, IDS};
-use crate::core::geometry::Stream;
-use crate::core::interface::Io;
-use crate::core::plan::{BindingSource, BindingUse, GeometryPart, Plan};
-use crate::core::state::CullMode;
-use crate::evaluate::{Number, Scalar, Value, from_bytes};
 use crate::transforms::visibility_buffer::Words;
+use naga_interp::{Number, Scalar, Value, from_bytes};
+use preshade_ir::interface::Io;
+use preshade_plan::draw_table::{self, Entry, IDS};
+use preshade_plan::geometry::Stream;
+use preshade_plan::plan::{BindingSource, BindingUse, GeometryPart, Plan};
+use preshade_plan::state::CullMode;
 
 /// Width and height of the target in pixels.
 const SIDE: usize = 8;

@@ -16,8 +16,8 @@ use super::stage::Ran;
 use super::trial::{asked, is_whole, of_compared};
 use super::verdict::{Counterexample, Verdict, not_evaluated};
 use super::world::{self, PassStages, TestPoint, Texels};
-use crate::evaluate::bound::Interval;
-use crate::evaluate::{Scalar, Stuck, Value};
+use naga_interp::bound::Interval;
+use naga_interp::{Scalar, Stuck, Value};
 
 /// The data of a draw, without its stages.
 #[derive(Clone, Copy, Debug)]

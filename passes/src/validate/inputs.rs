@@ -13,9 +13,9 @@ pub use super::random::Random;
 use super::stage::{POSITION, Slot, VaryingKind};
 use super::tape::{NO_STEP, Source};
 use super::world::{self, plus, times};
-use crate::core::guard::{Assumed, Guard, Place, ScalarType};
-use crate::core::interface::Io;
-use crate::evaluate::{Lookup, Number, RUNTIME_ELEMENTS, Sampling, Scalar, Value, place, scalars};
+use naga_interp::{Lookup, Number, RUNTIME_ELEMENTS, Sampling, Scalar, Value, place, scalars};
+use preshade_ir::interface::Io;
+use preshade_plan::guard::{Assumed, Guard, Place, ScalarType};
 
 /// Largest buffer in scalars that is filled; longer ones stay 0.
 const MOST_SCALARS: u32 = 1 << 14;
@@ -24,7 +24,7 @@ const MOST_SCALARS: u32 = 1 << 14;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Profile {
     /// From -2 to 2, and for constants of the draw from 1/4 to 4, as `ordinary-numbers` promises
-    /// ([`crate::core::contract::Assumption::OrdinaryNumbers`]).
+    /// ([`preshade_plan::contract::Assumption::OrdinaryNumbers`]).
     Ordinary,
     /// Ordinary ones, with one in six from `Extreme`.
     Mixed,

@@ -10,8 +10,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use naga::{Expression, Function, Module, SampleLevel};
 
 use super::world::{PassStages, exp2, product, times};
-use crate::core::calls;
-use crate::evaluate::{Lookup, Number};
+use naga_interp::{Lookup, Number};
+use naga_operands::calls;
 
 /// The number of samples of a texture in a text, by kind of level.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

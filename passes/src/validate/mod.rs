@@ -29,9 +29,9 @@ use std::collections::BTreeMap;
 
 use naga::{Expression, Literal, Span};
 
-use crate::core::guard::{Guard, Place as Assumed};
-use crate::core::plan::{ComputePass, Plan, Role};
-use crate::core::program::Program;
+use preshade_plan::guard::{Guard, Place as Assumed};
+use preshade_plan::plan::{ComputePass, Plan, Role};
+use preshade_plan::program::Program;
 
 pub mod agree;
 mod at_rest;
@@ -54,7 +54,7 @@ pub mod stage;
 mod tape;
 pub mod term;
 mod trial;
-mod verdict;
+pub mod verdict;
 pub mod world;
 
 use elsewhere::Runner;

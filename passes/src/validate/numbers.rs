@@ -10,8 +10,9 @@ use naga::{Expression, Literal, Statement, SwitchValue, TypeInner};
 use super::random::Random;
 use super::stage::Stage;
 use super::world::PassStages;
-use crate::core::{calls, operands};
-use crate::evaluate::{Scalar, Value};
+use naga_interp::{Scalar, Value};
+use naga_operands as operands;
+use naga_operands::calls;
 
 /// Powers of two between the scales of inputs: from 1/8 to 256.
 const SCALES: usize = 12;

@@ -6,13 +6,13 @@ use std::collections::BTreeMap;
 use naga::{AddressSpace, GlobalVariable, Handle, Module, ShaderStage, Span};
 
 use super::at_rest::replace;
-use crate::core::geometry::Geometry;
-use crate::core::link;
-use crate::core::plan::{BindingSource, BindingUse, ComputePass, GeometryPart, GpuPass, Plan};
-use crate::core::program::Program;
 use crate::graph::FunctionId;
 use crate::rebuild::place::{self, Rewrite};
 use crate::rebuild::snippet::NOWHERE;
+use preshade_ir::link;
+use preshade_plan::geometry::Geometry;
+use preshade_plan::plan::{BindingSource, BindingUse, ComputePass, GeometryPart, GpuPass, Plan};
+use preshade_plan::program::Program;
 
 /// Whether a compute pass makes values of the draw, which [`computed`] follows.
 pub(super) fn runs(pass: &ComputePass) -> bool {

@@ -15,17 +15,17 @@ use super::verdict::not_evaluated;
 use super::world::{self, PassStages, TestPoint};
 use super::{By, Check, Effort, Proof, Verdict};
 use crate::analysis::rounding;
-use crate::core::contract::Contract;
-use crate::core::geometry::Geometry;
-use crate::core::guard::{Guard, Place as Assumed};
-use crate::core::pass::Expected;
-use crate::core::plan::{
-    BindingSource, BindingUse, ClearValue, GeometryPart, GpuPass, Plan, Role, Step,
-};
-use crate::core::program::Program;
-use crate::core::state::{CompareFunction, CullMode, DepthDirection};
 use crate::pass_named;
 use crate::transforms::early_discard;
+use preshade_plan::contract::Contract;
+use preshade_plan::geometry::Geometry;
+use preshade_plan::guard::{Guard, Place as Assumed};
+use preshade_plan::pass::Expected;
+use preshade_plan::plan::{
+    BindingSource, BindingUse, ClearValue, GeometryPart, GpuPass, Plan, Role, Step,
+};
+use preshade_plan::program::Program;
+use preshade_plan::state::{CompareFunction, CullMode, DepthDirection};
 
 /// One in this many inputs is also run if a proof depends on the slicer.
 const BESIDE: u64 = 8;
@@ -331,7 +331,8 @@ impl<'a> Pair<'a> {
             match &step.contract {
                 Contract::Exact { .. } => {}
                 Contract::Rounding { .. } if is_moved => {
-                    let is_srgb = |t: &crate::core::state::ColorTarget| t.format.ends_with("-srgb");
+                    let is_srgb =
+                        |t: &preshade_plan::state::ColorTarget| t.format.ends_with("-srgb");
                     let most = match self.pass.targets.iter().flatten().any(is_srgb) {
                         true => rounding::MOST / rounding::STEEPEST_SRGB,
                         false => rounding::MOST,
@@ -339,7 +340,7 @@ impl<'a> Pair<'a> {
                     let of_scene = step
                         .contract
                         .given()
-                        .contains(&crate::core::contract::Assumption::NumbersOfTheScene);
+                        .contains(&preshade_plan::contract::Assumption::NumbersOfTheScene);
                     promised[1] = match (&promised[1], of_scene) {
                         (Err(why), _) => Err(why.clone()),
                         (Ok(_), true) => {
@@ -405,7 +406,7 @@ impl<'a> Pair<'a> {
                         let fragment = self.other.fragment.map(|f| (f.module(), f.inputs()));
                         let [own, other] = match &fragment {
                             Some((module, found)) => {
-                                let is_position = |io: &&crate::core::interface::Io| {
+                                let is_position = |io: &&preshade_ir::interface::Io| {
                                     io.binding.as_ref().map(Slot::of) == Some(POSITION)
                                 };
                                 let io = found.iter().find(is_position);

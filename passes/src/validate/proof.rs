@@ -6,11 +6,11 @@ use super::promise::Pair;
 use super::stage::Stage;
 use super::term;
 use super::world::{self, PassStages, TestPoint, World};
-use crate::core::guard::Place as Assumed;
-use crate::core::program::Program;
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::place::{self, PositionInvariance};
 use crate::slice::{self, Criterion, OutputFilter};
+use preshade_plan::guard::Place as Assumed;
+use preshade_plan::program::Program;
 
 impl Pair<'_> {
     /// Whether a promise has equal slices in both: of the fragment stage, and of its inputs in the
@@ -111,10 +111,10 @@ pub(super) fn locations(read: &[naga::Binding]) -> Vec<Criterion> {
 fn fix(
     module: &naga::Module,
     world: &mut World<'_, term::Symbolic>,
-    assumed: &crate::core::guard::Assumed,
+    assumed: &preshade_plan::guard::Assumed,
 ) {
-    use crate::core::guard::ScalarType;
-    use crate::evaluate::{Number, Scalar};
+    use naga_interp::{Number, Scalar};
+    use preshade_plan::guard::ScalarType;
     let Assumed::Uniform {
         group,
         binding,

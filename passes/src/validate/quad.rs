@@ -18,9 +18,9 @@ use super::drawn::Drawn;
 use super::inputs::{Inputs, Random};
 use super::stage::{At, POSITION, Ran, Slot, Stage, VaryingKind, interpolated};
 use super::world::exp2;
-use crate::core::interface::Io;
-use crate::core::rasterizer::{Corners, Neighbours, Rasterizer};
-use crate::evaluate::{Derivative, Environment, Lookup, Number, Scalar, Stuck, Value};
+use naga_interp::{Derivative, Environment, Lookup, Number, Scalar, Stuck, Value};
+use preshade_ir::interface::Io;
+use preshade_plan::rasterizer::{Corners, Neighbours, Rasterizer};
 
 /// A float that is one number.
 pub(super) trait Float: Number {
@@ -393,8 +393,7 @@ impl<F: Float> Quad<'_, F> {
     fn is_cube(&self, texture: Option<(u32, u32)>) -> bool {
         let module = self.stage.module();
         let mut globals = module.global_variables.iter();
-        let found =
-            globals.find(|(_, g)| texture.is_some() && crate::evaluate::place(g) == texture);
+        let found = globals.find(|(_, g)| texture.is_some() && naga_interp::place(g) == texture);
         found.is_some_and(|(_, global)| {
             let cube = ImageDimension::Cube;
             matches!(module.types[global.ty].inner, TypeInner::Image { dim, .. } if dim == cube)

@@ -26,12 +26,12 @@ use super::verdict::{Counterexample, Verdict, not_evaluated};
 use super::world::{PassStages, TestPoint};
 use super::{By, Check};
 use crate::analysis::rounding;
-use crate::core::contract::Contract;
-use crate::core::draw_table::DRAWS;
-use crate::core::plan::{GpuPass, Plan, Step};
-use crate::core::program::Program;
-use crate::core::state::ColorTarget;
-use crate::evaluate::{Scalar, Stuck, Value};
+use naga_interp::{Scalar, Stuck, Value};
+use preshade_plan::contract::Contract;
+use preshade_plan::draw_table::DRAWS;
+use preshade_plan::plan::{GpuPass, Plan, Step};
+use preshade_plan::program::Program;
+use preshade_plan::state::ColorTarget;
 
 /// The largest difference of colours in `f64`, relative to the largest component or 1.
 const SAME_FUNCTION: f64 = 1e-6;

@@ -13,17 +13,17 @@ use super::promise::{effort, stages};
 use super::quad::{Float, Quad, Triangle};
 use super::stage::{self, POSITION, Ran, Slot, Stage};
 use super::world::PassStages;
-use crate::core::geometry::Geometry;
-use crate::core::interface::Io;
-use crate::core::plan::{
+use crate::transforms::visibility_buffer;
+use naga_interp::bound::exactly;
+use naga_interp::{Environment, Scalar, Stuck, Value};
+use preshade_ir::interface::Io;
+use preshade_plan::geometry::Geometry;
+use preshade_plan::plan::{
     BindingSource, BindingUse, ComputePass, GeometryPart, GpuPass, Plan, Role,
 };
-use crate::core::program::Program;
-use crate::core::rasterizer::Rasterizer;
-use crate::core::state::ColorTarget;
-use crate::evaluate::bound::exactly;
-use crate::evaluate::{Environment, Scalar, Stuck, Value};
-use crate::transforms::visibility_buffer;
+use preshade_plan::program::Program;
+use preshade_plan::rasterizer::Rasterizer;
+use preshade_plan::state::ColorTarget;
 
 /// The resolve runs three vertices and several pixels in one invocation.
 const MORE_STEPS: u64 = 16;

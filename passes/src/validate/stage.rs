@@ -5,10 +5,10 @@ use std::fmt;
 
 use naga::{Binding, BuiltIn, Interpolation, Module, Sampling, ShaderStage, TypeInner};
 
-use crate::core::interface;
-use crate::core::interface::Io;
-use crate::core::program::Program;
-use crate::evaluate::{self, Environment, Number, RunResult, Scalar, Stuck, Undefined, Value};
+use naga_interp as evaluate;
+use naga_interp::{Environment, Number, RunResult, Scalar, Stuck, Undefined, Value};
+use preshade_ir::interface::{self, Io};
+use preshade_plan::program::Program;
 
 /// The binding of an input or output. Invariance of a position is ignored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -16,7 +16,7 @@ use std::collections::HashMap;
 
 use naga::{BinaryOperator, MathFunction};
 
-use crate::evaluate::{Number, Stuck};
+use naga_interp::{Number, Stuck};
 
 /// A float, as the term that computes it. It is valid within its [`proved`] call and thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -10,8 +10,9 @@ use super::promise::Pair;
 use super::stage::{self, Stage};
 use super::verdict::{Counterexample, Diverged, Verdict, not_evaluated};
 use super::world::{self, PassStages, TestPoint, Texels, World};
-use crate::core::guard::Guard;
-use crate::evaluate::{self, Stuck, Traced, Value};
+use naga_interp as evaluate;
+use naga_interp::{Stuck, Traced, Value};
+use preshade_plan::guard::Guard;
 
 /// One in this many inputs must terminate.
 pub(super) const QUOTA: u64 = 4;

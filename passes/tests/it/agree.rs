@@ -2,16 +2,16 @@
 
 use std::sync::Arc;
 
-use preshade_passes::core::mapping::Equation;
-use preshade_passes::core::source::{Language, SourceMap};
 use preshade_passes::naga::front::wgsl;
-use preshade_passes::plan::Plan;
-use preshade_passes::program::Program;
-use preshade_passes::state::MaterialState;
 use preshade_passes::validate::Effort;
 use preshade_passes::validate::agree::{
     Agreement, Class, Mismatch, Outcome, Question, Relation, agree,
 };
+use preshade_plan::mapping::Equation;
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
+use preshade_plan::state::MaterialState;
+use preshade_text::source::{Language, SourceMap};
 
 const MAIN: &str = include_str!("../../../fixtures/agree/leaf.wgsl");
 const SHADOW: &str = include_str!("../../../fixtures/agree/leaf.shadow.wgsl");

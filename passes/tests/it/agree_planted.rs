@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use preshade_passes::core::source::{Language, SourceMap};
 use preshade_passes::naga::front::wgsl;
-use preshade_passes::plan::Plan;
-use preshade_passes::program::Program;
-use preshade_passes::state::MaterialState;
 use preshade_passes::validate::Effort;
 use preshade_passes::validate::agree::{Class, Relation, agree};
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
+use preshade_plan::state::MaterialState;
+use preshade_text::source::{Language, SourceMap};
 
 /// The declarations of the main passes.
 const MAIN: &str = "

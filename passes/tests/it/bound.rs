@@ -4,8 +4,9 @@
 use std::collections::BTreeMap;
 
 use naga::Module;
-use preshade_passes::bound::{self, Affine, Distance, Interval};
-use preshade_passes::evaluate::{self, Environment, Number, Shadowed, Stuck, Value};
+use naga_interp as evaluate;
+use naga_interp::bound::{self, Affine, Distance, Interval};
+use naga_interp::{Environment, Number, Shadowed, Stuck, Value};
 use proptest::prelude::*;
 
 use crate::common;

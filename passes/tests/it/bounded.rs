@@ -1,6 +1,6 @@
 //! Copies of programs whose loops end.
 
-use preshade_passes::bounded;
+use preshade_passes::rebuild::bounded;
 
 use crate::common::{program, wgsl};
 

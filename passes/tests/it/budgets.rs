@@ -1,12 +1,12 @@
 //! What a budget is based on: pictures of a scene and the values of their branches, or nothing.
 
-use preshade_passes::contract::Assumption;
-use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};
-use preshade_passes::pass::{Facts, Undrawn};
-use preshade_passes::plan::Plan;
-use preshade_passes::specialize::branches::{Way, branches};
-use preshade_passes::state::MaterialState;
+use preshade_passes::transforms::specialize::branches::{Way, branches};
 use preshade_passes::{PASSES, pass_named};
+use preshade_plan::contract::Assumption;
+use preshade_plan::guard::{Assumed, Bounds, Place, ScalarType};
+use preshade_plan::pass::{Facts, Undrawn};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
 
 use crate::common;
 
@@ -117,7 +117,7 @@ fn a_budget_that_nobody_drew_says_so() {
 #[test]
 fn a_contradicted_guard_is_no_evidence() {
     let mut plan = original();
-    plan.guard = Some(preshade_passes::guard::Guard {
+    plan.guard = Some(preshade_plan::guard::Guard {
         values: vec![n_is(1.0, 1.0)],
     });
     let facts = Facts {
@@ -134,7 +134,7 @@ fn a_contradicted_guard_is_no_evidence() {
 #[test]
 fn branches_go_the_way_of_the_values() {
     let facts = |n: f64| Facts {
-        constants: vec![preshade_passes::pass::Constant {
+        constants: vec![preshade_plan::pass::Constant {
             material: "test".to_owned(),
             value: n_is(n, n),
         }],

@@ -9,12 +9,13 @@ use std::sync::Arc;
 use naga::{
     BinaryOperator, Expression, Function, Handle, MathFunction, ScalarKind, Span, TypeInner,
 };
-use preshade_passes::contract::Assumption;
-use preshade_passes::pass::{Facts, Use};
-use preshade_passes::plan::Plan;
-use preshade_passes::state::MaterialState;
+use naga_operands as operands;
 use preshade_passes::validate::{Effort, validate};
-use preshade_passes::{examples, graph::operands, pass_named};
+use preshade_passes::{examples, pass_named};
+use preshade_plan::contract::Assumption;
+use preshade_plan::pass::{Facts, Use};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
 
 use crate::common;
 

@@ -1,8 +1,8 @@
 //! What a draw calls for of a material, and what each effect is said to cost.
 
-use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};
-use preshade_passes::pass::{Constant, Facts};
-use preshade_passes::specialize::effects::{CalledFor, Effect, effects};
+use preshade_passes::transforms::specialize::effects::{CalledFor, Effect, effects};
+use preshade_plan::guard::{Assumed, Bounds, Place, ScalarType};
+use preshade_plan::pass::{Constant, Facts};
 
 use crate::common::specialized::original;
 

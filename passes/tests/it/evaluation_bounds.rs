@@ -5,7 +5,8 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::sync::Arc;
 
-use preshade_passes::evaluate::{self, Environment, RunResult, Stuck, Value};
+use naga_interp as evaluate;
+use naga_interp::{Environment, RunResult, Stuck, Value};
 
 type Resources = Arc<BTreeMap<(u32, u32), Value>>;
 

@@ -1,9 +1,9 @@
 //! What may be NaN or infinite at a vertex does not travel, and what is seen to stay in range does.
 
-use preshade_passes::hoist::{Hoist, Params};
-use preshade_passes::pass::{Facts, Pass, Source, SourceRange};
-use preshade_passes::plan::Plan;
-use preshade_passes::state::MaterialState;
+use preshade_passes::transforms::hoist::{Hoist, Params};
+use preshade_plan::pass::{Facts, Pass, Source, SourceRange};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
 
 use crate::common;
 

@@ -4,12 +4,13 @@
 use std::collections::BTreeMap;
 
 use naga::{Module, ScalarKind, Type, TypeInner};
-use preshade_passes::core::interface;
-use preshade_passes::evaluate::{self, Environment, Lookup, RunResult, Scalar, Stuck, Value};
+use naga_interp as evaluate;
+use naga_interp::{Environment, Lookup, RunResult, Scalar, Stuck, Value};
+use preshade_ir::interface;
 use preshade_passes::graph::{FunctionId, Graph};
-use preshade_passes::place::{self, PositionInvariance};
-use preshade_passes::program::Program;
+use preshade_passes::rebuild::place::{self, PositionInvariance};
 use preshade_passes::slice::{self, Criterion, OutputFilter, Termination};
+use preshade_plan::program::Program;
 
 use crate::common;
 

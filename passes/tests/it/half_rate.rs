@@ -1,16 +1,16 @@
 //! What is computed at half the rate, what guides it, what stays and why, and that a pixel without
 //! neighbours computes what the author's stage does.
 
-use preshade_passes::contract::Contract;
-use preshade_passes::frame::{ColorAttachments, FramePlan};
-use preshade_passes::half_rate::{Edges, HalfRate, Params};
-use preshade_passes::pass::{Facts, Pass, Refused};
-use preshade_passes::plan::{BindingSource, Plan, Role};
-use preshade_passes::state::{
+use preshade_passes::transforms::half_rate::{Edges, HalfRate, Params};
+use preshade_passes::validate::{Effort, validate};
+use preshade_plan::contract::Contract;
+use preshade_plan::frame::{ColorAttachments, FramePlan};
+use preshade_plan::pass::{Facts, Pass, Refused};
+use preshade_plan::plan::{BindingSource, Plan, Role};
+use preshade_plan::state::{
     ColorTarget, CompareFunction, MaterialState, Multisample, StencilFace, StencilOperation,
     StencilState,
 };
-use preshade_passes::validate::{Effort, validate};
 
 use crate::common;
 
@@ -336,7 +336,7 @@ fn other_draws_are_refused() {
     assert_eq!(code(&plan, &Params::default()), "no-budget");
     let blended = MaterialState {
         targets: vec![Some(ColorTarget {
-            blend: Some(preshade_passes::state::Blend::ALPHA),
+            blend: Some(preshade_plan::state::Blend::ALPHA),
             ..ColorTarget::opaque("rgba8unorm")
         })],
         ..full_screen()

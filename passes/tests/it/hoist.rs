@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, ShaderStage};
-use preshade_passes::core::interface;
-use preshade_passes::evaluate::{Stuck, Value};
-use preshade_passes::hoist::{self, Hoist, Params};
-use preshade_passes::pass::{Facts, Frequency, Left, Outcome, Pass, Refused};
-use preshade_passes::plan::Plan;
-use preshade_passes::program::Program;
-use preshade_passes::state::MaterialState;
+use naga_interp::{Stuck, Value};
+use preshade_ir::interface;
+use preshade_passes::transforms::hoist::{self, Hoist, Params};
+use preshade_plan::pass::{Facts, Frequency, Left, Outcome, Pass, Refused};
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
+use preshade_plan::state::MaterialState;
 use proptest::prelude::*;
 
 use crate::common::stages::{VERTEX, attributes, run};
@@ -35,8 +35,8 @@ fn hoisted(source: &str, params: &Params) -> (Plan, String) {
 fn budget() -> Params {
     Params {
         budget: Some(0.02),
-        finite: preshade_passes::hoist::movable::Finite::Assumed,
-        jumps: preshade_passes::hoist::movable::Jumps::Carried,
+        finite: preshade_passes::transforms::hoist::movable::Finite::Assumed,
+        jumps: preshade_passes::transforms::hoist::movable::Jumps::Carried,
         ..Params::default()
     }
 }
@@ -465,7 +465,7 @@ fn refusals_are_told_by_code() {
     let plain = material("", "return vec4(in.world, 1.0);");
     assert_eq!(code(&plain, &budget()), "nothing-pays");
     let unbudgeted = Params {
-        allow: Some(preshade_passes::hoist::Allow::Approximate),
+        allow: Some(preshade_passes::transforms::hoist::Allow::Approximate),
         ..Params::default()
     };
     assert_eq!(code(&plain, &unbudgeted), "no-budget");
@@ -596,8 +596,8 @@ fn normalize_moves_if_the_length_is_above_zero() {
 /// Whoever does what a refusal says gets there, or is told that there is nothing.
 #[test]
 fn advice_comes_to_an_end() {
-    use preshade_passes::hoist::Allow;
-    use preshade_passes::hoist::movable::{Finite, Jumps};
+    use preshade_passes::transforms::hoist::Allow;
+    use preshade_passes::transforms::hoist::movable::{Finite, Jumps};
     let sources = [
         NOISE.to_owned(),
         material("", "return vec4(in.world, 1.0);"),

@@ -4,13 +4,13 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, Interpolation, ShaderStage};
-use preshade_passes::core::interface;
-use preshade_passes::evaluate::{Scalar, Stuck, Value};
-use preshade_passes::hoist::{Allow, Hoist, Params};
-use preshade_passes::pass::{Facts, Pass, Source, SourceRange};
-use preshade_passes::plan::Plan;
-use preshade_passes::program::Program;
-use preshade_passes::state::{Blend, ColorTarget, MaterialState};
+use naga_interp::{Scalar, Stuck, Value};
+use preshade_ir::interface;
+use preshade_passes::transforms::hoist::{Allow, Hoist, Params};
+use preshade_plan::pass::{Facts, Pass, Source, SourceRange};
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
+use preshade_plan::state::{Blend, ColorTarget, MaterialState};
 use proptest::prelude::*;
 
 use crate::common::stages::{Ran, VERTEX, attributes, run};

@@ -2,14 +2,14 @@
 //! inputs.
 
 use naga::ShaderStage;
-use preshade_passes::contract::Assumption;
-use preshade_passes::depth_prepass::{self, DepthPrepass};
-use preshade_passes::early_discard::{self, EarlyDiscard, MainAttachment};
 use preshade_passes::graph::{FunctionId, Graph};
-use preshade_passes::hoist::{self, Allow, Hoist};
-use preshade_passes::pass::{Facts, Outcome, Pass, Refused};
-use preshade_passes::plan::{Plan, SelfTestDraw};
-use preshade_passes::state::{Blend, ColorTarget, DepthFormat, MaterialState};
+use preshade_passes::transforms::depth_prepass::{self, DepthPrepass};
+use preshade_passes::transforms::early_discard::{self, EarlyDiscard, MainAttachment};
+use preshade_passes::transforms::hoist::{self, Allow, Hoist};
+use preshade_plan::contract::Assumption;
+use preshade_plan::pass::{Facts, Outcome, Pass, Refused};
+use preshade_plan::plan::{Plan, SelfTestDraw};
+use preshade_plan::state::{Blend, ColorTarget, DepthFormat, MaterialState};
 
 use crate::common;
 

@@ -1,14 +1,14 @@
 //! Loops to a number in a uniform buffer: which guard ends them, and what each pass makes of it.
 
-use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};
-use preshade_passes::half_rate::{self, HalfRate};
-use preshade_passes::hoist::{self, Hoist};
-use preshade_passes::pass::{Constant, Facts, Outcome, Pass, Refused};
 use preshade_passes::pass_named;
-use preshade_passes::plan::{Plan, Role};
-use preshade_passes::preamble::{self, Preamble};
-use preshade_passes::state::{CompareFunction, MaterialState};
+use preshade_passes::transforms::half_rate::{self, HalfRate};
+use preshade_passes::transforms::hoist::{self, Hoist};
+use preshade_passes::transforms::preamble::{self, Preamble};
 use preshade_passes::validate::{Effort, validate};
+use preshade_plan::guard::{Assumed, Bounds, Place, ScalarType};
+use preshade_plan::pass::{Constant, Facts, Outcome, Pass, Refused};
+use preshade_plan::plan::{Plan, Role};
+use preshade_plan::state::{CompareFunction, MaterialState};
 
 use crate::common;
 

@@ -3,10 +3,10 @@
 
 use std::collections::BTreeSet;
 
-use preshade_passes::outputs::{Outputs, Params};
-use preshade_passes::pass::{Facts, Pass};
-use preshade_passes::plan::{BindingKind, BindingSource, GpuPass, HostValue, Plan, Role};
-use preshade_passes::state::MaterialState;
+use preshade_passes::transforms::outputs::{Outputs, Params};
+use preshade_plan::pass::{Facts, Pass};
+use preshade_plan::plan::{BindingKind, BindingSource, GpuPass, HostValue, Plan, Role};
+use preshade_plan::state::MaterialState;
 
 use crate::common;
 
@@ -120,7 +120,7 @@ fn depth_alone_is_what_decides_position_and_coverage() {
 
 #[test]
 fn shadow_writes_the_same_program_as_the_pass_of_that_name() {
-    use preshade_passes::shadow::{self, Shadow};
+    use preshade_passes::transforms::shadow::{self, Shadow};
     let by_outputs = outputs("outputs:write=shadow").unwrap();
     let plan = original(SHADER);
     let by_shadow = Shadow::run(&plan, &Facts::default(), &shadow::Params::default());

@@ -1,6 +1,6 @@
 //! What `view=drop` leaves out of a light's picture, and which uniforms follow the viewer.
 
-use preshade_passes::plan::Plan;
+use preshade_plan::plan::Plan;
 
 use crate::outputs::{pass, text};
 use crate::outputs_light::of;

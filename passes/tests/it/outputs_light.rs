@@ -1,7 +1,7 @@
 //! Auxiliary pictures that a light draws: distances, and the light's own resources.
 
-use preshade_passes::pass::Facts;
-use preshade_passes::plan::{BindingSource, HostValue, Phase, Plan};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{BindingSource, HostValue, Phase, Plan};
 
 use crate::outputs::{SHADER, outputs, pass, text, with_facts};
 
@@ -193,8 +193,8 @@ fn a_layout_declares_the_other_view_s_resources() {
     let with = |map: &str| {
         let recipe = serde_json::json!({"write": "shadow", "map": map, "layout": layout});
         let params = serde_json::from_value(recipe).unwrap();
-        use preshade_passes::outputs::Outputs;
-        use preshade_passes::pass::Pass;
+        use preshade_passes::transforms::outputs::Outputs;
+        use preshade_plan::pass::Pass;
         match Outputs::run(
             &crate::outputs::original(SHADER),
             &Facts::default(),
@@ -310,7 +310,7 @@ fn a_position_is_divided_by_its_fourth_component_unless_it_is_1() {
 
 #[test]
 fn where_no_surface_is_a_distance_is_the_end_of_the_range() {
-    use preshade_passes::plan::ClearValue;
+    use preshade_plan::plan::ClearValue;
     let clear = |recipe| {
         let plan = outputs(recipe).unwrap();
         let attachment = plan

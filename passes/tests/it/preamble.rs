@@ -1,14 +1,14 @@
 //! What is computed once a draw, what stays and why, and that both together are the author's stage.
 
-use preshade_passes::contract::{Assumption, Contract};
-use preshade_passes::geometry::Geometry;
-use preshade_passes::pass::{
+use preshade_passes::transforms::preamble::{Allow, Params, Preamble};
+use preshade_passes::validate::{Effort, validate};
+use preshade_plan::contract::{Assumption, Contract};
+use preshade_plan::geometry::Geometry;
+use preshade_plan::pass::{
     Facts, Left, MaterialTexture, Numbers, Pass, Refused, Source, SourceRange,
 };
-use preshade_passes::plan::{BindingKind, BindingSource, GeometryPart, Plan};
-use preshade_passes::preamble::{Allow, Params, Preamble};
-use preshade_passes::state::MaterialState;
-use preshade_passes::validate::{Effort, validate};
+use preshade_plan::plan::{BindingKind, BindingSource, GeometryPart, Plan};
+use preshade_plan::state::MaterialState;
 
 use crate::common;
 
@@ -99,7 +99,7 @@ fn an_exponential_of_uniforms_is_computed_once_a_draw() {
     };
     assert_eq!((compute.workgroup, &compute.geometry), (1, &Geometry::Draw));
     let main = next.main().unwrap();
-    let values = |bindings: &[preshade_passes::plan::BindingUse]| {
+    let values = |bindings: &[preshade_plan::plan::BindingUse]| {
         let mut found = bindings.iter().filter(|b| {
             b.source
                 == BindingSource::Geometry {
@@ -546,7 +546,7 @@ fn later_passes_keep_the_preamble_or_refuse_it() {
     }
     let done = run("depth-prepass").unwrap().plan;
     assert_eq!((done.compute.len(), done.draw_buffers.len()), (1, 1));
-    let reads = |b: &preshade_passes::plan::BindingUse| {
+    let reads = |b: &preshade_plan::plan::BindingUse| {
         matches!(
             b.source,
             BindingSource::Geometry {

@@ -5,13 +5,14 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 use naga::ShaderStage;
-use preshade_passes::budget::{Budget, Metric};
-use preshade_passes::contract::Assumption;
-use preshade_passes::evaluate::{self, Environment, Scalar, Value};
-use preshade_passes::pass::{Facts, MaterialTexture, Pass};
-use preshade_passes::plan::Plan;
-use preshade_passes::skip_taps::{Params, SkipTaps};
-use preshade_passes::state::MaterialState;
+use naga_interp as evaluate;
+use naga_interp::{Environment, Scalar, Value};
+use preshade_passes::transforms::skip_taps::{Params, SkipTaps};
+use preshade_plan::budget::{Budget, Metric};
+use preshade_plan::contract::Assumption;
+use preshade_plan::pass::{Facts, MaterialTexture, Pass};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
 
 use crate::common;
 

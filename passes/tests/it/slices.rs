@@ -2,9 +2,9 @@
 
 use naga::ShaderStage;
 use preshade_passes::graph::{self, FunctionId, Graph};
-use preshade_passes::place::{self, PositionInvariance};
-use preshade_passes::program::Program;
+use preshade_passes::rebuild::place::{self, PositionInvariance};
 use preshade_passes::slice::{self, Criterion, OutputFilter, Termination};
+use preshade_plan::program::Program;
 
 use crate::common;
 

@@ -1,11 +1,11 @@
 //! What specialising leaves, what it assumes, and that with those values it computes the same.
 
-use preshade_passes::contract::{Contract, Surface};
-use preshade_passes::evaluate::Value;
-use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};
-use preshade_passes::pass::{Constant, Facts, Pass};
-use preshade_passes::plan::Plan;
-use preshade_passes::specialize::{Fold, Params, Specialize, as_drawn};
+use naga_interp::Value;
+use preshade_passes::transforms::specialize::{Fold, Params, Specialize, as_drawn};
+use preshade_plan::contract::{Contract, Surface};
+use preshade_plan::guard::{Assumed, Bounds, Place, ScalarType};
+use preshade_plan::pass::{Constant, Facts, Pass};
+use preshade_plan::plan::Plan;
 
 use crate::common;
 use crate::common::specialized::{
@@ -376,7 +376,7 @@ fn uniform([k, index, other]: [u32; 3], w: f32) -> Value {
 }
 
 /// Names of what a plan assumes.
-fn assumed(plan: &preshade_passes::plan::Plan) -> Vec<&str> {
+fn assumed(plan: &preshade_plan::plan::Plan) -> Vec<&str> {
     let guard = plan.guard.as_ref().unwrap();
     guard.values.iter().map(|v| v.name.as_str()).collect()
 }

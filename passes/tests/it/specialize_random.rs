@@ -8,12 +8,13 @@ use std::collections::BTreeMap;
 use std::panic::AssertUnwindSafe;
 
 use naga::{Binding, Module, ShaderStage, TypeInner};
-use preshade_passes::core::interface;
-use preshade_passes::evaluate::{self, Environment, Scalar, Stuck, Value};
-use preshade_passes::guard::{Assumed, Bounds, Guard, Place, ScalarType};
-use preshade_passes::pass::{Constant, Facts};
-use preshade_passes::program::Program;
-use preshade_passes::specialize::{Fold, Params, Specialized};
+use naga_interp as evaluate;
+use naga_interp::{Environment, Scalar, Stuck, Value};
+use preshade_ir::interface;
+use preshade_passes::transforms::specialize::{Fold, Params, Specialized};
+use preshade_plan::guard::{Assumed, Bounds, Guard, Place, ScalarType};
+use preshade_plan::pass::{Constant, Facts};
+use preshade_plan::program::Program;
 
 use crate::common::decided::{self, Kind};
 use crate::common::specialized::original;

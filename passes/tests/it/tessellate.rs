@@ -3,14 +3,15 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::core::pattern::{self, Pattern};
-use preshade_passes::evaluate::{self, Environment, Value};
-use preshade_passes::geometry::{Constants, Geometry, Stream, Subdivision};
-use preshade_passes::hoist::{self, Hoist};
-use preshade_passes::pass::{Facts, Pass, Refusal, Refused};
-use preshade_passes::plan::{BindingSource, GeometryPart, Plan};
-use preshade_passes::state::{MaterialState, PrimitiveState, Topology};
-use preshade_passes::tessellate::{Params, Tessellate};
+use naga_interp as evaluate;
+use naga_interp::{Environment, Value};
+use preshade_passes::transforms::hoist::{self, Hoist};
+use preshade_passes::transforms::tessellate::{Params, Tessellate};
+use preshade_plan::geometry::{Constants, Geometry, Stream, Subdivision};
+use preshade_plan::pass::{Facts, Pass, Refusal, Refused};
+use preshade_plan::pattern::{self, Pattern};
+use preshade_plan::plan::{BindingSource, GeometryPart, Plan};
+use preshade_plan::state::{MaterialState, PrimitiveState, Topology};
 use proptest::prelude::*;
 
 use crate::common;
@@ -263,7 +264,7 @@ fn on_line(
             panic!("a position is a vector");
         };
         let bits = |v: &Value| match v {
-            Value::Scalar(preshade_passes::evaluate::Scalar::F32(f)) => f.to_bits(),
+            Value::Scalar(naga_interp::Scalar::F32(f)) => f.to_bits(),
             other => panic!("{other:?}"),
         };
         [0, 1, 2, 3].map(|i| bits(&members[i]))
@@ -337,7 +338,7 @@ fn surplus_vertices_compute_nothing() {
     let text = common::wgsl(next.program(next.main().unwrap()).unwrap());
     insta::assert_snapshot!(&text[text.find("struct TessellatedPoint").unwrap()..]);
     let shared = Params {
-        form: preshade_passes::geometry::Form::Shared,
+        form: preshade_plan::geometry::Form::Shared,
         ..params
     };
     let refusal = apply::<Tessellate>(&plan, &shared).unwrap_err();
@@ -476,7 +477,7 @@ fn shared_vertices_are_computed_and_then_read() {
         .replace("f32(in.kind)", "in.kind");
     let plan = hoisted(&original(&smooth, &MaterialState::default()));
     let params = Params {
-        form: preshade_passes::geometry::Form::Shared,
+        form: preshade_plan::geometry::Form::Shared,
         pattern: Pattern::Uniform,
         level: 2,
         ..Params::default()
@@ -548,7 +549,7 @@ fn what_is_static_is_stored_alone() {
         .replace("f32(in.kind)", "in.kind");
     let plan = hoisted(&original(&smooth, &MaterialState::default()));
     let params = Params {
-        form: preshade_passes::geometry::Form::Static,
+        form: preshade_plan::geometry::Form::Static,
         fixed: Some("scene".to_owned()),
         ..Params::default()
     };

@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 
 use naga::ShaderStage;
-use preshade_passes::budget::{Budget, Metric};
-use preshade_passes::evaluate::{self, Environment, Scalar, Value};
-use preshade_passes::pass::{Facts, Pass};
-use preshade_passes::plan::Plan;
-use preshade_passes::state::MaterialState;
-use preshade_passes::trim_loop::{Params, TrimLoop};
+use naga_interp as evaluate;
+use naga_interp::{Environment, Scalar, Value};
+use preshade_passes::transforms::trim_loop::{Params, TrimLoop};
+use preshade_plan::budget::{Budget, Metric};
+use preshade_plan::pass::{Facts, Pass};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
 
 use crate::common;
 

@@ -5,7 +5,7 @@
 //! files `NAME.pass.wgsl` and `NAME.fail.wgsl` too, and prints how many verdicts are those of the
 //! names. Tint judges the cases here as well: `tests/tools/acceptance.rs`.
 
-use preshade_passes::uniformity::{Need, non_uniform};
+use preshade_passes::analysis::uniformity::{Need, non_uniform};
 
 use crate::common;
 use crate::uniformity_cases::{CASES, Verdict, text};

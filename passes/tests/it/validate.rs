@@ -5,12 +5,12 @@ use naga::{
     BinaryOperator, Block, Expression, Function, Literal, Module, SampleLevel, ShaderStage,
     Statement,
 };
-use preshade_passes::core::interface;
-use preshade_passes::pass::{Facts, Use};
-use preshade_passes::plan::{Plan, Role};
-use preshade_passes::state::MaterialState;
+use preshade_ir::interface;
 use preshade_passes::validate::{Check, Counterexample, Effort, Verdict, validate};
 use preshade_passes::{examples, pass_named};
+use preshade_plan::pass::{Facts, Use};
+use preshade_plan::plan::{Plan, Role};
+use preshade_plan::state::MaterialState;
 
 use crate::common;
 
@@ -182,7 +182,7 @@ fn expression(function: &mut Function, kind: Mutation, left: &mut usize) -> bool
 
 /// Front ends leave literals that nothing reads.
 fn is_read(function: &Function, literal: naga::Handle<Expression>) -> bool {
-    use preshade_passes::graph::operands;
+    use naga_operands as operands;
     let mut blocks = vec![&function.body];
     while let Some(block) = blocks.pop() {
         for statement in block {

@@ -1,11 +1,11 @@
 //! The resolve of the visibility buffer is validated on made-up draws: whole variants agree, and
 //! planted faults are found.
 
-use preshade_passes::pass::Facts;
 use preshade_passes::pass_named;
-use preshade_passes::plan::{Plan, Role};
-use preshade_passes::state::{CullMode, MaterialState};
 use preshade_passes::validate::{Check, Effort, Verdict, validate};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{Plan, Role};
+use preshade_plan::state::{CullMode, MaterialState};
 
 use crate::common;
 
@@ -56,7 +56,7 @@ fn original() -> Plan {
 
 fn of(text: &str) -> Plan {
     let state = MaterialState {
-        primitive: preshade_passes::state::PrimitiveState {
+        primitive: preshade_plan::state::PrimitiveState {
             cull: CullMode::None,
             ..Default::default()
         },

@@ -22,7 +22,7 @@ pub use unpack::{UnpackError, prepare, unpack};
 use super::codes;
 use super::folder::is_folder;
 use super::page::RECORDER;
-use crate::limits::Limits;
+use preshade_text::limits::Limits;
 use process::Browser;
 use protocol::Client;
 

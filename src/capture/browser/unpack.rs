@@ -9,7 +9,7 @@ use tar::{Archive, EntryType};
 use crate::capture::codes;
 use crate::capture::folder::{FILE, PACKED};
 use crate::capture::writer::{DATA, Writer, digits, is_left_over};
-use crate::limits::{Exceeded, Limits};
+use preshade_text::limits::{Exceeded, Limits};
 
 /// The stream or the folder is none.
 #[derive(Debug, thiserror::Error)]

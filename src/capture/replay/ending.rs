@@ -6,9 +6,9 @@ use std::borrow::Cow;
 use std::sync::Arc;
 
 use naga::Module;
-use preshade_passes::bounded;
-use preshade_passes::core::source::{Language, SourceMap};
-use preshade_passes::program::Program;
+use preshade_passes::rebuild::bounded;
+use preshade_plan::program::Program;
+use preshade_text::source::{Language, SourceMap};
 use wgpu::ShaderSource;
 
 /// The module, or a copy of it in which every loop ends.

@@ -1,12 +1,11 @@
 //! wgpu's objects of a capture, made when they are first needed.
 
-use preshade_passes::checks::Checks;
 use std::collections::BTreeMap;
 
+use preshade_passes::analysis::checks::Checks;
 use wgpu::util::DeviceExt as _;
 
 use super::{Replay, ending};
-use crate::capture::Error;
 use crate::capture::contents::whole;
 use crate::capture::file::{
     BindGroup, Cull, DepthStencil, GroupLayout, IndexFormat, LayoutChoice, LayoutEntry,
@@ -14,7 +13,7 @@ use crate::capture::file::{
     Topology, View, ViewDescriptor,
 };
 use crate::capture::folder::get;
-use crate::capture::texels;
+use crate::capture::{Error, texels};
 
 /// What was made so far, by number.
 #[derive(Default)]

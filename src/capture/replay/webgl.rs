@@ -2,10 +2,10 @@
 //! that the first row of every texture is the bottom one, as in WebGL. Then no copy, no upload and no
 //! texture coordinate needs a change.
 
-use preshade_passes::checks::Checks;
 use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::plan::{BindingKind, BindingUse};
+use preshade_passes::analysis::checks::Checks;
+use preshade_plan::plan::{BindingKind, BindingUse};
 use wgpu::util::DeviceExt as _;
 
 use super::objects::{color_target, depth_stencil, primitive};

@@ -7,8 +7,8 @@ use wgpu_core::device::trace::Data;
 
 use super::TraceError;
 use crate::capture::file::DataName;
-use crate::limits::Limits;
-use crate::regular;
+use preshade_text::limits::Limits;
+use preshade_text::regular;
 
 /// What is known of the trace's data files.
 pub(super) struct Store {

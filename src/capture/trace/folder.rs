@@ -12,7 +12,7 @@ use crate::capture::file::{
     LayoutChoice, RenderPassDescriptor, Resource, Unknown,
 };
 use crate::capture::writer;
-use crate::limits::Limits;
+use preshade_text::limits::Limits;
 
 /// A list of the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

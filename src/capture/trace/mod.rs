@@ -31,10 +31,10 @@ use std::rc::Rc;
 pub use version::Version;
 
 use super::file::{Api, CapturedFrame, Refused, SCHEMA, Source, Unknown};
-use crate::limits::{Exceeded, Limits};
-use crate::regular::ReadError;
 use data::Store;
 use elements::Elements;
+use preshade_text::limits::{Exceeded, Limits};
+use preshade_text::regular::ReadError;
 use recorder::{Mark, Recorder, TraceAction};
 
 /// The file that makes a folder a trace.

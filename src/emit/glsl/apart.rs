@@ -15,7 +15,8 @@
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
-use crate::wgsl::text::{self, TokenKind};
+use preshade_text::tokens as text;
+use preshade_text::tokens::TokenKind;
 
 /// A texture and its sampler.
 #[derive(Clone, Debug)]

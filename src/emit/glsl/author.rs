@@ -11,9 +11,9 @@ use naga::{
     AddressSpace, Binding, GlobalVariable, Handle, Module, ResourceBinding, ShaderStage, Type,
     TypeInner,
 };
-use preshade_passes::core::interface;
-use preshade_passes::declared::{Chosen, Declaration, Declared, Located, Type as Declares};
-use preshade_passes::program::Program;
+use preshade_ir::declared::{Chosen, Declaration, Declared, Located, Type as Declares};
+use preshade_ir::interface;
+use preshade_plan::program::Program;
 
 use super::loose_uniforms::{self, LooseUniform};
 use super::texture_copies::{self, Inseparable, TextureCopies};

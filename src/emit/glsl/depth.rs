@@ -5,8 +5,8 @@ use naga::{
     Arena, BinaryOperator, Expression, Function, Handle, Literal, LocalVariable, ShaderStage,
     Statement,
 };
-use preshade_passes::calls;
-use preshade_passes::program::Program;
+use naga_operands::calls;
+use preshade_plan::program::Program;
 
 /// Removes the statement `p.z = (p.z + p.w) * 0.5` that the front end appends to a vertex entry
 /// point. `None` unless there is exactly one, because the author may have written another.

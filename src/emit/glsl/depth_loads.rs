@@ -10,10 +10,10 @@ use std::collections::BTreeSet;
 use naga::{
     Expression, Function, GlobalVariable, Handle, ImageClass, Module, ScalarKind, Type, TypeInner,
 };
-use preshade_passes::graph::operands;
-use preshade_passes::program::Program;
-use preshade_passes::rebuild::copy::{CopyFunction, Copying};
-use preshade_passes::rebuild::writer::FunctionWriter;
+use naga_operands as operands;
+use preshade_ir::copy::{CopyFunction, Copying};
+use preshade_ir::writer::FunctionWriter;
+use preshade_plan::program::Program;
 
 /// The program with such textures as textures of floats. `None` if it has none. A texture that is
 /// also sampled, or passed to a function, stays as it is.

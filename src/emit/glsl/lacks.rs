@@ -9,10 +9,11 @@ use naga::{
     AddressSpace, Binding, BuiltIn, EarlyDepthTest, EntryPoint, Expression, Function, ImageClass,
     Module, TypeInner,
 };
-use preshade_passes::core::interface;
+use preshade_ir::interface;
 
 use crate::emit::{EmitError, Target};
-use crate::wgsl::text::{self, TokenKind};
+use preshade_text::tokens as text;
+use preshade_text::tokens::TokenKind;
 
 /// A construct of a stage that a version of GLSL may lack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,8 +10,8 @@ use naga::valid::FunctionInfo;
 use naga::{
     AddressSpace, ArraySize, Expression, Function, Handle, Literal, Module, Type, TypeInner,
 };
-use preshade_passes::declared::LengthConstant;
-use preshade_passes::program::Program;
+use preshade_ir::declared::LengthConstant;
+use preshade_plan::program::Program;
 
 use crate::emit::overrides::Variable;
 use crate::emit::plan_json::StageFile;

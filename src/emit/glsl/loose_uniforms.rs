@@ -12,9 +12,9 @@ use naga::{
     AddressSpace, Arena, Block, Expression, Function, GlobalVariable, Handle, Module, Scalar,
     ScalarKind, Span, Statement, StructMember, Type, TypeInner, UniqueArena, VectorSize,
 };
-use preshade_passes::declared::{self, Declaration, Declared};
-use preshade_passes::rebuild::variable::private;
-use preshade_passes::rebuild::writer::emit_existing;
+use preshade_ir::declared::{self, Declaration, Declared};
+use preshade_ir::variable::private;
+use preshade_ir::writer::emit_existing;
 
 use crate::wgsl::operands;
 
@@ -634,7 +634,7 @@ impl<'a> Rebuild<'a> {
             if let Some(what) = missing {
                 return Err(what);
             }
-            for inner in operands::blocks(&mut statement) {
+            for inner in naga_operands::blocks_mut(&mut statement) {
                 *inner = self.block(inner)?;
             }
             out.push(statement, *span);
@@ -656,7 +656,7 @@ fn is_value(function: &Function, expression: &Expression) -> bool {
 
 /// Expressions used in any way except as the base of an access.
 fn wanted(function: &Function) -> HashSet<Handle<Expression>> {
-    use preshade_passes::graph::operands;
+    use naga_operands as operands;
     let mut out = HashSet::new();
     for (_, expression) in function.expressions.iter() {
         match expression {

@@ -24,12 +24,12 @@ use naga::{
     MathFunction, Module, Scalar, ScalarKind, Span, Statement, Type, TypeInner, UniqueArena,
     VectorSize,
 };
-use preshade_passes::core::source::{Invalid, Language};
-use preshade_passes::evaluate::interval::Interval;
-use preshade_passes::graph::operands;
-use preshade_passes::program::Program;
-use preshade_passes::rebuild::copy::{CopyFunction, Copying};
-use preshade_passes::rebuild::writer::FunctionWriter;
+use naga_interp::interval::Interval;
+use naga_operands as operands;
+use preshade_ir::copy::{CopyFunction, Copying};
+use preshade_ir::writer::FunctionWriter;
+use preshade_plan::program::Program;
+use preshade_text::source::{Invalid, Language};
 
 use crate::emit::Target;
 use crate::wgsl::deep_expressions;

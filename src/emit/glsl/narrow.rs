@@ -2,9 +2,9 @@
 //! to four, which WebGPU needs and Vulkan does not.
 
 use naga::{Binding, ShaderStage};
-use preshade_passes::core::interface;
-use preshade_passes::declared::Located;
-use preshade_passes::program::Program;
+use preshade_ir::declared::Located;
+use preshade_ir::interface;
+use preshade_plan::program::Program;
 
 /// Narrows the outputs of a text that is Vulkan's.
 pub(super) fn narrowed(text: String, program: &Program, stage: ShaderStage, entry: &str) -> String {

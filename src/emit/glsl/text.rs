@@ -6,12 +6,13 @@ use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
 use naga::ShaderStage;
-use preshade_passes::declared::{Chosen, Type as Declares};
+use preshade_ir::declared::{Chosen, Type as Declares};
 
 use super::author::{Authored, LocatedName, SamplerMember, SamplerMemberType, Word};
 use super::layout;
 use crate::emit::plan_json::{GlslAttribute, GlslUniform, StageFile};
-use crate::wgsl::text::{self, TokenKind};
+use preshade_text::tokens as text;
+use preshade_text::tokens::TokenKind;
 
 /// The GLSL dialect to write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -7,7 +7,7 @@ use naga::{
     Arena, Block, Expression, Function, GlobalVariable, Handle, Module, Range, ResourceBinding,
     Span, Statement,
 };
-use preshade_passes::program::Program;
+use preshade_plan::program::Program;
 
 use crate::wgsl::operands;
 
@@ -160,7 +160,7 @@ fn move_block(block: &mut Block, moved: &impl Fn(Handle<Expression>) -> Handle<E
             *range = Range::new_from_bounds(moved(first), moved(last));
         }
         operands::of_statement(statement, |e| *e = moved(*e));
-        for inner in operands::blocks(statement) {
+        for inner in naga_operands::blocks_mut(statement) {
             move_block(inner, moved);
         }
     }

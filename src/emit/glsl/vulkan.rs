@@ -4,16 +4,17 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use naga::{Handle, Module, ResourceBinding, ShaderStage, Type, TypeInner};
-use preshade_passes::declared::{self, Chosen, CombinedSampler};
-use preshade_passes::plan::Plan;
-use preshade_passes::program::Program;
+use preshade_ir::declared::{self, Chosen, CombinedSampler};
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
 
 use super::apart::{self, Separate};
 use super::text::Unexpected;
 use crate::emit::combined::{CombinedSamplers, Place, element};
 use crate::emit::overrides::{SpecIds, Variable};
 use crate::emit::plan_json::StageFile;
-use crate::wgsl::text::{self, TokenKind};
+use preshade_text::tokens as text;
+use preshade_text::tokens::TokenKind;
 
 /// What all stages of a program share.
 pub(in crate::emit) struct Vulkan {

@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, HashMap};
 
 use naga::valid::FunctionInfo;
 use naga::{Expression, Function, Handle, Module, Type, TypeInner};
-use preshade_passes::declared;
-use preshade_passes::program::Program;
+use preshade_ir::declared;
+use preshade_plan::program::Program;
 use rspirv::dr::{Builder, Instruction, Operand};
 use rspirv::spirv::{Decoration, Op, StorageClass};
 

@@ -2,9 +2,9 @@
 //! after which derivatives of neighbours are undefined, and drops the statements behind it.
 
 use naga::{Block, Expression, Function, GlobalVariable, Handle, Literal, Span, Statement};
-use preshade_passes::graph::operands;
-use preshade_passes::program::Program;
-use preshade_passes::rebuild::variable::private_bool;
+use naga_operands as operands;
+use preshade_ir::variable::private_bool;
+use preshade_plan::program::Program;
 use rspirv::dr::{Builder, Instruction, Operand};
 use rspirv::spirv::{Capability, Op};
 

@@ -5,13 +5,13 @@ use naga::{
     AddressSpace, AtomicFunction, Expression, FastHashMap, Function, GlobalVariable, Handle,
     ImageClass, Module, Span, Statement, StorageAccess, Type, TypeInner, UniqueArena,
 };
-use preshade_passes::core::operands;
-use preshade_passes::rebuild::writer::FunctionWriter;
+use naga_operands as operands;
+use preshade_ir::writer::FunctionWriter;
 
 use super::placeholders::{Atomic, Placeholder, Placeholders};
 use super::stage::unsupported;
-use crate::front::error::Error;
-use crate::front::wrapped_main;
+use preshade_ir::wrapped_main;
+use preshade_text::error::Error;
 
 /// A part of a variable: the indices from the whole to it. Elements of an array count alike.
 type Part = (Handle<GlobalVariable>, Vec<u32>);

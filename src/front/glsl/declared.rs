@@ -2,7 +2,7 @@
 //! numbers.
 
 use naga::{Module, ResourceBinding, ShaderStage};
-use preshade_passes::declared::{
+use preshade_ir::declared::{
     Block, Chosen, CombinedSampler, Declaration, Declared, Depth, Located, Numbered,
     StagePrecision, Type,
 };
@@ -10,8 +10,8 @@ use preshade_passes::declared::{
 use super::interface::{BindingSlot, Interface, index};
 use super::stage::{FRAG_COORD_Y, GlslStage, PRECISE, Variable};
 use super::ty::{Structs, Ty};
-use crate::front::options::ClipSpace;
-use preshade_passes::core::declared::{DFDY_NOTE, FRAG_COORD_NOTE, PRECISE_NOTE};
+use preshade_ir::declared::{DFDY_NOTE, FRAG_COORD_NOTE, PRECISE_NOTE};
+use preshade_text::options::ClipSpace;
 
 /// Collects the declarations of stages that `interface` has numbered.
 pub(super) fn declared(

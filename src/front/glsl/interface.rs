@@ -17,7 +17,7 @@ use self::bindings::explicit;
 use super::stage::{GlslStage, Qualifiers, Variable, unsupported};
 use super::ty::{GlslMember, Rules, Struct, Ty};
 use super::version::Dialect;
-use crate::front::error::{Code, Error};
+use preshade_text::error::{Code, Error};
 
 /// Group and binding.
 pub(super) type BindingSlot = (u32, u32);

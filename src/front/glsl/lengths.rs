@@ -10,7 +10,7 @@ use std::collections::HashMap;
 use naga::{
     ArraySize, Expression, Handle, Module, Span, StructMember, Type, TypeInner, UniqueArena,
 };
-use preshade_passes::declared::LengthConstant;
+use preshade_ir::declared::LengthConstant;
 
 /// A constant that may give lengths, and its default.
 pub(super) type Candidate = (LengthConstant, u32);

@@ -9,7 +9,7 @@ use std::collections::HashSet;
 use naga::front::Typifier;
 use naga::proc::ResolveContext;
 use naga::{Expression, FastHashMap, Function, Handle, Module, Statement, TypeInner};
-use preshade_passes::core::operands;
+use naga_operands as operands;
 
 /// Rewrites all functions.
 pub(super) fn narrow(module: &mut Module) {

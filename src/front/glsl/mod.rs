@@ -39,9 +39,9 @@ use naga::{
     AddressSpace, ConservativeDepth, EarlyDepthTest, Handle, Module, ShaderStage, Span, Type,
     TypeInner,
 };
-use preshade_passes::core::source::SourceMap;
-use preshade_passes::declared::Declared;
-use preshade_passes::link::offset;
+use preshade_ir::declared::Declared;
+use preshade_ir::link::offset;
+use preshade_text::source::SourceMap;
 
 use self::constant::Specialised;
 use self::interface::Interface;
@@ -51,13 +51,13 @@ use self::source_marks::Map;
 use self::stage::GlslStage;
 use self::syntax::StageText;
 use self::version::Dialect;
-use super::error::{Code, Error};
-use super::{
-    absent, beyond_wgsl, binding_arrays, killed_loops, lengths as length_constants, map_spans,
-    wrapped_main,
+use preshade_ir::{
+    beyond_wgsl, binding_arrays, killed_loops, lengths as length_constants, map_spans, wrapped_main,
 };
-use crate::front::options::{ClipSpace, Options};
-use crate::wgsl::text::without_comments;
+use preshade_text::absent;
+use preshade_text::error::{Code, Error};
+use preshade_text::options::{ClipSpace, Options};
+use preshade_text::tokens::without_comments;
 
 /// One stage's text.
 pub(super) struct Text<'a> {

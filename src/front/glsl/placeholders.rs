@@ -9,7 +9,7 @@ use naga::{
     SampleLevel, Scalar, Span, Statement, SubgroupOperation, SwizzleComponent, Type, TypeInner,
     VectorSize,
 };
-use preshade_passes::rebuild::writer::FunctionWriter;
+use preshade_ir::writer::FunctionWriter;
 
 /// What a placeholder function does with its arguments.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -14,18 +14,18 @@ use glsl_lang::parse::{HasParser, LangParser};
 use lang_util::position::{LexerPosition, NodeSpan};
 use lang_util::{FileId, TextSize};
 use naga::{ShaderStage, Span};
-use preshade_passes::core::source::SourceMap;
+use preshade_text::source::SourceMap;
 
-use super::absent::{self, Absent, Word};
 use super::include::Files;
 use super::preprocess::{Preprocessed, Task, preprocess};
 use super::ty::Ty;
 use super::type_names::TypeNames;
 use super::version::Dialect;
-use crate::front::error::{Code, Error};
-use crate::front::nesting;
-use crate::front::options::{ClipSpace, Options};
-use preshade_passes::core::source::Language;
+use preshade_text::absent::{self, Absent, Word};
+use preshade_text::error::{Code, Error};
+use preshade_text::nesting;
+use preshade_text::options::{ClipSpace, Options};
+use preshade_text::source::Language;
 
 /// Maximum tokens of a stage after macro expansion.
 const TOKENS: usize = 1 << 20;

@@ -4,7 +4,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
-use preshade_passes::declared::{FinalConstant, LengthConstant};
+use preshade_ir::declared::{FinalConstant, LengthConstant};
 use rspirv::dr::{Block, Builder, Instruction, Module, Operand};
 use rspirv::spirv::{Decoration, Op, StorageClass, Word};
 

@@ -6,8 +6,8 @@ use std::collections::HashMap;
 use rspirv::dr::{Instruction, Module, Operand};
 use rspirv::spirv::{BuiltIn, Decoration, Dim, GlslStd450Op, Op, StorageClass, Word};
 
-use crate::front::error::{Code, Error};
 use crate::words::{globals, ids, is_access, literal, storage_class};
+use preshade_text::error::{Code, Error};
 
 /// Something that is not read.
 pub(super) struct Lack {
@@ -281,7 +281,7 @@ const OWN: [(&str, &str, &str); 6] = [
 
 /// The error about it.
 pub(super) fn refuse(lack: &Lack) -> Error {
-    if let Some(absent) = crate::front::absent::absent(lack.glsl) {
+    if let Some(absent) = preshade_text::absent::absent(lack.glsl) {
         return absent.refuse(&lack.name, None);
     }
     let error = |why: &str| {

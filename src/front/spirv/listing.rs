@@ -10,8 +10,8 @@ use rspirv::dr::{Instruction, Loader, Module, ModuleHeader, Operand};
 use rspirv::spirv::Op;
 
 use super::order;
-use crate::panics;
 use crate::words::to_bytes;
+use preshade_text::panics;
 
 /// A place in the author's text.
 #[derive(Clone, Copy, Debug)]

@@ -6,7 +6,7 @@
 //! ```
 
 use naga::{Block, Module, Statement};
-use preshade_passes::graph::operands;
+use naga_operands as operands;
 
 /// Changes all loops.
 pub(super) fn settle(module: &mut Module) {

@@ -7,8 +7,8 @@ use naga::{
     AddressSpace, Block, Expression, Function, Handle, LocalVariable, Module, Range, Span,
     Statement, Type, TypeInner,
 };
-use preshade_passes::core::calls;
-use preshade_passes::graph::operands;
+use naga_operands as operands;
+use naga_operands::calls;
 
 /// Changes all functions.
 pub(super) fn settle(module: &mut Module) {

@@ -5,7 +5,7 @@ use std::collections::HashSet;
 use naga::{
     Block, Expression, Function, GlobalVariable, Handle, LocalVariable, Module, Span, Statement,
 };
-use preshade_passes::graph::operands;
+use naga_operands as operands;
 
 /// What a pointer leads to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use naga::{Expression, Literal, Module, Span, Statement, TypeInner};
-use preshade_passes::evaluate::{self, Environment, Scalar, Value};
-use preshade_passes::graph::operands;
+use naga_interp as evaluate;
+use naga_interp::{Environment, Scalar, Value};
+use naga_operands as operands;
 
 use super::tokens::{Kind, Token, tokens};
 

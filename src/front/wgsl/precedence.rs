@@ -3,8 +3,8 @@
 
 use naga::Span;
 
-use super::super::error::{Code, Error};
 use super::tokens::{Kind, Token};
+use preshade_text::error::{Code, Error};
 
 /// Words that no operand ends with.
 const KEYWORDS: [&str; 12] = [

@@ -6,11 +6,11 @@ use naga::{
     Binding, Block, Expression, Function, Handle, ImageClass, Literal, MathFunction, Module,
     SampleLevel, ScalarKind, Span, Statement, TypeInner,
 };
-use preshade_passes::graph::operands;
-use preshade_passes::program::Program;
+use naga_operands as operands;
+use preshade_plan::program::Program;
 
-use super::super::error::{Code, Error};
 use super::aliases;
+use preshade_text::error::{Code, Error};
 
 /// The largest location, group or binding.
 const MOST: u32 = i32::MAX as u32;

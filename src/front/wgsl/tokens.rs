@@ -3,7 +3,8 @@
 
 use std::ops::Range;
 
-use crate::wgsl::text::{self, TokenKind};
+use preshade_text::tokens as text;
+use preshade_text::tokens::TokenKind;
 
 /// What a token is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

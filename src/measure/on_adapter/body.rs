@@ -4,7 +4,7 @@ use naga::{
     ArraySize, BinaryOperator, Expression, Function, GlobalVariable, Handle, Literal, Module,
     Scalar, ScalarKind, Span, Statement, Type, TypeInner, VectorSize,
 };
-use preshade_passes::rebuild::writer::emit_existing;
+use preshade_ir::writer::emit_existing;
 
 /// A 32-bit word of a buffer.
 pub const WORD: TypeInner = TypeInner::Scalar(Scalar::U32);

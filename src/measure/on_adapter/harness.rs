@@ -14,11 +14,11 @@ use naga::{
     FunctionArgument, GlobalVariable, Handle, Interpolation, Literal, Module, ResourceBinding,
     Scalar, ShaderStage, Span, Statement, StorageAccess, StructMember, Type, TypeInner, VectorSize,
 };
-use preshade_passes::core::interface;
-use preshade_passes::core::interface::Io;
-use preshade_passes::evaluate::{self, RUNTIME_ELEMENTS};
-use preshade_passes::place;
-use preshade_passes::rebuild::variable::private;
+use naga_interp as evaluate;
+use naga_interp::RUNTIME_ELEMENTS;
+use preshade_ir::interface::{self, Io};
+use preshade_ir::variable::private;
+use preshade_passes::rebuild::place;
 use preshade_passes::validate::elsewhere::Draw;
 use preshade_passes::validate::levels::Levels;
 use preshade_passes::validate::stage::{Slot, Stage, VaryingKind, kind};
@@ -695,7 +695,7 @@ fn initial(
 ///
 /// A number is missing.
 pub fn words(harness: &Harness, draw: &Draw<'_>) -> Result<Vec<u32>, String> {
-    use preshade_passes::evaluate::Value;
+    use naga_interp::Value;
     use preshade_passes::validate::world::slopes;
     let mut words = Vec::new();
     let missing = |what: &str| format!("there are no numbers for {what}");
@@ -735,8 +735,8 @@ pub fn words(harness: &Harness, draw: &Draw<'_>) -> Result<Vec<u32>, String> {
     }
 }
 
-fn push(value: &preshade_passes::evaluate::Value, words: &mut Vec<u32>) -> Result<(), String> {
-    use preshade_passes::evaluate::{Scalar, Value};
+fn push(value: &naga_interp::Value, words: &mut Vec<u32>) -> Result<(), String> {
+    use naga_interp::{Scalar, Value};
     match value {
         Value::Scalar(scalar) => words.push(match scalar {
             Scalar::F32(x) => x.to_bits(),
@@ -773,11 +773,11 @@ pub fn buffers(harness: &Harness, draw: &Draw<'_>) -> Result<Vec<u32>, String> {
 fn lay(
     module: &Module,
     ty: Handle<Type>,
-    value: &preshade_passes::evaluate::Value,
+    value: &naga_interp::Value,
     offset: u32,
     words: &mut [u32],
 ) -> Result<(), String> {
-    use preshade_passes::evaluate::Value;
+    use naga_interp::Value;
     let Value::Composite(parts) = value else {
         let mut word = Vec::new();
         push(value, &mut word)?;
@@ -815,9 +815,9 @@ pub fn value(
     module: &mut Module,
     ty: Handle<Type>,
     words: &mut impl Iterator<Item = u32>,
-) -> Result<preshade_passes::evaluate::Value, String> {
+) -> Result<naga_interp::Value, String> {
     use naga::ScalarKind;
-    use preshade_passes::evaluate::{Scalar, Value};
+    use naga_interp::{Scalar, Value};
     if let TypeInner::Scalar(scalar) = module.types[ty].inner {
         let word = words.next().ok_or("it left too few words")?;
         return Ok(Value::Scalar(match scalar.kind {

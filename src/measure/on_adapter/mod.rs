@@ -14,11 +14,11 @@ mod textures;
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use preshade_passes::plan::{Plan, Role};
 use preshade_passes::validate::elsewhere::{Draw, Runner};
 use preshade_passes::validate::stage::Ran;
 use preshade_passes::validate::world::{PassStages, TestPoint};
 use preshade_passes::validate::{self, By, Check, Effort};
+use preshade_plan::plan::{Plan, Role};
 
 use crate::render::Gpu;
 use harness::{ENTRY, Harness, buffers, harness, value, words};
@@ -168,10 +168,10 @@ fn dispatch(
 
 #[cfg(test)]
 mod tests {
-    use preshade_passes::core::source::{Language, SourceMap};
     use preshade_passes::naga::front::wgsl;
-    use preshade_passes::program::Program;
     use preshade_passes::validate::stage::Stage;
+    use preshade_plan::program::Program;
+    use preshade_text::source::{Language, SourceMap};
 
     use super::*;
 

@@ -10,9 +10,9 @@ use naga::{
     GlobalVariable, Handle, ImageClass, ImageDimension, ImageQuery, Literal, MathFunction, Module,
     SampleLevel, ScalarKind, Span, Statement, Type, TypeInner, VectorSize,
 };
-use preshade_passes::evaluate::{RUNTIME_ELEMENTS, Sampling};
-use preshade_passes::graph::operands;
-use preshade_passes::rebuild::writer::emit_existing;
+use naga_interp::{RUNTIME_ELEMENTS, Sampling};
+use naga_operands as operands;
+use preshade_ir::writer::emit_existing;
 use preshade_passes::validate::inputs::{
     PLAIN_MOST, plain_level_weight, plain_start, plain_weight, texture_size,
 };

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use naga::{AddressSpace, Arena, Expression, Function, GlobalVariable, Handle, Module, Statement};
-use preshade_passes::graph::operands;
+use naga_operands as operands;
 
 /// What a call gives each argument, if it is a texture or a sampler.
 type Given = Vec<Option<Handle<GlobalVariable>>>;

@@ -3,7 +3,7 @@
 use std::collections::BTreeSet;
 
 use glam::{Mat4, Vec3};
-use preshade_passes::plan::Plan;
+use preshade_plan::plan::Plan;
 
 use super::{Variant, pass_of};
 use crate::scene::bind::{self, DrawBindings};

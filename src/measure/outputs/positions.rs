@@ -4,10 +4,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::thread;
 
 use naga::{Binding, BuiltIn, ShaderStage};
-use preshade_passes::core::interface;
-use preshade_passes::evaluate::{Lookup, Number, Shadowed};
-use preshade_passes::plan::{GpuPass, Plan};
-use preshade_passes::state::{CullMode, FrontFace};
+use naga_interp::{Lookup, Number, Shadowed};
+use preshade_ir::interface;
+use preshade_plan::plan::{GpuPass, Plan};
+use preshade_plan::state::{CullMode, FrontFace};
 
 use super::{TOLERANCE, VelocityReport, covered};
 use crate::measure::texels;

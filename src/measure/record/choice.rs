@@ -2,8 +2,8 @@
 
 use std::cmp::Ordering;
 
-use preshade_passes::budget::Budget;
-use preshade_passes::contract::Verdict;
+use preshade_plan::budget::Budget;
+use preshade_plan::contract::Verdict;
 use serde::{Deserialize, Serialize};
 
 use super::{ORIGINAL, VariantReport};
@@ -30,7 +30,7 @@ pub struct Chosen {
 
 /// A report calls the limit of a budget `most`.
 mod as_most {
-    use preshade_passes::budget::{Budget, Metric};
+    use preshade_plan::budget::{Budget, Metric};
     use serde::{Deserialize, Deserializer, Serialize, Serializer};
 
     #[derive(Serialize, Deserialize)]

@@ -6,7 +6,7 @@ mod picture;
 mod sweep;
 pub mod unfinished;
 
-use preshade_passes::contract::{Contract, Verdict};
+use preshade_plan::contract::{Contract, Verdict};
 use serde::{Deserialize, Serialize};
 
 use super::error::counted;

@@ -1,8 +1,8 @@
 //! The final verdict of a variant.
 
-use preshade_passes::contract::Verdict;
-use preshade_passes::plan::Plan;
-use preshade_passes::visibility_buffer;
+use preshade_passes::transforms::visibility_buffer;
+use preshade_plan::contract::Verdict;
+use preshade_plan::plan::Plan;
 
 use super::measurement::Measurement;
 use crate::measure::record::{ORIGINAL, Pictures, VariantReport, times};

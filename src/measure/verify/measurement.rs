@@ -3,7 +3,7 @@
 use std::cell::OnceCell;
 use std::sync::Arc;
 
-use preshade_passes::contract::Verdict;
+use preshade_plan::contract::Verdict;
 
 use super::{Settings, Variant};
 use crate::measure::elsewhere::{OtherCameras, Shown};

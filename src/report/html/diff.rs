@@ -2,7 +2,7 @@
 //!
 //! The same writer prints both sides, so that only real changes show.
 
-use preshade_passes::plan::Plan;
+use preshade_plan::plan::Plan;
 use similar::{ChangeTag, TextDiff};
 
 use crate::emit::{Options, Target, emit};

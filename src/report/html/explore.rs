@@ -2,7 +2,7 @@
 //! result of every candidate.
 
 use askama::Template;
-use preshade_passes::pass::Frequency;
+use preshade_plan::pass::Frequency;
 
 use super::chart::{self, Chart};
 use super::section::{Cameras, Section, section};
@@ -13,8 +13,7 @@ use crate::measure::record::{Choice, VariantReport};
 use crate::report::frontier;
 use crate::report::plain::plain;
 use crate::scene::Scene;
-use crate::search::explore::Explored;
-use crate::search::explore::{Exploration, Point};
+use crate::search::explore::{Exploration, Explored, Point};
 
 #[derive(Template)]
 #[template(path = "html/explore.html")]

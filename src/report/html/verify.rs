@@ -1,7 +1,7 @@
 //! The result of `verify`: each variant with its verdict and its pictures, view by view.
 
 use askama::Template;
-use preshade_passes::contract::Verdict;
+use preshade_plan::contract::Verdict;
 
 use super::range::{Scale, Strip};
 use super::section::{Cameras, Section, section};

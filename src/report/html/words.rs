@@ -1,6 +1,6 @@
 //! Contracts and verdicts in words.
 
-use preshade_passes::contract::{Contract, Verdict};
+use preshade_plan::contract::{Contract, Verdict};
 
 use crate::measure::record::SelfTestReport;
 use crate::measure::{Clock, ErrorLadder, Estimate};

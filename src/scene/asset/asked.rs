@@ -4,7 +4,7 @@ use glam::{Mat4, Quat, Vec3};
 use gltf::material::AlphaMode;
 use gltf::mesh::Mode;
 use naga::Binding;
-use preshade_passes::state::{Blend, ColorTarget, CullMode, FrontFace, MaterialState, Topology};
+use preshade_plan::state::{Blend, ColorTarget, CullMode, FrontFace, MaterialState, Topology};
 
 use super::built_in::Words;
 use super::file::Asset;
@@ -35,7 +35,7 @@ impl Reads {
             .program
             .entry_point(naga::ShaderStage::Vertex, &material.vertex);
         let inputs = entry
-            .map(|(_, e)| preshade_passes::core::interface::inputs(module, &e.function))
+            .map(|(_, e)| preshade_ir::interface::inputs(module, &e.function))
             .unwrap_or_default();
         let located = inputs
             .iter()

@@ -2,9 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use crate::front::options;
 use crate::front::{self, Source};
 use crate::scene::SceneError;
+use preshade_text::options;
 
 /// Its text, with all versions in one.
 const TEXT: &str = include_str!("material.wgsl");
@@ -21,7 +21,7 @@ pub(super) fn version(
     words: &Words,
     second: &Words,
     lights: usize,
-    limits: crate::limits::Limits,
+    limits: preshade_text::limits::Limits,
 ) -> Result<front::Parsed, SceneError> {
     let text = text(words, second, lights);
     let source = Source::new("gltf-material.wgsl", text);
@@ -101,7 +101,7 @@ mod tests {
         ];
         let second = Words::from(["NORMAL", "BASE_COLOR"]);
         let parse = |words: &Words, lights| {
-            let limits = crate::limits::Limits::default();
+            let limits = preshade_text::limits::Limits::default();
             version(words, &second, lights, limits).unwrap()
         };
         parse(&Words::from(all), 3);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
 use gltf::mesh::Mode;
-use preshade_passes::state::{ColorTarget, MaterialState, Topology};
+use preshade_plan::state::{ColorTarget, MaterialState, Topology};
 
 use super::asked::{Drawn, Reads, instances, posed, state};
 use super::built_in::{self, Words};
@@ -14,13 +14,13 @@ use super::look::{Look, Pictures};
 use super::mapping::{self, Mapped};
 use super::primitive::{self, Missing};
 use super::seen::{self, Lit, MOST_LIGHTS, Seen};
-use crate::panics;
 use crate::scene::file::DrawEntry;
 use crate::scene::load::{Loader, transform, values};
 use crate::scene::mesh::{Gltf, Placed, Rigged, bounds};
 use crate::scene::{
     Camera, Draw, DrawRange, Light, Material, SceneError, Stream, material, size, value_path,
 };
+use preshade_text::panics;
 
 /// The parts of a scene that draws of glTF files add to.
 #[derive(Default)]

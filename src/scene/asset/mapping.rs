@@ -311,7 +311,7 @@ fn samplers(
 
 /// How many numbers the scalar, vector or matrix at a path of a material has. `None`: there is none,
 /// or the path leads through something else, such as a light.
-fn numbers_of(program: &preshade_passes::program::Program, path: &str) -> Option<usize> {
+fn numbers_of(program: &preshade_plan::program::Program, path: &str) -> Option<usize> {
     let module = program.module();
     let mut names: Vec<&str> = path.split('.').collect();
     let buffer = |name: &str| material::globals(program).find(|g| g.is_buffer && g.name == name);

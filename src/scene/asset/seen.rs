@@ -3,7 +3,7 @@
 use glam::{Mat4, Quat, Vec3};
 use gltf::camera::Projection;
 use gltf::khr_lights_punctual::Kind;
-use preshade_passes::state::DepthDirection;
+use preshade_plan::state::DepthDirection;
 
 use super::file::{Below, Nodes};
 use crate::scene::camera::{self, Range};

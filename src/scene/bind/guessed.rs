@@ -5,8 +5,9 @@ use serde::{Deserialize, Serialize};
 
 use super::super::{Scene, Semantic, Value, material};
 use super::streams::Streams;
-use super::{BindingKind, authored, buffer, is_padding, packed, variable};
+use super::{authored, buffer, is_padding, packed, variable};
 use crate::scene::layout::Leaf;
+use preshade_plan::plan::BindingKind;
 
 /// The origin of a scalar, vector or matrix, if the scene does not give its numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use super::super::{Draw, Frame, Material, Scene, SceneError, Value};
 use super::guessed::ValueOrigin;
 use super::streams::Streams;
-use super::{BindingKind, authored, buffer};
+use super::{authored, buffer};
 use crate::scene::layout::Leaf;
+use preshade_plan::plan::BindingKind;
 
 /// The uniforms in `names` (variables or members), by path, with their values for one draw in one
 /// frame. Values that the scene gives as numbers are the same in every frame and are left out.

@@ -6,9 +6,10 @@ use naga::ScalarKind;
 
 use super::super::{Draw, Frame, Material, Scene, SceneError, Value};
 use super::streams::Streams;
-use super::{BindingKind, authored, ignore, packed, runtime_length, variable};
+use super::{authored, ignore, packed, runtime_length, variable};
 use crate::scene::layout::{self, Leaf};
 use crate::scene::material::immediates;
+use preshade_plan::plan::BindingKind;
 
 /// Every scalar, vector and matrix of a material's buffers and immediate data for one draw in one
 /// frame, by its path with indices.

@@ -2,7 +2,7 @@
 
 use glam::Mat4;
 use naga::{Binding, Handle, ScalarKind, Type};
-use preshade_passes::plan::GpuPass;
+use preshade_plan::plan::GpuPass;
 
 use super::super::layout::{self, Leaf};
 use super::super::semantic::normalise;

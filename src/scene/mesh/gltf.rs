@@ -8,10 +8,10 @@ use serde::Deserialize;
 
 use super::accessors::{self, Cost};
 use super::{merged, transformed};
-use crate::panics;
 use crate::scene::asset::file::{Asset, Below, Read, Take};
 use crate::scene::asset::primitive::{self, Missing};
 use crate::scene::{Mesh, SceneError};
+use preshade_text::panics;
 
 /// A part of a glTF file: the triangles that all given keys select, with the transforms of their
 /// nodes. Without a key, the whole default scene.

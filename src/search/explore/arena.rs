@@ -2,7 +2,7 @@
 
 use std::time::Duration;
 
-use preshade_passes::budget::Metric;
+use preshade_plan::budget::Metric;
 
 use super::pareto::{Standing, dominators};
 use super::pick::{instead, pick};

@@ -10,7 +10,7 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Write as _};
 use std::path::Path;
 
-use preshade_passes::plan::Plan;
+use preshade_plan::plan::Plan;
 use serde::{Deserialize, Serialize};
 
 use crate::emit;

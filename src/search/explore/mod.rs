@@ -24,8 +24,8 @@ mod watch;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use preshade_passes::budget::Metric;
-use preshade_passes::pass::{Facts, Frequency};
+use preshade_plan::budget::Metric;
+use preshade_plan::pass::{Facts, Frequency};
 use serde::Serialize;
 
 use crate::measure::frequency::{choosing, small};

@@ -1,10 +1,10 @@
 //! Predicts the error and the work of a candidate without drawing, to leave out those that cannot
 //! be on the frontier.
 
-use preshade_passes::budget::Metric;
 use preshade_passes::graph::Graph;
-use preshade_passes::pass::Facts;
-use preshade_passes::plan::Plan;
+use preshade_plan::budget::Metric;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
 use serde::Serialize;
 
 use super::space::{Approximation, Candidate};

@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
-use preshade_passes::pass::Facts;
-use preshade_passes::plan::Plan;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
 
 use super::arena::{Arena, Contender, LEAST_RACING};
 use super::journal::{self, Journal, Known};

@@ -3,9 +3,9 @@
 
 use std::collections::BTreeSet;
 
-use preshade_passes::budget::Metric;
 use preshade_passes::examples;
-use preshade_passes::pass::{Facts, Frequency, Use};
+use preshade_plan::budget::Metric;
+use preshade_plan::pass::{Facts, Frequency, Use};
 
 use crate::recipe::{Recipe, RecipeError};
 

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use preshade_passes::budget::{Budget, Metric};
-use preshade_passes::contract::Verdict;
+use preshade_plan::budget::{Budget, Metric};
+use preshade_plan::contract::Verdict;
 
 use super::arena::Arena;
 use super::pareto::{Standing, dominators};

@@ -7,8 +7,8 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::pass::Facts;
-use preshade_passes::plan::Plan;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
 use serde::Serialize;
 
 use super::PlanError;

@@ -3,10 +3,10 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::contract::Contract;
-use preshade_passes::frame::FramePlan;
-use preshade_passes::neighbours;
-use preshade_passes::plan::Plan;
+use preshade_passes::analysis::neighbours;
+use preshade_plan::contract::Contract;
+use preshade_plan::frame::FramePlan;
+use preshade_plan::plan::Plan;
 
 use super::choices::{Candidate, Choices};
 use super::model::Model;

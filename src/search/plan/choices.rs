@@ -1,7 +1,7 @@
 //! The recipes that each material takes.
 
-use preshade_passes::pass::Facts;
-use preshade_passes::plan::Plan;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
 use serde::Serialize;
 
 use super::work::Counting;

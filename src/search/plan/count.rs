@@ -1,10 +1,10 @@
 //! Counts the fragments of each material in a view by drawing: each fragment adds 1 to its
 //! material's channel of a float target.
 
-use preshade_passes::count;
-use preshade_passes::plan::{GpuPass, Phase, Plan};
-use preshade_passes::reflect;
-use preshade_passes::state::{Blend, ColorTarget, CompareFunction};
+use preshade_passes::rebuild::count;
+use preshade_plan::plan::{GpuPass, Phase, Plan};
+use preshade_plan::reflect;
+use preshade_plan::state::{Blend, ColorTarget, CompareFunction};
 
 use super::PlanError;
 use super::work::{Counted, Fragments};

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::contract::{Contract, Verdict};
+use preshade_plan::contract::{Contract, Verdict};
 use serde::Serialize;
 
 use super::ahead::Ahead;
@@ -11,8 +11,7 @@ use super::model::Model;
 use super::policy::{Policy, Rule};
 use super::sorting::Sorting;
 use super::work::Fragments;
-use crate::measure::View;
-use crate::measure::{Clock, ErrorLadder, Estimate};
+use crate::measure::{Clock, ErrorLadder, Estimate, View};
 use crate::render::AdapterReport;
 
 /// Version of the JSON that [`Decision`] serialises to.

@@ -1,16 +1,15 @@
 //! Everything measured: each frame that is weighed in a scene, in every view.
 
-use preshade_passes::contract::Verdict;
-use preshade_passes::pass::Facts;
+use preshade_plan::contract::Verdict;
+use preshade_plan::pass::Facts;
 use serde::{Deserialize, Serialize};
 
 use super::PlanError;
 use super::scene::{Settings, scout};
 use super::stage::{self, Runner};
 use super::terms::Work;
-use crate::measure::View;
 use crate::measure::timing::estimate;
-use crate::measure::{Clock, Estimate, Session};
+use crate::measure::{Clock, Estimate, Session, View};
 use crate::recipe::Recipe;
 
 /// A scene in which everything was measured.

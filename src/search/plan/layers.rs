@@ -1,8 +1,8 @@
 //! Each opaque draw of a view, drawn alone: its depths say which fragments of which other draws it hides.
 
-use preshade_passes::pass::Facts;
-use preshade_passes::plan::{Phase, Plan};
-use preshade_passes::state::{ColorTarget, CompareFunction, DepthDirection};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{Phase, Plan};
+use preshade_plan::state::{ColorTarget, CompareFunction, DepthDirection};
 
 use super::PlanError;
 use super::work::Counting;

@@ -6,8 +6,8 @@ use std::sync::{Arc, PoisonError, RwLock};
 use std::time::Duration;
 
 use glam::{Mat4, Vec3};
-use preshade_passes::pass::Facts;
-use preshade_passes::state::{CullMode, MaterialState};
+use preshade_plan::pass::Facts;
+use preshade_plan::state::{CullMode, MaterialState};
 
 use super::PlanError;
 use super::assign::Assignment;
@@ -15,14 +15,15 @@ use super::choices::choices;
 use super::count::{FragmentCounter, is_software};
 use super::model::{Model, Observation};
 use super::work::drawn;
-use crate::front::options::Options;
-use crate::front::{self, Color, Source};
+use crate::front::{self, Source};
 use crate::measure::{self, Session, TimingSettings};
 use crate::recipe::Recipe;
 use crate::render::{Gpu, ShaderForm};
 use crate::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Image, Material, Mesh, Scene, Stream,
 };
+use preshade_text::error::Color;
+use preshade_text::options::Options;
 
 /// A frame.
 #[derive(Clone, Copy)]

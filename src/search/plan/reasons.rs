@@ -1,6 +1,6 @@
 //! Why a material is drawn as it is, in words.
 
-use preshade_passes::contract::Verdict;
+use preshade_plan::contract::Verdict;
 
 use super::decision::{Decision, PlanReport, PredictedRecipe};
 use crate::measure::Estimate;
@@ -205,7 +205,7 @@ fn hidden(decision: &Decision, views: &dyn Fn(&usize) -> bool) -> String {
 
 #[cfg(test)]
 mod tests {
-    use preshade_passes::contract::Contract;
+    use preshade_plan::contract::Contract;
 
     use super::*;
     use crate::measure::{Clock, View};

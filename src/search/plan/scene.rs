@@ -2,9 +2,9 @@
 
 use std::collections::BTreeSet;
 
-use preshade_passes::contract::{Assumption, Contract, Verdict};
-use preshade_passes::pass::Facts;
-use preshade_passes::plan::Plan;
+use preshade_plan::contract::{Assumption, Contract, Verdict};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
 
 use super::assign::{Assignment, Considered, FramePredictor, Taken, finalists};
 use super::choices::{Choices, choices};
@@ -20,8 +20,7 @@ use super::policy::{Hold, Measure, Policy, Rule, policy};
 use super::so_far::{PlanProgress, SceneSoFar};
 use super::stage::{self, Runner};
 use super::work::{Counted, DrawCounts, drawn};
-use super::{PlanError, reasons, sorting};
-use super::{ahead, confirm};
+use super::{PlanError, ahead, confirm, reasons, sorting};
 use crate::measure::telling::{self, Colours};
 use crate::measure::{self, Clock, Estimate, Session, TimingSettings, View};
 use crate::recipe::Recipe;

@@ -1,12 +1,11 @@
 //! The measurements of scenes while a run goes on. A run that is killed, or loses its adapter,
 //! leaves its results and a list of missing views.
 
-use preshade_passes::contract::Verdict;
+use preshade_plan::contract::Verdict;
 use serde::Serialize;
 
 use super::stage::Runner;
-use crate::measure::View;
-use crate::measure::{Clock, ErrorLadder, Estimate, FrameTime, Timing};
+use crate::measure::{Clock, ErrorLadder, Estimate, FrameTime, Timing, View};
 use crate::render::AdapterReport;
 
 /// Version of the JSON that [`Unfinished`] serialises to.

@@ -1,6 +1,6 @@
 //! Frames drawn, compared with the original and timed side by side, view by view.
 
-use preshade_passes::contract::Verdict;
+use preshade_plan::contract::Verdict;
 
 use super::PlanError;
 use super::assign::Considered;

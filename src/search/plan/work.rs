@@ -9,17 +9,17 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Expression, ShaderStage};
-use preshade_passes::core::interface;
-use preshade_passes::frame::{ColorAttachments, FrameError, FrameOps, FramePlan};
-use preshade_passes::geometry::Geometry;
+use preshade_ir::interface;
 use preshade_passes::graph::{FunctionId, Graph};
-use preshade_passes::pass::Facts;
-use preshade_passes::plan::{
+use preshade_passes::transforms::specialize::as_drawn;
+use preshade_plan::frame::{ColorAttachments, FrameError, FrameOps, FramePlan};
+use preshade_plan::geometry::Geometry;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{
     Attachment, AttachmentFormat, BindingKind, BindingSource, BindingUse, ComputePass, Draws,
     FrameWords, GpuPass, Phase, Plan, Role, SCENE_DEPTH, When,
 };
-use preshade_passes::specialize::as_drawn;
-use preshade_passes::state::{ColorTarget, CompareFunction, DepthFormat, StoreOp, Topology};
+use preshade_plan::state::{ColorTarget, CompareFunction, DepthFormat, StoreOp, Topology};
 
 use super::terms::{Term, Work};
 use crate::scene::Scene;

@@ -4,17 +4,17 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, Module, ResourceBinding, ShaderStage, TypeInner};
-use preshade::unstable::emit::{PassFiles, StageFile, Target};
-use preshade::unstable::front::options;
-use preshade::unstable::front::{self, Source};
-use preshade::unstable::measure;
-use preshade::unstable::passes::declared::{Declared, Type as Declares};
-use preshade::unstable::passes::plan::BindingKind;
-use preshade::unstable::passes::state::{CullMode, MaterialState};
-use preshade::unstable::render::{Rendered, ShaderForm};
-use preshade::unstable::scene::bind::{self, DrawBindings, TextureContent};
-use preshade::unstable::scene::{Address, DrawOrder, Filter, Scene, synthesise};
-use preshade_passes::core::interface;
+use preshade::emit::{PassFiles, StageFile, Target};
+use preshade::front::{self, Source};
+use preshade::measure;
+use preshade::render::{Rendered, ShaderForm};
+use preshade::scene::bind::{self, DrawBindings, TextureContent};
+use preshade::scene::{Address, DrawOrder, Filter, Scene, synthesise};
+use preshade_ir::declared::{Declared, Type as Declares};
+use preshade_ir::interface;
+use preshade_plan::plan::BindingKind;
+use preshade_plan::state::{CullMode, MaterialState};
+use preshade_text::options;
 
 use super::pair::{Attribute, Draw, FirstRow, Texture, Vertices};
 use super::{Native, Pixels};
@@ -247,7 +247,7 @@ pub fn written_draw<'a>(bound: &'a DrawBindings, files: &PassFiles) -> Result<Dr
 
 /// The author's attribute at a location, and which of its columns that is.
 fn attribute(
-    program: &preshade::unstable::passes::program::Program,
+    program: &preshade_plan::program::Program,
     vertex: &str,
     location: u32,
 ) -> (String, u32) {

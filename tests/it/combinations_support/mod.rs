@@ -4,16 +4,16 @@
 
 use std::collections::BTreeMap;
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::parameters::{Parameter, parameters};
-use preshade::unstable::passes::naga::Module;
-use preshade::unstable::passes::pass::{AnyPass, Facts, Use};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::uniforms::uniform_scalars;
-use preshade::unstable::passes::validate::inputs::Random;
-use preshade::unstable::passes::validate::{Effort, Verdict, validate};
-use preshade::unstable::passes::{PASSES, examples};
-use preshade::unstable::recipe::{Recipe, Step};
+use preshade::emit::{self, Target};
+use preshade::parameters::{Parameter, parameters};
+use preshade::recipe::{Recipe, Step};
+use preshade_passes::naga::Module;
+use preshade_passes::validate::inputs::Random;
+use preshade_passes::validate::{Effort, Verdict, validate};
+use preshade_passes::{PASSES, examples};
+use preshade_plan::pass::{AnyPass, Facts, Use};
+use preshade_plan::plan::Plan;
+use preshade_plan::uniforms::uniform_scalars;
 use serde_json::{Map, Value, json};
 
 /// Steps a recipe has at most.
@@ -49,7 +49,7 @@ fn step(module: &Module, random: &mut Random) -> Step {
     let pass = match random.below(3) {
         0 => often
             .get(random.below(often.len()))
-            .and_then(|name| preshade::unstable::passes::pass_named(name))
+            .and_then(|name| preshade_passes::pass_named(name))
             .unwrap_or(pass),
         _ => pass,
     };

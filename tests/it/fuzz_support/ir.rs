@@ -4,11 +4,11 @@
 use naga::{
     BinaryOperator, Expression, Function, Handle, Literal, MathFunction, Statement, UnaryOperator,
 };
-use preshade::unstable::passes::examples;
-use preshade::unstable::passes::pass::{Facts, Use};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::program::Program;
-use preshade::unstable::recipe::Recipe;
+use preshade::recipe::Recipe;
+use preshade_passes::examples;
+use preshade_plan::pass::{Facts, Use};
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
 
 use super::{Bytes, emitted, recipes::materials};
 
@@ -192,7 +192,7 @@ pub fn ir(data: &[u8]) -> bool {
     if !is_text(&program) {
         return false;
     }
-    let state = preshade::unstable::passes::state::MaterialState::default();
+    let state = preshade_plan::state::MaterialState::default();
     let plan = Plan::original(
         name,
         program,

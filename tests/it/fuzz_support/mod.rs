@@ -13,15 +13,15 @@ pub mod scenes;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Source};
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::program::Program;
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::recipe::Recipe;
-use preshade_passes::core::source::Language;
+use preshade::emit::{self, Target};
+use preshade::front::{self, Source};
+use preshade::recipe::Recipe;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
+use preshade_plan::state::MaterialState;
+use preshade_text::options::Options;
+use preshade_text::source::Language;
 
 /// Bytes as choices: every choice has an answer, and equal bytes give equal ones.
 pub struct Bytes<'a>(pub &'a [u8]);

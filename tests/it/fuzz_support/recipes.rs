@@ -2,14 +2,14 @@
 
 use std::sync::OnceLock;
 
-use preshade::unstable::front::options::Options;
-use preshade::unstable::front::{self, Source};
-use preshade::unstable::parameters::{Parameter, parameters};
-use preshade::unstable::passes::PASSES;
-use preshade::unstable::passes::pass::{AnyPass, Facts};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::state::{CullMode, DepthDirection, DepthFormat, MaterialState};
-use preshade::unstable::recipe::Recipe;
+use preshade::front::{self, Source};
+use preshade::parameters::{Parameter, parameters};
+use preshade::recipe::Recipe;
+use preshade_passes::PASSES;
+use preshade_plan::pass::{AnyPass, Facts};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::{CullMode, DepthDirection, DepthFormat, MaterialState};
+use preshade_text::options::Options;
 
 use super::{Bytes, emitted, root};
 

@@ -2,13 +2,13 @@
 
 use std::sync::OnceLock;
 
-use preshade::unstable::emit::{self, File, Target};
-use preshade::unstable::limits::Limits;
-use preshade::unstable::measure;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::recipe::Recipe;
-use preshade::unstable::render::Variant;
-use preshade::unstable::scene::{self, Access, Scene, Variables};
+use preshade::emit::{self, File, Target};
+use preshade::measure;
+use preshade::recipe::Recipe;
+use preshade::render::Variant;
+use preshade::scene::{self, Access, Scene, Variables};
+use preshade_plan::pass::Facts;
+use preshade_text::limits::Limits;
 
 use super::{recipes, root};
 

@@ -4,7 +4,7 @@
 
 use std::path::Path;
 
-use preshade::unstable::passes::contract::Verdict;
+use preshade_plan::contract::Verdict;
 use serde::Deserialize;
 use serde_json::Value;
 

@@ -4,7 +4,7 @@
 use std::collections::BTreeSet;
 use std::fmt::Write;
 
-use preshade::unstable::passes::contract::Verdict;
+use preshade_plan::contract::Verdict;
 
 use super::{
     Adapter, Bench, Crossing, Error, Estimate, File, Held, Point, Report, Series, Variant,

@@ -7,16 +7,16 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 use glam::{Mat4, Vec3};
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::program::Program;
-use preshade::unstable::passes::state::{DepthDirection, DepthFormat, MaterialState};
-use preshade::unstable::render::{
+use preshade::render::{
     AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
 };
-use preshade::unstable::scene::{
+use preshade::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Light, Material, Mesh, Scene, Stream, Value,
 };
-use preshade_passes::core::source::{Language, SourceMap};
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
+use preshade_plan::state::{DepthDirection, DepthFormat, MaterialState};
+use preshade_text::source::{Language, SourceMap};
 
 /// The adapter of the environment's choice, opened once: some drivers deadlock when many devices
 /// come and go in one process. Tests fail without an adapter: a skipped picture proves nothing.
@@ -186,7 +186,7 @@ pub fn with_samples(mut scene: Scene, samples: u32) -> Scene {
     scene
 }
 
-pub use preshade::unstable::measure::originals;
+pub use preshade::measure::originals;
 
 /// Draws `plans` as the scene's first camera sees them.
 pub fn render_as(
@@ -217,16 +217,16 @@ pub fn render(gpu: &Gpu, scene: &Scene) -> Rendered {
 
 /// A pre-pass by hand: depth only, then EQUAL without depth write.
 pub fn with_prepass(plan: &Plan) -> Plan {
-    use preshade::unstable::passes::plan::{Phase, Role};
+    use preshade_plan::plan::{Phase, Role};
     let mut plan = plan.clone();
     let mut prepass = plan.passes[0].clone();
     prepass.role = Role::Prepass;
     prepass.phase = Phase::Depth;
     prepass.fragment = None;
     prepass.targets.clear();
-    preshade::unstable::passes::reflect::fill(&mut prepass, &plan.programs["main"]);
+    preshade_plan::reflect::fill(&mut prepass, &plan.programs["main"]);
     let depth = plan.passes[0].depth.as_mut().unwrap();
-    depth.compare = preshade::unstable::passes::state::CompareFunction::Equal;
+    depth.compare = preshade_plan::state::CompareFunction::Equal;
     depth.write = false;
     plan.passes.insert(0, prepass);
     plan

@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 
 use glam::{Mat4, Vec3};
-use preshade::unstable::passes::state::CullMode;
-use preshade::unstable::scene::{Draw, DrawRange, Material, Mesh, Scene, Stream};
+use preshade::scene::{Draw, DrawRange, Material, Mesh, Scene, Stream};
+use preshade_plan::state::CullMode;
 
 use super::{draw, material, scene};
 

@@ -2,15 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use preshade::unstable::command::agree::{
-    Compared, Cost, FailOn, Side, breaks, compare, parse_class,
-};
-use preshade::unstable::command::agreed::{Pair, Report};
-use preshade::unstable::front::options::ClipSpace;
-use preshade::unstable::nearest::unknown;
-use preshade::unstable::passes::core::mapping::Equation;
-use preshade::unstable::passes::validate::Effort;
-use preshade::unstable::passes::validate::agree::{Mismatch, Question, Relation};
+use preshade::command::agree::{Compared, Cost, FailOn, Side, breaks, compare, parse_class};
+use preshade::command::agreed::{Pair, Report};
+use preshade_text::options::ClipSpace;
+use preshade_text::nearest::unknown;
+use preshade_plan::mapping::Equation;
+use preshade_passes::validate::Effort;
+use preshade_passes::validate::agree::{Mismatch, Question, Relation};
 
 use crate::request::{Agree, Shader};
 use crate::{Answer, Failure, Format, pretty};

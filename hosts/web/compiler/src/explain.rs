@@ -1,8 +1,8 @@
 //! `explain`.
 
-use preshade::unstable::command::explain::{Explanation, explain, steps};
-use preshade::unstable::command::explained;
-use preshade::unstable::passes::pass::Facts;
+use preshade::command::explain::{Explanation, explain, steps};
+use preshade::command::explained;
+use preshade_plan::pass::Facts;
 
 use crate::request::Explain;
 use crate::{Answer, Failure, Format, pretty};

@@ -1,8 +1,9 @@
 //! Why there is no answer.
 
-use preshade::unstable::front::{self, Color};
-use preshade::unstable::limits::Exceeded;
-use preshade_passes::core::source::Location;
+use preshade::front;
+use preshade_text::error::Color;
+use preshade_text::limits::Exceeded;
+use preshade_text::source::Location;
 use serde::Serialize;
 
 /// An error of a request. The caller must change the shader or the request.

@@ -1,6 +1,6 @@
 //! `passes`.
 
-use preshade::unstable::command::passes::{Listing, list};
+use preshade::command::passes::{Listing, list};
 
 use crate::request::Passes;
 use crate::{Answer, Failure, Format, pretty};

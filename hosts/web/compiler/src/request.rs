@@ -3,19 +3,17 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::front::options;
-use preshade::unstable::command::material::{
-    StateFlags, check_state, define, name_of, reads_facing, with_suggestion,
-};
-use preshade::unstable::command::rewrite::read_layouts;
-use preshade::unstable::front::options::ClipSpace;
-use preshade::unstable::front::{self, Memory, Source};
-use preshade::unstable::limits::{Exceeded, Limits};
-use preshade::unstable::passes::naga::ShaderStage;
-use preshade::unstable::passes::plan::Plan;
-use preshade_passes::core::source::Language;
-use preshade::unstable::passes::state::{CullMode, MaterialState};
-use preshade::unstable::recipe::Recipe;
+use preshade::command::material::{StateFlags, check_state, define, name_of, reads_facing, with_suggestion};
+use preshade::command::rewrite::read_layouts;
+use preshade_text::options::{self, ClipSpace};
+use preshade_text::memory::Memory;
+use preshade::front::{self, Source};
+use preshade_text::limits::{Exceeded, Limits};
+use preshade_passes::naga::ShaderStage;
+use preshade_plan::plan::Plan;
+use preshade_text::source::Language;
+use preshade_plan::state::{CullMode, MaterialState};
+use preshade::recipe::Recipe;
 use serde::Deserialize;
 use serde_json::{Map, Value, from_value};
 

@@ -1,17 +1,17 @@
 //! `rewrite`.
 
-use preshade::unstable::command::material::assumed;
-use preshade::unstable::command::refusal::rendered;
-use preshade::unstable::command::rewrite::{self, Report, Rewritten};
-use preshade::unstable::emit::{self, EmitError, File, Target};
-use preshade::unstable::nearest::unknown;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::Plan;
-use preshade::unstable::passes::validate::Check;
+use preshade::command::material::assumed;
+use preshade::command::refusal::rendered;
+use preshade::command::rewrite::{self, Report, Rewritten};
+use preshade::emit::{self, EmitError, File, Target};
+use preshade_text::nearest::unknown;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+use preshade_passes::validate::Check;
 #[cfg(feature = "check")]
-use preshade::unstable::passes::validate::{By, Effort, validate_by};
-use preshade::unstable::pipeline::{self, Applied, Frame};
-use preshade::unstable::recipe::{Recipe, Step};
+use preshade_passes::validate::{By, Effort, validate_by};
+use preshade::pipeline::{self, Applied, Frame};
+use preshade::recipe::{Recipe, Step};
 use serde::Serialize;
 
 use crate::request::Rewrite;

@@ -4,10 +4,10 @@ use naga::{AddressSpace, Expression, Handle, ShaderStage, Statement, TypeInner};
 
 use super::{ContextId, Node, ValueId, Values};
 use crate::graph::cells::{self, Root};
-use crate::graph::effect;
 use crate::graph::memory::{self, Origin, VersionId};
 use crate::graph::rate::{self, Fact, Rate, Stages};
-use crate::graph::{FunctionId, cost, operands};
+use crate::graph::{FunctionId, cost, effect};
+use naga_operands as operands;
 
 impl Values<'_, '_> {
     /// Finds a value's operands, cost and fact.

@@ -5,7 +5,7 @@ use naga::{
     LocalVariable, Module, Span, Statement, Type, TypeInner,
 };
 
-use crate::rebuild::writer::FunctionWriter;
+use preshade_ir::writer::FunctionWriter;
 
 /// Appends expressions and statements to a function of a module.
 #[derive(Debug)]

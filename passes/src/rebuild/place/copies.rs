@@ -5,7 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use naga::{Expression, Function, Handle, Module, Statement};
 
 use super::free_name;
-use crate::core::{calls, operands};
+use naga_operands as operands;
+use naga_operands::calls;
 
 /// The copy of each function that has one.
 pub type FunctionCopies = BTreeMap<Handle<Function>, Handle<Function>>;

@@ -3,7 +3,8 @@
 use naga::{Block, Function, Module, Statement};
 
 use super::copies::{copy_called, redirect};
-use crate::core::{calls, operands};
+use naga_operands as operands;
+use naga_operands::calls;
 
 /// Suffix of functions copied without discards.
 const SUFFIX: &str = "undiscarded";

@@ -9,11 +9,12 @@ use naga::{
 
 use super::interface::{self, Narrowed, Placement, Returned};
 use super::members::MemberCopy;
-use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, operands};
-use crate::rebuild::copy::{CopyFunction, Copying};
-use crate::rebuild::returns;
-use crate::rebuild::writer::FunctionWriter;
+use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 use crate::slice::{Coverage, Part, Slice, components};
+use naga_operands as operands;
+use preshade_ir::copy::{CopyFunction, Copying};
+use preshade_ir::returns;
+use preshade_ir::writer::FunctionWriter;
 
 pub fn place(graph: &Graph<'_>, slice: &Slice, onto: &Module, placement: &Placement<'_>) -> Module {
     let mut module = onto.clone();

@@ -4,8 +4,8 @@ use naga::{Expression, Handle, Span, Statement, TypeInner};
 
 use super::function::SliceCopier;
 use super::interface::{Narrowed, Returned};
-use crate::graph::operands;
-use crate::rebuild::copy::CopyFunction;
+use naga_operands as operands;
+use preshade_ir::copy::CopyFunction;
 
 /// The copy of a struct member.
 pub(super) enum MemberCopy {

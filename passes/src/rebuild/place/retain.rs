@@ -2,7 +2,7 @@
 
 use naga::{Expression, Function, Module, ShaderStage};
 
-use crate::core::operands;
+use naga_operands as operands;
 
 /// The module with only these entry points and their dependences, without unused functions,
 /// globals, types, constants and dead `let`s.

@@ -10,8 +10,8 @@ use naga::{
 
 use super::CodeBuilder;
 use crate::graph::FunctionId;
-use crate::rebuild::copy::{CopyFunction, Copying};
-use crate::rebuild::writer::FunctionWriter;
+use preshade_ir::copy::{CopyFunction, Copying};
+use preshade_ir::writer::FunctionWriter;
 
 /// The replacement of an author's expression behind a prologue.
 #[derive(Clone, Copy, Debug)]

@@ -8,7 +8,7 @@ use naga::{
     Binding, BuiltIn, Expression, Function, Handle, Literal, Module, Span, Statement, TypeInner,
 };
 
-use crate::graph::operands;
+use naga_operands as operands;
 
 /// Where a vertex entry point writes a position with a literal z of 0, if it writes no other
 /// position.

@@ -1,6 +1,6 @@
 //! The refusals of `depth-prepass`.
 
-use crate::core::refusals::refusals;
+use preshade_text::refusals::refusals;
 
 refusals! {
     BIAS_CONSTANT = "bias-constant":

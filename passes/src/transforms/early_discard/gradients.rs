@@ -33,8 +33,9 @@ use naga::{
 
 use crate::analysis::effects;
 use crate::graph::effect::{self, Effect};
-use crate::graph::{FunctionId, Graph, operands};
+use crate::graph::{FunctionId, Graph};
 use crate::rebuild::place::{CodeBuilder, Replacement, Replacements};
+use naga_operands as operands;
 
 /// The expressions of an entry point that take derivatives, in arena order, if all of them can be
 /// evaluated first.

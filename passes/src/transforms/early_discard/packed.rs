@@ -9,12 +9,11 @@
 
 use naga::{Binding, BuiltIn, Expression, Scalar, ShaderStage, TypeInner, VectorSize};
 
-use crate::core::plan::Attachment;
-use crate::core::state::{ColorTarget, DepthDirection};
-use crate::rebuild::color;
 use crate::rebuild::depth_only::Placed;
-use crate::rebuild::place;
 use crate::rebuild::snippet::{InjectError, link_snippet};
+use crate::rebuild::{color, place};
+use preshade_plan::plan::Attachment;
+use preshade_plan::state::{ColorTarget, DepthDirection};
 
 /// Name of the attachment with the packed depth.
 pub const PREPASS_PACKED: &str = "prepass-depth-packed";

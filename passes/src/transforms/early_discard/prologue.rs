@@ -5,13 +5,12 @@ use naga::{
     VectorSize,
 };
 
-use super::gradients;
-use super::{DepthTexture, Mode, Quad, packed};
-use crate::core::state::{DepthDirection, DepthFormat};
+use super::{DepthTexture, Mode, Quad, gradients, packed};
 use crate::rebuild::ahead::Ahead;
 use crate::rebuild::place;
 use crate::rebuild::quad::{self, HIDDEN};
 use crate::rebuild::snippet::{InjectError, link_snippet};
+use preshade_plan::state::{DepthDirection, DepthFormat};
 
 /// Name of the depth texture in the emitted module.
 pub const TEXTURE: &str = "prepass_depth";

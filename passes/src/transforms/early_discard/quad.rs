@@ -2,12 +2,10 @@
 
 use naga::Expression;
 
-use super::gradients;
-use super::refusals;
-use super::{EarlyDiscard, Mode, Params};
+use super::{EarlyDiscard, Mode, Params, gradients, refusals};
 use crate::analysis::opaque::Opaque;
-use crate::core::pass::{Pass, Refusal};
-use crate::core::refusals::RefusalInfo;
+use preshade_plan::pass::{Pass, Refusal};
+use preshade_text::refusals::RefusalInfo;
 
 /// Why single lanes must not return: a derivative that cannot be evaluated first, a rounded
 /// derivative that decides coverage, or no budget for the rounding.

@@ -1,6 +1,6 @@
 //! The refusals of `early-discard`.
 
-use crate::core::refusals::refusals;
+use preshade_text::refusals::refusals;
 
 refusals! {
     BINDING_TAKEN = "binding-taken":

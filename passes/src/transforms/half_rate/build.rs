@@ -6,8 +6,6 @@ use naga::{
 };
 
 use super::{Edges, Found, derivatives, text};
-use crate::core::program::Program;
-use crate::core::reflect;
 use crate::graph::FunctionId;
 use crate::rebuild::color;
 use crate::rebuild::outline::{self, Extracted, Failed, Names};
@@ -15,6 +13,8 @@ use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::remainder::{self, Given};
 use crate::rebuild::snippet::{Linked, ours};
 use crate::slice::Termination;
+use preshade_plan::program::Program;
+use preshade_plan::reflect;
 
 const NAMES: Names = Names {
     function: "half_rate",

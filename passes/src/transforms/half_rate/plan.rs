@@ -1,19 +1,18 @@
 //! The plan with both passes, and the words for it.
 
 use super::build::Built;
-use super::values;
-use super::{Edges, Found, HalfRate, Params};
+use super::{Edges, Found, HalfRate, Params, values};
 use crate::analysis::named::span;
-use crate::core::budget::Budget;
-use crate::core::contract::Contract;
-use crate::core::guard::Guard;
-use crate::core::pass::{Change, Outcome, Pass, Site, SiteCost};
-use crate::core::plan::{
+use crate::rebuild::outline;
+use preshade_plan::budget::Budget;
+use preshade_plan::contract::Contract;
+use preshade_plan::guard::Guard;
+use preshade_plan::pass::{Change, Outcome, Pass, Site, SiteCost};
+use preshade_plan::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Draws, GpuPass, ORIGINAL, Phase, Plan, Role,
 };
-use crate::core::reflect;
-use crate::core::state::ColorTarget;
-use crate::rebuild::outline;
+use preshade_plan::reflect;
+use preshade_plan::state::ColorTarget;
 
 /// Format of the targets: words, which no driver rounds.
 const FORMAT: &str = "rgba32uint";

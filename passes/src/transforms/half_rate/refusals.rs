@@ -1,6 +1,6 @@
 //! The refusals of `half-rate`.
 
-use crate::core::refusals::refusals;
+use preshade_text::refusals::refusals;
 
 refusals! {
     DEPTH_TEST = "depth-test":

@@ -5,7 +5,7 @@ use super::movable::{self, Assumed, Class, Judged, Jumps, Precision};
 use super::{Hoist, HoistMaterial, Params};
 use crate::analysis::refusals as shared;
 use crate::analysis::values::Values;
-use crate::core::pass::{Facts, Pass, Refusal};
+use preshade_plan::pass::{Facts, Pass, Refusal};
 
 /// The one relaxation under which a value could move. We choose it under all relaxations together,
 /// so that following the advice terminates.

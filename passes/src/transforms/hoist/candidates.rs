@@ -8,11 +8,11 @@ use super::{HoistMaterial, Params, choose};
 use crate::analysis::below;
 use crate::analysis::named::{name, span};
 use crate::analysis::values::{ValueId, Values};
-use crate::core::pass::{Facts, Frequency, Refusal};
-use crate::core::plan::Plan;
-use crate::core::source::{Location, SourceMap};
 use crate::graph::FunctionId;
 use crate::slice::{self, Criterion};
+use preshade_plan::pass::{Facts, Frequency, Refusal};
+use preshade_plan::plan::Plan;
+use preshade_text::source::{Location, SourceMap};
 
 /// How each value may move according to the code and the measurements. `all` are the verdicts of
 /// [`movable::judge`].

@@ -83,7 +83,7 @@ fn happens(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Option<B
         kind(*o) == Some(ScalarKind::Float) && id.is_none_or(|id| !is_flat(values, id))
     };
     // Operations on integers and bools: the discontinuity was earlier.
-    let operands = crate::graph::operands::of_expression(expression);
+    let operands = naga_operands::of_expression(expression);
     if !operands.iter().any(varies) {
         return None;
     }

@@ -7,22 +7,17 @@ use naga::{ScalarKind, TypeInner};
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::choose;
-use super::discontinuity;
 use super::form::{Form, forms};
-use crate::analysis::below;
-use crate::analysis::contraction;
-use crate::analysis::hazard;
+use super::{choose, discontinuity};
 use crate::analysis::loops::{LoopEnds, iterated};
-use crate::analysis::operations;
 use crate::analysis::range::AllRanges;
 use crate::analysis::reach::with_operands;
 use crate::analysis::rounding::Roundings;
-use crate::analysis::subnormal;
 use crate::analysis::values::{Node, ValueId, Values};
-use crate::core::pass::SourceRange;
+use crate::analysis::{below, contraction, hazard, operations, subnormal};
 use crate::graph::effect;
 use crate::graph::rate::{At, Interpolated, Rate};
+use preshade_plan::pass::SourceRange;
 
 /// How a value may move, from the strongest contract to the weakest.
 #[derive(

@@ -5,11 +5,11 @@ use std::collections::BTreeSet;
 
 use naga::{Expression, Module, ShaderStage};
 
-use crate::core::plan::GpuPass;
-use crate::core::program::Program;
-use crate::core::reflect;
-use crate::evaluate::overrides;
 use crate::rebuild::place;
+use naga_interp::overrides;
+use preshade_plan::plan::GpuPass;
+use preshade_plan::program::Program;
+use preshade_plan::reflect;
 
 /// The note for the host; `None` if the vertex stage reads nothing new.
 pub fn note(before: (&GpuPass, &Program), after: (&GpuPass, &Program)) -> Option<String> {

@@ -3,13 +3,12 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use super::Hoist;
 use super::choose::Terms;
 use super::movable::{Assumed, Class, Finite, Jumps};
-use super::refusals;
+use super::{Hoist, refusals};
 use crate::analysis::refusals as shared;
-use crate::core::budget::Metric;
-use crate::core::pass::{Facts, Pass, Refusal};
+use preshade_plan::budget::Metric;
+use preshade_plan::pass::{Facts, Pass, Refusal};
 
 /// The weakest contract for a moved value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
@@ -97,7 +96,7 @@ impl Params {
         if self.budget.is_some_and(|b| !(b > 0.0 && b <= 1.0)) {
             return Some(Refusal::new(
                 name,
-                &crate::core::refusals::BUDGET,
+                &preshade_plan::refusals::BUDGET,
                 "the budget is not a number above 0 and at most 1",
                 "give budget=0.01, say",
             ));

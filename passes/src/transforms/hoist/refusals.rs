@@ -1,6 +1,6 @@
 //! The refusals of `hoist`.
 
-use crate::core::refusals::refusals;
+use preshade_text::refusals::refusals;
 
 refusals! {
     INTERFACE = "interface":

@@ -11,13 +11,13 @@ use naga::{
 use super::pack::{self, VaryingSlot};
 use crate::analysis::named;
 use crate::analysis::values::Values;
-use crate::core::interface;
-use crate::core::program::Program;
 use crate::graph::rate::{At, Interpolated};
 use crate::rebuild::outline::{Failed, Wanted};
 use crate::rebuild::place::CodeBuilder;
 use crate::rebuild::remainder;
 use crate::slice::Termination;
+use preshade_ir::interface;
+use preshade_plan::program::Program;
 
 /// The remaining fragment stage in its module.
 #[derive(Clone, Debug)]

@@ -4,12 +4,12 @@ use std::collections::BTreeSet;
 
 use super::candidates::{self, Candidate};
 use super::movable::{self, Class, Precision, Verdict};
-use super::refusals;
-use super::{Found, Hoist, HoistMaterial, Params, choose, outline, refuse};
+use super::{Found, Hoist, HoistMaterial, Params, choose, refusals, refuse};
 use crate::analysis::values::{ValueId, Values};
-use crate::core::pass::{Facts, Pass, Refusal};
-use crate::core::plan::Plan;
 use crate::graph::Graph;
+use crate::rebuild::outline;
+use preshade_plan::pass::{Facts, Pass, Refusal};
+use preshade_plan::plan::Plan;
 
 /// The stages of a plan between which values may move.
 pub struct HoistStages<'p> {

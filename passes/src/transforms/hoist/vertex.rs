@@ -21,12 +21,12 @@ use naga::{
 
 use super::pack::VaryingSlot;
 use super::remainder::{slot_binding, slot_name, slot_type, width};
-use crate::core::interface;
-use crate::core::program::Program;
 use crate::graph::Graph;
 use crate::rebuild::outline::{self, Failed, Hoisted, Wanted};
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
 use crate::slice::{self, Criterion, OutputFilter};
+use preshade_ir::interface;
+use preshade_plan::program::Program;
 
 /// The outputs of the new vertex stage.
 pub struct Outputs<'a> {

@@ -1,12 +1,12 @@
 //! The values of a stage that the author gave a name: inputs, `let`s, variables and their members.
 
-use crate::core::interface;
 use naga::{Expression, Function, GlobalVariable, Handle, LocalVariable, Module, Span, TypeInner};
+use preshade_ir::interface;
 
 use crate::analysis::values::{ContextId, Values};
-use crate::core::calls;
-use crate::core::program::Program;
 use crate::graph::{FunctionId, Graph, StmtId, text};
+use naga_operands::calls;
+use preshade_plan::program::Program;
 
 /// Members of members that are looked at.
 const DEEPEST: usize = 3;

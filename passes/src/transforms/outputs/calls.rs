@@ -4,7 +4,7 @@ use super::authored::{Authored, calls_of};
 use super::names::refusal;
 use super::refusals;
 use crate::analysis::opaque::Opaque;
-use crate::core::pass::Refusal;
+use preshade_plan::pass::Refusal;
 
 /// The value, if one call alone computes it.
 pub fn single(opaque: &Opaque<'_>, value: Authored) -> Result<Authored, Box<Refusal>> {

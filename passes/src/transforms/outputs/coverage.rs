@@ -11,11 +11,11 @@ use naga::{
 use super::viewer::{self, Changes, Instead, Stage, Unclear};
 use crate::analysis::opaque::Opaque;
 use crate::analysis::values::ContextId;
-use crate::core::operands;
-use crate::core::program::Program;
 use crate::graph::{FunctionGraph, Graph, text};
 use crate::rebuild::isolate::isolate;
 use crate::rebuild::place::{self, Replacement, Rewrite};
+use naga_operands as operands;
+use preshade_plan::program::Program;
 
 /// A program without what depends on the viewer.
 #[derive(Debug)]

@@ -1,20 +1,20 @@
 //! A test of alpha in place of alpha to coverage and blending, which have no place in a picture with
 //! one value for each pixel.
 
-use crate::core::interface;
 use naga::{
     BinaryOperator, Binding, Block, Expression, Handle, Literal, Module, ScalarKind, ShaderStage,
     Span, Statement, TypeInner, UnaryOperator, VectorSize,
 };
+use preshade_ir::interface;
 
 use super::names::refusal;
 use super::{NAME, refusals, with_main};
 use crate::analysis::coverage::ALPHA;
-use crate::core::pass::Refusal;
-use crate::core::plan::{Phase, Plan, Role};
-use crate::core::state::ColorTarget;
-use crate::rebuild::returns;
-use crate::rebuild::writer::FunctionWriter;
+use preshade_ir::returns;
+use preshade_ir::writer::FunctionWriter;
+use preshade_plan::pass::Refusal;
+use preshade_plan::plan::{Phase, Plan, Role};
+use preshade_plan::state::ColorTarget;
 
 /// The plan with a main pass that discards below `cutoff`, and what it leaves out, in words. `None`:
 /// its alpha covers nothing.

@@ -8,8 +8,8 @@ use super::world_position::{self, NoWorld};
 use super::{Params, calls, refusals};
 use crate::analysis::opaque::Opaque;
 use crate::analysis::view::{self, Said};
-use crate::core::pass::Refusal;
-use crate::core::program::Program;
+use preshade_plan::pass::Refusal;
+use preshade_plan::program::Program;
 
 /// The surface, the light and the range of the parameters.
 pub fn distance(opaque: &Opaque<'_>, params: &Params, said: &Said) -> Result<Shows, Box<Refusal>> {

@@ -4,10 +4,10 @@ use naga::{Module, TypeInner};
 
 use super::{Asked, ColourTarget, Params, Precision, Viewer, list, names};
 use crate::analysis::opaque::Opaque;
-use crate::core::mapping::{Mapping, Unknown};
-use crate::core::pass::Misnamed;
-use crate::core::state::DepthFormat;
 use crate::slice::{self, Criterion, OutputFilter};
+use preshade_plan::mapping::{Mapping, Unknown};
+use preshade_plan::pass::Misnamed;
+use preshade_plan::state::DepthFormat;
 
 /// What is wrong with the parameters, whatever the material is.
 pub fn slip(params: &Params) -> Option<Misnamed> {

@@ -11,13 +11,13 @@ use naga::{
 use super::authored::Authored;
 use super::world_position::World;
 use crate::analysis::opaque::Opaque;
-use crate::core::declared::{self, Declaration, Declared};
-use crate::core::interface;
-use crate::core::mapping;
-use crate::core::plan::{AttributeUse, BindingSource, HostValue};
-use crate::core::program::Program;
 use crate::rebuild::depth_only::Placed;
-use crate::rebuild::writer::FunctionWriter;
+use preshade_ir::declared::{self, Declaration, Declared};
+use preshade_ir::interface;
+use preshade_ir::writer::FunctionWriter;
+use preshade_plan::mapping;
+use preshade_plan::plan::{AttributeUse, BindingSource, HostValue};
+use preshade_plan::program::Program;
 
 mod capture;
 mod fragment;

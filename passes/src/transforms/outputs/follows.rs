@@ -5,7 +5,7 @@ use naga::Module;
 use super::names::refusal;
 use super::{list, refusals};
 use crate::analysis::view::{self, Said};
-use crate::core::pass::{Misnamed, Refusal};
+use preshade_plan::pass::{Misnamed, Refusal};
 
 /// What the words of `viewer` say. A word with a minus sign in front names a uniform that stays.
 pub fn said(module: &Module, viewer: Option<&str>) -> Result<Said, Box<Refusal>> {

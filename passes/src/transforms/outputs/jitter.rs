@@ -6,10 +6,10 @@ use super::extend::Member;
 use super::extend::without_jitter::{Unsteady, steady};
 use super::names::{self, refusal};
 use super::{Params, list, refusals, with_main};
-use crate::core::mapping;
-use crate::core::pass::Refusal;
-use crate::core::plan::Plan;
-use crate::core::program::Program;
+use preshade_plan::mapping;
+use preshade_plan::pass::Refusal;
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
 
 /// Letters of a vector's components.
 const LETTERS: [&str; 2] = ["xyzw", "rgba"];

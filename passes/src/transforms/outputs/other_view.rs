@@ -9,11 +9,11 @@ use super::remap::{self, Unmapped};
 use super::{Params, refusals};
 use crate::analysis::opaque::Opaque;
 use crate::analysis::view::{self, Said};
-use crate::core::mapping::Mapping;
-use crate::core::pass::Refusal;
-use crate::core::plan::{BindingSource, GpuPass, Plan, Role};
-use crate::core::program::Program;
 use crate::rebuild::place;
+use preshade_plan::mapping::Mapping;
+use preshade_plan::pass::Refusal;
+use preshade_plan::plan::{BindingSource, GpuPass, Plan, Role};
+use preshade_plan::program::Program;
 
 /// Sources of the bindings of the other view, by group and binding.
 pub type Sources = BTreeMap<(u32, u32), BindingSource>;
@@ -82,7 +82,7 @@ fn loose(program: &Program, mapping: &Mapping) -> Option<String> {
     let place = mapping.ours.resolve(module).ok()?;
     let binding = module.global_variables[place.global].binding?;
     let is_loose = program.declared().loose == Some(binding) && place.steps.len() == 1;
-    let of = crate::core::mapping::name_of(module, place.global, &place.steps);
+    let of = preshade_plan::mapping::name_of(module, place.global, &place.steps);
     of.members.into_iter().next().filter(|_| is_loose)
 }
 

@@ -3,8 +3,8 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::core::mapping::{Malformed, Mapping};
-use crate::core::state::DepthFormat;
+use preshade_plan::mapping::{Malformed, Mapping};
+use preshade_plan::state::DepthFormat;
 
 /// How precisely floats are stored.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

@@ -9,10 +9,11 @@ use naga::{
     Statement, TypeInner,
 };
 
-use crate::core::mapping::{Mapping, Path, Place, Unknown, name_of};
-use crate::core::{link, operands};
 use crate::graph::FunctionId;
 use crate::rebuild::place::{self, CodeBuilder, Replacement, Replacements, Rewrite};
+use naga_operands as operands;
+use preshade_ir::link;
+use preshade_plan::mapping::{Mapping, Path, Place, Unknown, name_of};
 
 /// A program that reads another view's resources.
 #[derive(Clone, Debug)]

@@ -17,8 +17,8 @@ use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::rounding::Roundings;
 use crate::analysis::subnormal;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
-use crate::core::pass::SourceRange;
 use crate::graph::rate::Rate;
+use preshade_plan::pass::SourceRange;
 
 /// Cost of reading a stored scalar, in the units of [`crate::graph::cost`]: a load, and a register that
 /// it takes.

@@ -9,8 +9,8 @@ use naga::{
 
 use super::find::{Term, Weight};
 use crate::graph::{FunctionGraph, FunctionId, Graph};
-use crate::rebuild::copy::{CopyFunction, Copying};
-use crate::rebuild::writer::FunctionWriter;
+use preshade_ir::copy::{CopyFunction, Copying};
+use preshade_ir::writer::FunctionWriter;
 
 /// The module in which each term is computed only if its weight's magnitude exceeds `threshold`,
 /// and is 0 otherwise.

@@ -12,12 +12,13 @@ use crate::analysis::coverage::Decides;
 use crate::analysis::refusals as shared;
 use crate::analysis::values::Values;
 use crate::analysis::zero::{Seen, Zeros};
-use crate::core::pass::{Facts, Left, Refused};
-use crate::core::plan::GpuPass;
 use crate::graph::cells::Root;
 use crate::graph::counted::Ends;
 use crate::graph::effect::Effect;
-use crate::graph::{FunctionGraph, FunctionId, Graph, Rate, StmtId, operands};
+use crate::graph::{FunctionGraph, FunctionId, Graph, Rate, StmtId};
+use naga_operands as operands;
+use preshade_plan::pass::{Facts, Left, Refused};
+use preshade_plan::plan::GpuPass;
 
 /// The scalar weight of a term.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -1,6 +1,6 @@
 //! The refusals of `skip-taps`.
 
-use crate::core::refusals::refusals;
+use preshade_text::refusals::refusals;
 
 refusals! {
     NO_TAP = "no-tap":

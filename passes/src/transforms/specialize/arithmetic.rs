@@ -5,9 +5,9 @@ use naga::{
 };
 
 use super::known::{AbstractValue, Scalar};
-use crate::evaluate::Number as _;
-use crate::evaluate::accuracy::Accuracy;
-use crate::evaluate::interval::{Arithmetic, Interval};
+use naga_interp::Number as _;
+use naga_interp::accuracy::Accuracy;
+use naga_interp::interval::{Arithmetic, Interval};
 
 /// Applies a unary operator.
 pub fn unary(op: UnaryOperator, operand: &AbstractValue) -> AbstractValue {

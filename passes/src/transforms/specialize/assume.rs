@@ -6,13 +6,14 @@ use std::rc::Rc;
 use naga::{AddressSpace, GlobalVariable, Handle, Module, Override, ScalarKind, TypeInner};
 
 use super::known::{AbstractValue, Scalar, Sources};
-use crate::core::declared::{FinalConstant, LengthConstant};
-use crate::core::guard::{Assumed, Bounds, Guard, Place, ScalarType};
-use crate::core::pass::{Facts, Misnamed};
-use crate::core::program::Program;
-use crate::core::uniforms::{self, Part, UniformScalar, uniform_scalars};
-use crate::evaluate::interval::Interval;
-use crate::evaluate::{self, overrides};
+use naga_interp as evaluate;
+use naga_interp::interval::Interval;
+use naga_interp::overrides;
+use preshade_ir::declared::{FinalConstant, LengthConstant};
+use preshade_plan::guard::{Assumed, Bounds, Guard, Place, ScalarType};
+use preshade_plan::pass::{Facts, Misnamed};
+use preshade_plan::program::Program;
+use preshade_plan::uniforms::{self, Part, UniformScalar, uniform_scalars};
 
 /// The abstract value of a part of a buffer, from those that `leaf` gives its 32-bit scalars.
 fn content(
@@ -99,7 +100,7 @@ impl Assumptions {
                 values.push(constant.value.clone());
             }
         }
-        let derived = crate::core::overrides::derived(module, &values);
+        let derived = preshade_plan::overrides::derived(module, &values);
         values.extend(derived);
         let mut this = Self {
             values,
@@ -154,7 +155,7 @@ impl Assumptions {
         }
         for (handle, constant) in module.overrides.iter() {
             let name = constant.name.clone().unwrap_or_default();
-            let ty = crate::core::overrides::scalar_type(module, constant.ty);
+            let ty = preshade_plan::overrides::scalar_type(module, constant.ty);
             let known = ty.and_then(|ty| leaves.get(&(Place::Override { name }, ty)));
             if let Some(known) = known {
                 let is_bool =
@@ -354,7 +355,7 @@ fn set(program: &Program, settings: &str) -> Result<Vec<Assumed>, Unfit> {
         let (place, ty, full) = match (found.as_slice(), constant) {
             ([one], _) => (one.place(), one.ty, one.name.clone()),
             ([], Some((_, o))) => {
-                let Some(ty) = crate::core::overrides::scalar_type(module, o.ty) else {
+                let Some(ty) = preshade_plan::overrides::scalar_type(module, o.ty) else {
                     return Err(Unfit::Value(name.to_owned(), text.to_owned()));
                 };
                 let is_bool = module.types[o.ty].inner.scalar_kind() == Some(ScalarKind::Bool);

@@ -7,11 +7,11 @@ use std::collections::BTreeMap;
 
 use super::decision::{Decision, DecisionKind};
 use super::{Params, assumptions, examine, folded};
-use crate::core::guard::Assumed;
-use crate::core::pass::{Facts, Refusal};
-use crate::core::plan::Plan;
-use crate::core::source::Location;
 use crate::graph::{FunctionId, Graph, StmtId};
+use preshade_plan::guard::Assumed;
+use preshade_plan::pass::{Facts, Refusal};
+use preshade_plan::plan::Plan;
+use preshade_text::source::Location;
 
 /// A statement of the material. The same in every list that [`branches`] makes of one plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -5,7 +5,8 @@ use naga::{Block, Expression, Handle, Literal, Statement, SwitchCase, SwitchValu
 use super::decision::DecisionKind;
 use super::fold::{FoldFrame, Folder};
 use super::known::{AbstractValue, Sources};
-use crate::graph::{StmtId, operands};
+use crate::graph::StmtId;
+use naga_operands as operands;
 
 /// The target of a `break`.
 pub(super) enum Breaks {

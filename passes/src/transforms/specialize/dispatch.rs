@@ -1,7 +1,7 @@
 //! The specialised versions of one material, as data, and the choice that a host makes for each draw.
 //!
 //! A material that serves many draws has a version for each group of them, and each version has a
-//! [guard](crate::core::guard). A draw takes the cheapest version whose guard holds, or the original. The
+//! [guard](preshade_plan::guard). A draw takes the cheapest version whose guard holds, or the original. The
 //! choice depends on the few words that any guard reads, so a host hashes those and looks the version
 //! up: [`Dispatch`].
 
@@ -11,9 +11,9 @@ use naga::ShaderStage;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::core::guard::{Assumed, Guard, Place};
-use crate::core::plan::Plan;
 use crate::graph::Graph;
+use preshade_plan::guard::{Assumed, Guard, Place};
+use preshade_plan::plan::Plan;
 
 /// One version.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
@@ -150,7 +150,7 @@ impl Dispatch {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::core::guard::{Bounds, ScalarType};
+    use preshade_plan::guard::{Bounds, ScalarType};
 
     fn assumed(place: Place, low: f64, high: f64) -> Assumed {
         Assumed {

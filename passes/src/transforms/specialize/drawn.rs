@@ -10,11 +10,11 @@ use std::collections::BTreeMap;
 use super::assume::Assumptions;
 use super::decision::{DecisionKind, Noted, Record};
 use super::{Params, folded};
-use crate::core::pass::Facts;
-use crate::core::plan::GpuPass;
-use crate::core::program::Program;
 use crate::graph::cost::DEFAULT_TRIPS;
 use crate::graph::{FunctionId, Graph, StmtId, counted};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::GpuPass;
+use preshade_plan::program::Program;
 
 /// The graph of a program whose costs are those of the draws of `material`: without the arms that none
 /// of them takes, and with the iterations that all of them run. `pass` names the entry points.

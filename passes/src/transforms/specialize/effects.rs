@@ -13,11 +13,12 @@ use serde::{Deserialize, Serialize};
 use super::assume::Assumptions;
 use super::decision::{Decision, DecisionKind, Placed};
 use super::{Params, assumptions, examine, folded};
-use crate::core::guard::Assumed;
-use crate::core::pass::{Facts, Refusal};
-use crate::core::plan::Plan;
-use crate::core::source::Location;
-use crate::graph::{FunctionId, Graph, operands};
+use crate::graph::{FunctionId, Graph};
+use naga_operands as operands;
+use preshade_plan::guard::Assumed;
+use preshade_plan::pass::{Facts, Refusal};
+use preshade_plan::plan::Plan;
+use preshade_text::source::Location;
 
 /// Effects by their usual identifiers, without case and underscores.
 const KNOWN: &[(&str, &[&str])] = &[

@@ -9,8 +9,8 @@ use super::arithmetic;
 use super::fold::{FoldFrame, Folder};
 use super::known::{AbstractValue, FINITE, Scalar, Sources};
 use super::params::Fold;
-use crate::evaluate::interval::Interval;
-use crate::graph::operands;
+use naga_interp::interval::Interval;
+use naga_operands as operands;
 
 /// The variable of a pointer.
 enum Root {

@@ -9,7 +9,7 @@ use std::rc::Rc;
 
 use naga::{Literal, ScalarKind};
 
-use crate::evaluate::interval::Interval;
+use naga_interp::interval::Interval;
 
 /// Indices of the assumptions that a value depends on.
 pub type Sources = Rc<BTreeSet<usize>>;

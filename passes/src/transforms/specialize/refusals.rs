@@ -1,6 +1,6 @@
 //! The refusals of `specialize`.
 
-use crate::core::refusals::refusals;
+use preshade_text::refusals::refusals;
 
 refusals! {
     NOTHING_KNOWN = "nothing-known":

@@ -5,13 +5,13 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Binding, Module, ShaderStage};
 
-use crate::core::interface;
-use crate::core::program::Program;
-use crate::core::source::Invalid;
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::place::{self, PositionInvariance};
 use crate::slice::{self, Criterion, OutputFilter, Termination};
+use preshade_ir::interface;
+use preshade_plan::program::Program;
+use preshade_text::source::Invalid;
 
 /// Suffixes of generated names while the author's functions still exist, by stage.
 const SUFFIXES: [&str; 2] = ["read", "live"];

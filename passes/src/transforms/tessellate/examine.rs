@@ -10,15 +10,15 @@ use super::split::{self, Outputs, Split};
 use super::{DividedMaterial, MOST_EDGE_PIXELS, Params, Slots, Tessellate, refusals, refuse};
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::{refusals as shared, subnormal};
-use crate::core::contract::Contract;
-use crate::core::geometry::{Form, Subdivision};
-use crate::core::interface;
-use crate::core::pass::{Facts, Pass, Refusal, Refused, Site};
-use crate::core::pattern::MAX_LEVEL;
-use crate::core::plan::{BindingKind, GpuPass, HOIST, Plan, Role, Step};
-use crate::core::program::Program;
-use crate::core::reflect;
 use crate::graph::Graph;
+use preshade_ir::interface;
+use preshade_plan::contract::Contract;
+use preshade_plan::geometry::{Form, Subdivision};
+use preshade_plan::pass::{Facts, Pass, Refusal, Refused, Site};
+use preshade_plan::pattern::MAX_LEVEL;
+use preshade_plan::plan::{BindingKind, GpuPass, HOIST, Plan, Role, Step};
+use preshade_plan::program::Program;
+use preshade_plan::reflect;
 
 /// Storage buffers per stage that every WebGPU device supports.
 const STORAGE_BUFFERS: usize = 8;

@@ -19,12 +19,13 @@ use naga::{
 use super::build::{self, Functions, access, vertex_inputs};
 use super::split::Origin;
 use super::stored::{self, Evaluation, Stored};
-use crate::core::plan::{BindingSource, BindingUse};
-use crate::core::program::Program;
-use crate::graph::{FunctionId, Graph, operands};
+use crate::graph::{FunctionId, Graph};
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
 use crate::rebuild::snippet::{ours, word};
 use crate::slice::{self, Criterion, OutputFilter};
+use naga_operands as operands;
+use preshade_plan::plan::{BindingSource, BindingUse};
+use preshade_plan::program::Program;
 
 /// Reason if the slice reads neither the corners nor the place between them.
 pub const NO_CORNERS: &str = "what was hoisted does not know its vertex";

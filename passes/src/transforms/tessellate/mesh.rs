@@ -2,14 +2,14 @@
 
 use std::collections::HashMap;
 
-use crate::core::geometry::pack;
-use crate::core::pattern::{self, Pattern};
+use preshade_plan::geometry::pack;
+use preshade_plan::pattern::{self, Pattern};
 
 /// A subdivided mesh.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Mesh {
     /// New vertices: three of the author's vertices and packed weights
-    /// ([`crate::core::geometry::Subdivision::vertices`]; the order in the upper bits is unused).
+    /// ([`preshade_plan::geometry::Subdivision::vertices`]; the order in the upper bits is unused).
     pub points: Vec<[u32; 4]>,
     /// Triangles by index of new vertices.
     pub triangles: Vec<[u32; 3]>,

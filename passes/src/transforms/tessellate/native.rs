@@ -14,16 +14,15 @@ use naga::{
     Span, Statement, Type, TypeInner,
 };
 
-use super::refusals;
-use super::refuse;
 use super::split::{self, Carried, Outputs, Split};
+use super::{refusals, refuse};
 use crate::analysis::refusals as shared;
-use crate::core::pass::{Pass, Refusal};
-use crate::core::plan::{HOIST, Plan, Step};
-use crate::core::program::Program;
-use crate::core::state::Topology;
 use crate::graph::FunctionId;
 use crate::rebuild::place::{self, Rewrite};
+use preshade_plan::pass::{Pass, Refusal};
+use preshade_plan::plan::{HOIST, Plan, Step};
+use preshade_plan::program::Program;
+use preshade_plan::state::Topology;
 
 /// A hoisted vertex stage in two parts.
 #[derive(Clone, Debug)]

@@ -1,6 +1,6 @@
 //! The refusals of `tessellate`.
 
-use crate::core::refusals::refusals;
+use preshade_text::refusals::refusals;
 
 refusals! {
     ADAPTIVE_FORM = "adaptive-form":

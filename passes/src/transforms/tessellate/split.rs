@@ -6,8 +6,8 @@ use naga::{
     ScalarKind, Statement, Type, TypeInner,
 };
 
-use crate::graph::operands;
-use crate::rebuild::writer::emit_existing;
+use naga_operands as operands;
+use preshade_ir::writer::emit_existing;
 
 /// A vertex stage of the form `rest(author(inputs))`.
 #[derive(Clone, Debug)]

@@ -14,9 +14,9 @@
 use std::fmt::Write;
 
 use super::{Slots, adaptive};
-use crate::core::geometry::Formats;
-use crate::core::plan::AttributeUse;
 use crate::rebuild::fetch::{self, Names};
+use preshade_plan::geometry::Formats;
+use preshade_plan::plan::AttributeUse;
 
 /// Prefixes of generated functions and variables.
 const NAMES: Names = Names {

@@ -1,6 +1,6 @@
 //! The refusals of `trim-loop`.
 
-use crate::core::refusals::refusals;
+use preshade_text::refusals::refusals;
 
 refusals! {
     NO_LOOP = "no-loop":

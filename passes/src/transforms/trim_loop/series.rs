@@ -9,8 +9,8 @@ use naga::{
 };
 
 use crate::graph::counted::Counted;
-use crate::graph::operands;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
+use naga_operands as operands;
 
 /// The scene data that a loop reads by its counter, one item per iteration: `lights[i]`, the layer
 /// of a texture, a texel. `None` if it reads none, in the function or its callees.

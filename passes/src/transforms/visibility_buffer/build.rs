@@ -10,24 +10,23 @@ use super::lists::{self, Lists};
 use super::parts::parts;
 use super::resolve::{self, Built, Keeps, Resolve, Runs};
 use super::text::{self, Slots};
-use super::{
-    DRAWS, IDS, Ids, Params, Select, SplitMaterial, VisibilityBuffer, kept, legal, refuse,
-};
-use crate::core::declared::Declared;
-use crate::core::geometry::Geometry;
-use crate::core::interface;
-use crate::core::pass::{Pass, Refusal};
-use crate::core::plan::{
+use super::{Ids, Params, Select, SplitMaterial, VisibilityBuffer, kept, legal, refuse};
+use crate::rebuild::place;
+use crate::rebuild::snippet::Linked;
+use preshade_ir::declared::Declared;
+use preshade_ir::interface;
+use preshade_plan::draw_table::{DRAWS, IDS};
+use preshade_plan::geometry::Geometry;
+use preshade_plan::pass::{Pass, Refusal};
+use preshade_plan::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, ClearValue, ComputePass, Draws,
     GeometryPart, GpuPass, Phase, Plan, Role, VertexBuffer, When,
 };
-use crate::core::reflect;
-use crate::core::state::{
+use preshade_plan::reflect;
+use preshade_plan::state::{
     AttachmentOps, ColorTarget, CompareFunction, CullMode, DepthBias, DepthDirection, DepthFormat,
     DepthState, PrimitiveState, Topology,
 };
-use crate::rebuild::place;
-use crate::rebuild::snippet::Linked;
 
 impl SplitMaterial<'_> {
     /// Adds the id pass.

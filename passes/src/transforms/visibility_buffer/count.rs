@@ -4,13 +4,14 @@ use naga::ShaderStage;
 
 use super::parts::parts;
 use super::text::{self, Slots};
-use super::{IDS, Words, resolve};
-use crate::core::geometry::Formats;
-use crate::core::plan::{ComputePass, Draws, GpuPass, Phase, Plan, Role};
-use crate::core::program::Program;
-use crate::core::reflect;
+use super::{Words, resolve};
 use crate::rebuild::place;
 use crate::rebuild::snippet::Linked;
+use preshade_plan::draw_table::IDS;
+use preshade_plan::geometry::Formats;
+use preshade_plan::plan::{ComputePass, Draws, GpuPass, Phase, Plan, Role};
+use preshade_plan::program::Program;
+use preshade_plan::reflect;
 
 /// The full-screen pass and program that replace a resolving compute pass to count its pixels.
 ///

@@ -23,14 +23,14 @@ use super::refusals;
 use crate::analysis::reach::with_operands;
 use crate::analysis::refusals as shared;
 use crate::analysis::values::{ContextId, Node, TooLarge, ValueId, Values};
-use crate::core::program::Program;
-use crate::core::rasterizer::{Neighbours, Rasterizer};
-use crate::core::refusals::RefusalInfo;
 use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::isolate::{self, isolate};
 use crate::rebuild::outline::{self, Wanted};
 use crate::rebuild::place::{self, CodeBuilder, Replacement, Rewrite};
+use preshade_plan::program::Program;
+use preshade_plan::rasterizer::{Neighbours, Rasterizer};
+use preshade_text::refusals::RefusalInfo;
 
 /// First location of gradient inputs, beyond all of the author's.
 pub const GRADIENTS: u32 = 1 << 16;

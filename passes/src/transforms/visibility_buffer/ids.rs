@@ -5,23 +5,23 @@
 //! @fragment fn fs_visible_ids(..)  -> vec2<u32>             discards as the author does; the id, and the triangle with its side
 //! ```
 
-use crate::core::interface;
 use naga::{
     Binding, BuiltIn, EntryPoint, Expression, Function, FunctionArgument, FunctionResult, Handle,
     Interpolation, Module, Sampling, Scalar, ShaderStage, Span, Statement, StructMember, Type,
     TypeInner, VectorSize,
 };
+use preshade_ir::interface;
 
 use super::Words;
 use super::text::{self, Slots};
-use crate::core::geometry::Formats;
-use crate::core::interface::Io;
-use crate::core::plan::AttributeUse;
 use crate::graph::FunctionId;
 use crate::rebuild::corner::{Author, corner};
 use crate::rebuild::outline::as_function;
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::snippet::{Linked, ours, word};
+use preshade_ir::interface::Io;
+use preshade_plan::geometry::Formats;
+use preshade_plan::plan::AttributeUse;
 
 /// Entry point name.
 pub const VERTEX: &str = "vs_visible_ids";

@@ -16,10 +16,10 @@ use naga::{
 
 use super::ids::new_entry;
 use super::resolve::width;
-use crate::core::interface::Io;
 use crate::graph::FunctionId;
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::snippet::{define, ours, word};
+use preshade_ir::interface::Io;
 
 /// Name of the compute entry point.
 pub const ENTRY: &str = "cs_vertices";

@@ -1,20 +1,20 @@
 //! Legality of the split.
 
-use crate::core::interface;
 use naga::valid::GlobalUse;
 use naga::{AddressSpace, Binding, BuiltIn, Expression, GlobalVariable, Handle, Module};
+use preshade_ir::interface;
 
 use super::differences::Reached;
 use super::ids::Facing;
 use super::{refusals, refuse};
 use crate::analysis::opaque::Opaque;
 use crate::analysis::refusals as shared;
-use crate::core::pass::Refusal;
-use crate::core::plan::{GpuPass, Plan};
-use crate::core::refusals::RefusalInfo;
-use crate::core::source::SourceMap;
-use crate::core::state::{CullMode, DepthBias, Topology};
 use crate::slice::Slice;
+use preshade_plan::pass::Refusal;
+use preshade_plan::plan::{GpuPass, Plan};
+use preshade_plan::state::{CullMode, DepthBias, Topology};
+use preshade_text::refusals::RefusalInfo;
+use preshade_text::source::SourceMap;
 
 /// Checks the state of a pass.
 pub fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {

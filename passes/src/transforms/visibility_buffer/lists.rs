@@ -8,24 +8,25 @@
 //!         cs_scatter  once, over the pixels           each pixel to its place
 //! ```
 //!
-//! A draw has an entry of eight words ([`crate::core::plan::FrameWords::Draws`]): four arguments of
+//! A draw has an entry of eight words ([`preshade_plan::plan::FrameWords::Draws`]): four arguments of
 //! an indirect call, the length of the list, the complement of the first index. Tiles and pixels
 //! are `y << 16 | x`. Workgroups form rows of 65,535, WebGPU's largest dispatch size.
 
 use naga::ShaderStage;
 
 use super::text::{self, Slots};
-use super::{IDS, Params, Select, ShadingForm, Words};
-use crate::core::declared::Declared;
-use crate::core::geometry::{Formats, Geometry};
-use crate::core::plan::{
+use super::{Params, Select, ShadingForm, Words};
+use crate::rebuild::place;
+use crate::rebuild::snippet::Linked;
+use preshade_ir::declared::Declared;
+use preshade_plan::draw_table::IDS;
+use preshade_plan::geometry::{Formats, Geometry};
+use preshade_plan::plan::{
     BindingKind, BindingSource, BindingUse, ComputePass, Draws, FrameBuffer, FrameWords,
     GeometryPart, Phase, Plan, When,
 };
-use crate::core::program::Program;
-use crate::core::reflect;
-use crate::rebuild::place;
-use crate::rebuild::snippet::Linked;
+use preshade_plan::program::Program;
+use preshade_plan::reflect;
 
 /// The lists of a resolve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,14 +4,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::differences::Taken;
-use super::refusals;
-use super::refuse;
+use super::{refusals, refuse};
 use crate::analysis::opaque::Opaque;
-use crate::core::geometry::Formats;
-use crate::core::pass::{Facts, Refusal};
-use crate::core::plan::AttachmentFormat;
-use crate::core::rasterizer::{Corners, Neighbours, Rasterizer};
 use crate::rebuild::depth_only::{Invariance, VertexStage};
+use preshade_plan::geometry::Formats;
+use preshade_plan::pass::{Facts, Refusal};
+use preshade_plan::plan::AttachmentFormat;
+use preshade_plan::rasterizer::{Corners, Neighbours, Rasterizer};
 
 /// How the id pass knows a triangle.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

@@ -1,10 +1,10 @@
 //! The sources of bindings beyond the author's.
 
-use super::IDS;
 use super::text::Slots;
-use crate::core::geometry::Formats;
-use crate::core::plan::{AttributeUse, BindingSource, BindingUse, GeometryPart};
-use crate::core::program::Program;
+use preshade_plan::draw_table::IDS;
+use preshade_plan::geometry::Formats;
+use preshade_plan::plan::{AttributeUse, BindingSource, BindingUse, GeometryPart};
+use preshade_plan::program::Program;
 
 /// WebGPU's limit of bindings per group (`maxBindingsPerBindGroup`).
 const BINDINGS: u32 = 1000;

@@ -1,6 +1,6 @@
 //! The refusals of `visibility-buffer`.
 
-use crate::core::refusals::refusals;
+use preshade_text::refusals::refusals;
 
 refusals! {
     CIRCULAR_GRADIENT = "circular-gradient":

@@ -22,18 +22,17 @@ use super::lists::Lists;
 use super::stage::{ResolveStage, Shader, colors};
 use super::text::{self, Slots};
 use super::{Select, Vertices, Words};
-use crate::core::geometry::Formats;
-use crate::core::interface;
-use crate::core::interface::Io;
-use crate::core::plan::AttributeUse;
-use crate::core::program::Program;
-use crate::core::rasterizer::Corners;
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::corner::{Author, corner};
 use crate::rebuild::outline::as_function;
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
 use crate::rebuild::snippet::{Linked, ours};
 use crate::slice::{self, Criterion, OutputFilter, Slice};
+use preshade_ir::interface::{self, Io};
+use preshade_plan::geometry::Formats;
+use preshade_plan::plan::AttributeUse;
+use preshade_plan::program::Program;
+use preshade_plan::rasterizer::Corners;
 
 /// Entry point name.
 pub const VERTEX: &str = "vs_visible";

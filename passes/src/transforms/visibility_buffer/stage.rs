@@ -12,9 +12,9 @@ use super::gradients::{GRADIENTS, Level};
 use super::ids::Facing;
 use super::legal::Stored;
 use super::resolve::{Runs, VertexStage, width};
-use crate::core::interface::Io;
-use crate::core::rasterizer::Neighbours;
 use crate::rebuild::place::CodeBuilder;
+use preshade_ir::interface::Io;
+use preshade_plan::rasterizer::Neighbours;
 
 /// An input of the fragment stage.
 type StageInput = (Handle<Type>, Binding);

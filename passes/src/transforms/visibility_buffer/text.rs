@@ -14,10 +14,10 @@ use std::fmt::Write;
 use super::Words;
 use super::ids::Facing;
 use super::legal::{Encoding, Stored};
-use crate::core::geometry::Formats;
-use crate::core::plan::AttributeUse;
-use crate::core::rasterizer::Corners;
 use crate::rebuild::fetch::{self, Names};
+use preshade_plan::geometry::Formats;
+use preshade_plan::plan::AttributeUse;
+use preshade_plan::rasterizer::Corners;
 
 /// Prefixes of generated functions and variables.
 pub const NAMES: Names = Names {
@@ -44,7 +44,7 @@ impl Slots {
     pub const STREAMS: u32 = 3;
 }
 
-/// The draw's entry with this many attributes ([`crate::core::draw_table::Entry`]).
+/// The draw's entry with this many attributes ([`preshade_plan::draw_table::Entry`]).
 pub fn entry(slots: Slots, attributes: usize) -> String {
     let Slots { group, first } = slots;
     let streams = match attributes {

@@ -8,9 +8,9 @@ use super::Relation;
 use super::buffers::is_previous_name;
 use super::fed::plain;
 use super::matching::{By, Matcher};
-use crate::core::interface::Io;
-use crate::core::mapping::Mapping;
 use crate::validate::world::PassStages;
+use preshade_ir::interface::Io;
+use preshade_plan::mapping::Mapping;
 
 /// The first location of attributes without a partner.
 const OWN_LOCATION: u32 = 4096;

@@ -5,10 +5,10 @@ use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::evaluate::Stuck;
 use crate::validate::inputs::{Inputs, Resources};
 use crate::validate::stage::{POSITION, Ran};
 use crate::validate::world::{self, PassStages, TestPoint, Texels};
+use naga_interp::Stuck;
 
 /// All runs of a pair on numbers take as many steps as this many of the longest runs.
 const RUNS: u64 = 160;

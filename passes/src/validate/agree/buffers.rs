@@ -6,8 +6,8 @@ use super::Relation;
 use super::fed::{Cast, Rule, cast, cast_by, offsets, plain};
 use super::matching::{By, Matcher};
 use super::parts::{Part, beside};
-use crate::core::mapping;
-use crate::evaluate;
+use naga_interp as evaluate;
+use preshade_plan::mapping;
 
 /// A data part of the first program.
 pub(super) struct Leaf {

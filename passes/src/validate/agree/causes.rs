@@ -11,12 +11,12 @@ use super::found::{State, is_plain};
 use super::quote::digits;
 use super::trial::{Two, What};
 use super::words::Sliced;
-use crate::evaluate::{Scalar, Stuck, Traced, Value};
 use crate::validate::inputs::Inputs;
 use crate::validate::levels::Reading;
 use crate::validate::stage::{Ran, Slot, Stage};
 use crate::validate::tape::Seen;
 use crate::validate::world::{self, PassStages, TestPoint, Texels};
+use naga_interp::{Scalar, Stuck, Traced, Value};
 
 /// A larger number is huge.
 const HUGE: f32 = 1e6;

@@ -8,14 +8,14 @@ use naga::BuiltIn;
 use super::fed::{self, Rule};
 use super::trial::{Two, What};
 use super::{Class, Relation};
-use crate::core::program::Program;
-use crate::core::state::DepthDirection;
-use crate::evaluate::{Number, Scalar, Value};
 use crate::validate::compare::{self, Colors, Depths, Discards, Stores, text};
 use crate::validate::inputs::Inputs;
 use crate::validate::stage::{POSITION, Ran, Slot};
 use crate::validate::tape::Taped;
 use crate::validate::world::{self, TestPoint};
+use naga_interp::{Number, Scalar, Value};
+use preshade_plan::program::Program;
+use preshade_plan::state::DepthDirection;
 
 const FRAG_DEPTH: Slot = Slot::BuiltIn(BuiltIn::FragDepth);
 const SAMPLE_MASK: Slot = Slot::BuiltIn(BuiltIn::SampleMask);

@@ -6,10 +6,10 @@ use std::sync::Arc;
 use super::fed::{self, Rule};
 use super::reads;
 use super::trial::Two;
-use crate::evaluate::{Scalar, Value};
 use crate::validate::inputs::{Inputs, Pins, Profile, Random};
 use crate::validate::levels::{Levels, Reading};
 use crate::validate::world::PassStages;
+use naga_interp::{Scalar, Value};
 
 /// Which inputs: those of a seed, with single scalars pinned.
 #[derive(Clone, Debug, Default)]
@@ -36,7 +36,7 @@ impl Two<'_> {
             for stage in [Some(stages.vertex), stages.fragment].into_iter().flatten() {
                 let info = stage.program.info().get_entry_point(stage.entry);
                 for (handle, global) in stage.module().global_variables.iter() {
-                    let at = crate::evaluate::place(global);
+                    let at = naga_interp::place(global);
                     let is_left = at.is_some_and(|at| inputs.left_out.contains(&at));
                     if is_left && !info[handle].is_empty() {
                         let name = global.name.as_deref().unwrap_or("a buffer");

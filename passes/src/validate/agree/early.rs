@@ -2,9 +2,9 @@
 
 use super::{Class, Finding, Relation};
 use crate::analysis::coverage;
-use crate::core::plan::GpuPass;
-use crate::core::program::Program;
 use crate::graph::Graph;
+use preshade_plan::plan::GpuPass;
+use preshade_plan::program::Program;
 
 /// A program that forces the test writes the depth of what it discards, and none of its own.
 pub(super) fn finding(sides: [(&GpuPass, &Program); 2], relation: Relation) -> Option<Finding> {

@@ -4,9 +4,9 @@ use std::collections::BTreeMap;
 
 use naga::{ArraySize, BinaryOperator, Handle, Module, Type, TypeInner};
 
-use crate::core::declared::is_padding;
-use crate::core::mapping::members;
-use crate::evaluate::{Number, Value, math};
+use naga_interp::{Number, Value, math};
+use preshade_ir::declared::is_padding;
+use preshade_plan::mapping::members;
 
 /// How a value of one type becomes one of another.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -6,9 +6,9 @@ use super::Class;
 use super::draws::Point;
 use super::normals::Encodings;
 use super::words::Example;
-use crate::evaluate::Value;
 use crate::validate::inputs::{Inputs, Profile};
 use crate::validate::world::TestPoint;
+use naga_interp::Value;
 
 /// Inputs of a class that must agree where every mip level is the same.
 const LEVELS: usize = 8;

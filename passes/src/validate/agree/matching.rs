@@ -17,12 +17,12 @@ use super::fed::{Cast, Rule, cast, plain};
 use super::products::{self, Product};
 use super::sampled::sampled;
 use super::{Mismatch, Relation, rename};
-use crate::core::interface;
-use crate::core::mapping::{self, Equation, Mapping};
-use crate::core::program::Program;
-use crate::core::source::Language;
-use crate::evaluate;
 use crate::validate::world::PassStages;
+use naga_interp as evaluate;
+use preshade_ir::interface;
+use preshade_plan::mapping::{self, Equation, Mapping};
+use preshade_plan::program::Program;
+use preshade_text::source::Language;
 
 /// The group of buffers that keep a binding of their own.
 const OWN_GROUP: u32 = 4096;

@@ -15,9 +15,9 @@ use super::Effort;
 use super::numbers::Numbers;
 use super::stage::Stage;
 use super::world::PassStages;
-use crate::core::mapping::Equation;
-use crate::core::plan::{GpuPass, Plan, Role};
-use crate::core::source::Location;
+use preshade_plan::mapping::Equation;
+use preshade_plan::plan::{GpuPass, Plan, Role};
+use preshade_text::source::Location;
 
 mod attributes;
 mod budget;
@@ -464,7 +464,7 @@ pub fn agree(
 
 fn stages<'p>(
     pass: &GpuPass,
-    program: &'p crate::core::program::Program,
+    program: &'p preshade_plan::program::Program,
     side: &'static str,
 ) -> Result<PassStages<'p>, Mismatch> {
     use naga::ShaderStage as S;

@@ -14,11 +14,11 @@ use super::quote::digits;
 use super::trial::{Two, What};
 use super::words::Sliced;
 use super::{Class, Finding, Outcome, reads};
-use crate::core::mapping;
 use crate::validate::inputs::Inputs;
 use crate::validate::levels::Reading;
 use crate::validate::stage::{POSITION, Slot};
 use crate::validate::world::{PassStages, TestPoint};
+use preshade_plan::mapping;
 
 /// Frames that are compared.
 const FRAMES: usize = 64;
@@ -129,8 +129,7 @@ impl Two<'_> {
         });
         let named = read.filter_map(|(at, steps)| {
             let mut globals = module.global_variables.iter();
-            let (global, variable) =
-                globals.find(|(_, g)| crate::evaluate::place(g) == Some(at))?;
+            let (global, variable) = globals.find(|(_, g)| naga_interp::place(g) == Some(at))?;
             if variable.space == naga::AddressSpace::Handle {
                 return None;
             }
@@ -147,7 +146,7 @@ impl Two<'_> {
         let read = read_by(sliced[1].stages(self.second));
         let second = self.second.vertex.module();
         let is_read = |module: &naga::Module, leaf: &Leaf| {
-            let at = crate::evaluate::place(&module.global_variables[leaf.global]);
+            let at = naga_interp::place(&module.global_variables[leaf.global]);
             let mut read = read.iter();
             std::ptr::eq(module, second)
                 && read

@@ -2,13 +2,13 @@
 
 use super::Class;
 use super::promises::named;
-use crate::core::interface;
-use crate::core::pass::{Facts, Pass, Refused};
-use crate::core::plan::{Plan, Role};
-use crate::core::program::Program;
-use crate::evaluate::Value;
 use crate::transforms::outputs::{Outputs, Params};
 use crate::validate::compare::text;
+use naga_interp::Value;
+use preshade_ir::interface;
+use preshade_plan::pass::{Facts, Pass, Refused};
+use preshade_plan::plan::{Plan, Role};
+use preshade_plan::program::Program;
 
 /// How far numbers of equal normals may be apart.
 const CLOSE: f32 = 1e-4;

@@ -12,9 +12,9 @@ use super::quote::written;
 use super::trial::{Two, What};
 use super::words::Sliced;
 use super::{Class, Finding, Held, Outcome, Relation};
-use crate::core::calls;
-use crate::core::declared::Precision;
 use crate::validate::stage::Stage;
+use naga_operands::calls;
+use preshade_ir::declared::Precision;
 
 /// A pre-pass's depths are compared with the main pass's, and a GPU may round two positions
 /// differently.
@@ -154,7 +154,7 @@ fn is_invariant(two: &Two<'_>) -> [bool; 2] {
 /// Stages that compute with fewer bits in one program than in the other.
 fn precisions(two: &Two<'_>) -> Vec<String> {
     let [first, second] = two.relation.names();
-    let of = |stage: ShaderStage, program: &crate::core::program::Program| {
+    let of = |stage: ShaderStage, program: &preshade_plan::program::Program| {
         let all = program.declared().precisions.iter();
         let own = all.filter(|p| p.stage == stage);
         own.fold((Precision::High, BTreeSet::new()), |(_, mut all), p| {

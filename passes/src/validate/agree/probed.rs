@@ -5,8 +5,8 @@
 use std::cell::Cell;
 
 use super::ties;
-use crate::evaluate::Scalar;
 use crate::validate::tape::{Decision, Kind, Plain, Source, Tape};
+use naga_interp::Scalar;
 
 /// Integers that were read last, of which one is solved for.
 const LEAVES: usize = 8;

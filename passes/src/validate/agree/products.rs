@@ -17,12 +17,12 @@ use super::fed::{Cast, Rule};
 use super::matching::{By, Lost, Matcher, type_text};
 use super::reads::overlap;
 use crate::analysis::view::names;
-use crate::core::calls;
-use crate::core::mapping::{self, Equation, Path, Place};
-use crate::core::operands;
-use crate::evaluate;
 use crate::validate::stage::Stage;
 use crate::validate::world::PassStages;
+use naga_interp as evaluate;
+use naga_operands as operands;
+use naga_operands::calls;
+use preshade_plan::mapping::{self, Equation, Path, Place};
 
 /// A part of a variable.
 type Leaf = (Handle<GlobalVariable>, Vec<usize>);

@@ -2,8 +2,8 @@
 
 use super::Relation;
 use super::trial::{Two, What};
-use crate::core::interface::Io;
 use crate::validate::stage::{Slot, Stage};
+use preshade_ir::interface::Io;
 
 impl Two<'_> {
     pub(super) fn promises(&self) -> Vec<(&'static str, Result<What, String>)> {

@@ -1,8 +1,8 @@
 //! The author's text and numbers, as a sentence quotes them.
 
-use crate::core::program::Program;
-use crate::evaluate::{Scalar, Value};
 use crate::validate::compare::text;
+use naga_interp::{Scalar, Value};
+use preshade_plan::program::Program;
 
 /// The longest text that a sentence quotes.
 const MOST: usize = 60;

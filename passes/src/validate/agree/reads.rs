@@ -4,10 +4,10 @@ use std::collections::BTreeSet;
 
 use naga::{Expression, Function, GlobalVariable, Handle, Span};
 
-use crate::core::calls;
-use crate::core::operands;
-use crate::evaluate;
 use crate::validate::stage::Stage;
+use naga_interp as evaluate;
+use naga_operands as operands;
+use naga_operands::calls;
 
 /// A variable and a part of it.
 type Part = (Handle<GlobalVariable>, Vec<usize>);

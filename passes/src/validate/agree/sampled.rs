@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use naga::{Expression, Function, GlobalVariable, Handle, Module, Statement};
 
-use crate::core::operands;
+use naga_operands as operands;
 
 /// A texture or sampler in a function.
 #[derive(Clone, Copy)]

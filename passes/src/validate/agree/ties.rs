@@ -13,11 +13,11 @@ use super::draws::Point;
 use super::fed::{self, Rule};
 use super::probed::{Probed, Solution};
 use super::trial::Two;
-use crate::evaluate::{Scalar, Stuck};
 use crate::validate::inputs::Inputs;
 use crate::validate::stage::Ran;
 use crate::validate::tape::{Along, Decision, Kind, Plain, Source, Tape, Taped, taped};
 use crate::validate::world::{self, PassStages, TestPoint};
+use naga_interp::{Scalar, Stuck};
 
 /// Inputs from which a comparison is solved.
 const TRIES: usize = 3;

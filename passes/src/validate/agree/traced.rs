@@ -6,11 +6,11 @@ use naga::{Expression, Function, Handle, Module, Statement};
 
 use super::Spot;
 use super::quote::{digits, short, written};
-use crate::core::operands;
-use crate::core::program::Program;
-use crate::evaluate::{Scalar, Traced, Value};
 use crate::validate::stage::Stage;
 use crate::validate::world::PassStages;
+use naga_interp::{Scalar, Traced, Value};
+use naga_operands as operands;
+use preshade_plan::program::Program;
 
 /// One program's run of a slice.
 pub(super) struct Run<'a> {
@@ -268,7 +268,7 @@ fn guards(stage: Stage<'_>) -> BTreeSet<(At, bool)> {
         });
     };
     of(None, stage.function());
-    for function in crate::core::calls::called(module, &stage.function().body) {
+    for function in naga_operands::calls::called(module, &stage.function().body) {
         of(Some(function), &module.functions[function]);
     }
     all
@@ -281,7 +281,7 @@ pub(super) fn kills(module: &Module, block: &naga::Block) -> bool {
         operands::visit(block, &mut |s| found |= matches!(s, Statement::Kill));
     };
     look(block);
-    for function in crate::core::calls::called(module, block) {
+    for function in naga_operands::calls::called(module, block) {
         look(&module.functions[function].body);
     }
     found
@@ -307,7 +307,7 @@ fn conditions(stage: Stage<'_>, is_exit: bool) -> BTreeSet<At> {
         comparisons((handle, function), pending, &mut all);
     };
     of(None, stage.function());
-    for function in crate::core::calls::called(module, &stage.function().body) {
+    for function in naga_operands::calls::called(module, &stage.function().body) {
         of(Some(function), &module.functions[function]);
     }
     all

@@ -14,9 +14,6 @@ use super::matching::Matching;
 use super::ties::Ties;
 use super::words::{self, Example, Sliced};
 use super::{Class, Finding, Held, Outcome, Relation, normals, quote, reads};
-use crate::core::source::Language;
-use crate::core::state::DepthDirection;
-use crate::evaluate::{Stuck, Undefined, Value};
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
 use crate::slice::{Criterion, OutputFilter};
@@ -28,6 +25,9 @@ use crate::validate::stage::{Ran, Slot};
 use crate::validate::term::{self, Symbolic};
 use crate::validate::world::{self, PassStages, TestPoint};
 use crate::validate::{Effort, proof};
+use naga_interp::{Stuck, Undefined, Value};
+use preshade_plan::state::DepthDirection;
+use preshade_text::source::Language;
 
 /// One in this many inputs is run on the whole programs, also beside a proof that depends on the slicer:
 /// by default as many as in [validation](crate::validate).

@@ -12,7 +12,6 @@ use super::quote::{apart, digits};
 use super::traced::{Decision, Pairing, Run, beginnings, decisions, kills};
 use super::trial::{Two, What};
 use super::{Class, Finding, Relation, Spot};
-use crate::core::program::Program;
 use crate::graph::Graph;
 use crate::slice::{self, Criterion, OutputFilter};
 use crate::validate::levels::Reading;
@@ -20,6 +19,7 @@ use crate::validate::proof::{self, SLICE};
 use crate::validate::stage::Stage;
 use crate::validate::trial;
 use crate::validate::world::{self, PassStages, TestPoint, Texels};
+use preshade_plan::program::Program;
 
 /// An input on which two programs differ.
 pub(super) struct Example {

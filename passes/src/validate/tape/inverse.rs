@@ -6,7 +6,7 @@ use std::cmp::Ordering;
 use naga::{BinaryOperator, MathFunction};
 
 use super::{Decision, Made, Source, Tape, Taped};
-use crate::evaluate::Number;
+use naga_interp::Number;
 
 /// Candidates of one search.
 const MOST_CANDIDATES: usize = 12;

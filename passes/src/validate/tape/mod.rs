@@ -15,7 +15,7 @@ mod inverse;
 pub(super) use inverse::Along;
 
 use super::stage::Slot;
-use crate::evaluate::{Lookup, Number, Sampling, Scalar};
+use naga_interp::{Lookup, Number, Sampling, Scalar};
 
 /// Most operations on a tape.
 const MOST: usize = 1 << 16;

@@ -9,8 +9,8 @@ pub mod stages;
 use std::sync::Arc;
 
 use naga::back::wgsl::WriterFlags;
-use preshade_passes::core::source::{Language, SourceMap};
-use preshade_passes::program::Program;
+use preshade_plan::program::Program;
+use preshade_text::source::{Language, SourceMap};
 
 /// A validated program from WGSL.
 pub fn program(source: &str) -> Program {

@@ -3,12 +3,13 @@
 use std::collections::BTreeMap;
 
 use naga::ShaderStage;
-use preshade_passes::evaluate::{self, Environment, Stuck, Value};
-use preshade_passes::guard::{Assumed, Bounds, Place, ScalarType};
-use preshade_passes::pass::{Constant, Facts, Pass};
-use preshade_passes::plan::Plan;
-use preshade_passes::specialize::{Params, Specialize};
-use preshade_passes::state::MaterialState;
+use naga_interp as evaluate;
+use naga_interp::{Environment, Stuck, Value};
+use preshade_passes::transforms::specialize::{Params, Specialize};
+use preshade_plan::guard::{Assumed, Bounds, Place, ScalarType};
+use preshade_plan::pass::{Constant, Facts, Pass};
+use preshade_plan::plan::Plan;
+use preshade_plan::state::MaterialState;
 
 /// The plan of a material with the entry points `vs` and `fs`.
 pub fn original(source: &str) -> Plan {

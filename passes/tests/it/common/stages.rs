@@ -3,9 +3,10 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, Module, ShaderStage, TypeInner};
-use preshade_passes::core::interface;
-use preshade_passes::evaluate::{self, Environment, RunResult, Stuck, Value};
-use preshade_passes::program::Program;
+use naga_interp as evaluate;
+use naga_interp::{Environment, RunResult, Stuck, Value};
+use preshade_ir::interface;
+use preshade_plan::program::Program;
 
 /// What a stage gave.
 pub struct Ran {

@@ -6,8 +6,8 @@
 use naga::{
     BinaryOperator, Expression, Handle, Literal, MathFunction, Scalar, ScalarKind, VectorSize,
 };
-use preshade_passes::core::source::Language;
-use preshade_passes::evaluate::interval::Interval;
+use naga_interp::interval::Interval;
+use preshade_text::source::Language;
 
 use super::{Keep, shape};
 

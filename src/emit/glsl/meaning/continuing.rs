@@ -6,8 +6,8 @@ use std::collections::BTreeSet;
 
 use naga::proc::TypeResolution;
 use naga::{Block, Expression, Handle, LocalVariable, Span, Statement, Type, TypeInner};
-use preshade_passes::graph::operands;
-use preshade_passes::rebuild::copy::CopyFunction as _;
+use naga_operands as operands;
+use preshade_ir::copy::CopyFunction as _;
 
 use super::Keep;
 

@@ -8,9 +8,9 @@ use naga::{
     Arena, BinaryOperator, Block, Expression, Function, Handle, ImageQuery, Literal, LocalVariable,
     MathFunction, Module, Scalar, ScalarKind, Statement, TypeInner, UnaryOperator,
 };
-use preshade_passes::evaluate::Number as _;
-use preshade_passes::evaluate::interval::{Arithmetic, Interval};
-use preshade_passes::graph::operands;
+use naga_interp::Number as _;
+use naga_interp::interval::{Arithmetic, Interval};
+use naga_operands as operands;
 
 const I32: Interval = Interval::new(i32::MIN as f64, i32::MAX as f64);
 const U32: Interval = Interval::new(0.0, u32::MAX as f64);

@@ -3,8 +3,8 @@
 use std::collections::{HashMap, HashSet};
 
 use super::{BindingSlot, BoundSampler, Interface, SplitSampler, flat, refuse_sampler};
-use crate::front::error::Error;
 use crate::front::glsl::stage::{GlslStage, Qualifiers, Storage};
+use preshade_text::error::Error;
 
 impl Interface {
     pub(super) fn bindings(&mut self, stages: &[GlslStage<'_>]) -> Result<(), Error> {

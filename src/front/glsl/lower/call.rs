@@ -5,7 +5,6 @@ use std::iter;
 use glsl_lang::ast::{self, Expr, ExprData, FunIdentifierData};
 use naga::Span;
 
-use super::super::absent;
 use super::super::interface::SplitSampler;
 use super::super::placeholders::{self, Atomic, Placeholder, Subgroup};
 use super::super::source_marks::unmarked;
@@ -16,7 +15,8 @@ use super::expression::{Ex, level};
 use super::fold::Folds;
 use super::overload::{OverloadChoice, choose};
 use super::{BuiltinCall, Lower, builtin, texture};
-use crate::front::error::{Code, Error};
+use preshade_text::absent;
+use preshade_text::error::{Code, Error};
 
 impl Lower<'_, '_> {
     /// The value of `length()`: the specialisation constant, if it is one.

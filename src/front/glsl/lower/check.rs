@@ -8,7 +8,7 @@ use super::super::ty::{Component, Ty};
 use super::Lower;
 use super::expression::Ex;
 use super::overload::{conversion, is_same};
-use crate::front::error::{Code, Error};
+use preshade_text::error::{Code, Error};
 
 /// The type with its article.
 pub(super) fn a(ty: &Ty) -> String {

@@ -4,7 +4,7 @@
 use std::collections::HashMap;
 
 use naga::ShaderStage;
-use preshade_passes::declared;
+use preshade_ir::declared;
 
 use super::super::built_ins;
 use super::super::interface::{BindingSlot, Opened, SplitSampler, index, split_type};
@@ -13,8 +13,8 @@ use super::super::stage::{Block, Global, Qualifiers, Storage, Variable, unsuppor
 use super::super::ty::{BlockEntry, Component, GlslMember, MemoryLayout, Rules, Ty, stored};
 use super::fold::Folds;
 use super::{Lower, RESERVED, Var};
-use crate::front::error::Error;
-use crate::front::options::ClipSpace;
+use preshade_text::error::Error;
+use preshade_text::options::ClipSpace;
 
 /// The output beside the array of a built-in.
 pub(super) fn output_of(built_in: &str) -> String {

@@ -16,7 +16,7 @@ use super::super::stage::side_effects::{Effects, root, written_by_own};
 use super::super::ty::Ty;
 use super::Lower;
 use super::expression::{Ex, level};
-use crate::front::error::Error;
+use preshade_text::error::Error;
 
 /// A call's argument, with statements before and after the call.
 #[derive(Default)]

@@ -1,21 +1,21 @@
 //! Prints expressions with minimal parentheses, and tracks their types.
 
-use glsl_lang::ast;
 use glsl_lang::ast::{
-    AssignmentOpData as A, BinaryOpData as B, Expr, ExprData, InitializerData, UnaryOpData,
+    self, AssignmentOpData as A, BinaryOpData as B, Expr, ExprData, InitializerData, UnaryOpData,
 };
 
-use super::super::constant::ConstantValue;
+use super::super::built_ins;
+use super::super::constant::{self, ConstantValue};
 use super::super::interface::SplitSampler;
 use super::super::source_marks::unmarked;
 use super::super::stage::{initial_length, unsupported};
 use super::super::ty::{Component, MemoryLayout, Ty};
-use super::super::{absent, built_ins, constant};
 use super::declaration::output_of;
 use super::effect::{after, is_literal};
 use super::fold::Folds;
 use super::{Lower, Var, check};
-use crate::front::error::{Code, Error};
+use preshade_text::absent;
+use preshade_text::error::{Code, Error};
 
 /// Maximum elements compared one by one.
 const COMPARED: u64 = 1 << 12;
@@ -240,7 +240,7 @@ impl Lower<'_, '_> {
             return self.own_variable(name, expr);
         }
         Err(Error::new(
-            crate::front::error::Code::Parse,
+            preshade_text::error::Code::Parse,
             format!("`{name}` is not declared"),
         )
         .label_if(self.place(expr.span)))
@@ -617,7 +617,7 @@ impl Lower<'_, '_> {
                     .and_then(|s| s.members.iter().find(|m| m.name == name).cloned());
                 let Some(member) = member else {
                     return Err(Error::new(
-                        crate::front::error::Code::Parse,
+                        preshade_text::error::Code::Parse,
                         format!("the struct `{of}` has no member `{name}`"),
                     )
                     .label_if(self.place(whole.span)));

@@ -9,7 +9,7 @@ use super::super::interface::{SplitSampler, flat, split_type};
 use super::super::stage::{Signature, Storage, unsupported};
 use super::super::ty::{BlockEntry, Component, Rules, Ty, stored};
 use super::{Lower, Var, builtin};
-use crate::front::error::Error;
+use preshade_text::error::Error;
 
 /// A printed function and its callees.
 struct Printed {

@@ -28,8 +28,8 @@ use super::placeholders::Placeholders;
 use super::source_marks::Marks;
 use super::stage::GlslStage;
 use super::ty::{MemoryLayout, Ty};
-use crate::front::error::Error;
-use crate::front::options::ClipSpace;
+use preshade_text::error::Error;
+use preshade_text::options::ClipSpace;
 
 /// Keywords of naga's GLSL that older versions allow as names.
 const RESERVED: &[&str] = &[

@@ -6,7 +6,7 @@ use super::super::stage::{Signature, Storage};
 use super::super::ty::{Component, Ty};
 use super::Lower;
 use super::expression::Ex;
-use crate::front::error::{Code, Error};
+use preshade_text::error::{Code, Error};
 
 /// The conversion of an argument.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

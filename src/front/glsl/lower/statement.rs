@@ -12,7 +12,7 @@ use super::super::ty::Ty;
 use super::super::{constant, placeholders};
 use super::expression::{Ex, level};
 use super::{Lower, Var, effect};
-use crate::front::error::{Code, Error};
+use preshade_text::error::{Code, Error};
 
 impl Lower<'_, '_> {
     pub(super) fn statement(&mut self, statement: &Statement) -> Result<String, Error> {

@@ -4,7 +4,6 @@
 use glsl_lang::ast::{BinaryOpData, Expr, ExprData};
 use naga::Span;
 
-use super::super::absent;
 use super::super::source_marks::unmarked;
 use super::super::stage::unsupported;
 use super::super::ty::{BlockEntry, Component, GlslMember, MemoryLayout, Struct, Ty};
@@ -12,7 +11,8 @@ use super::Lower;
 use super::effect::{after, is_literal};
 use super::expression::{Ex, element, level, splat};
 use super::fold::Folds;
-use crate::front::error::{Code, Error};
+use preshade_text::absent;
+use preshade_text::error::{Code, Error};
 
 /// Whether it is a name or a number, so that reading it twice is safe.
 fn is_name(text: &str) -> bool {

@@ -5,17 +5,18 @@ use std::iter;
 use glsl_lang::ast::Expr;
 use naga::Span;
 
+use super::super::constant;
 use super::super::interface::{SplitSampler, split_type};
 use super::super::placeholders::Placeholder;
 use super::super::source_marks::unmarked;
 use super::super::stage::unsupported;
 use super::super::ty::{Component, Ty};
 use super::super::version::Dialect;
-use super::super::{absent, constant};
 use super::Lower;
 use super::effect::after;
 use super::expression::{Ex, level};
-use crate::front::error::Error;
+use preshade_text::absent;
+use preshade_text::error::Error;
 
 /// A texture function.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -15,15 +15,15 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use naga::{ShaderStage, Span};
-use preshade_passes::core::source::SourceMap;
+use preshade_text::source::SourceMap;
 
 use self::condition::{Word, Wrong, evaluate, integer};
 use self::macros::{Macro, TokenSource};
 use self::tokens::{Joined, Names, Token, TokenKind, tokens};
-use super::absent;
 use super::include::Files;
 use super::version::Dialect;
-use crate::front::error::{Code, Error};
+use preshade_text::absent;
+use preshade_text::error::{Code, Error};
 
 /// Maximum tokens read, skipped or made.
 const WORK: usize = 1 << 24;

@@ -7,13 +7,13 @@ use glsl_lang::ast::{
     self, DeclarationData, ExprData, ExternalDeclarationData, NodeSpan, TypeSpecifierNonArrayData,
 };
 use naga::{ConservativeDepth, ShaderStage, Span};
-use preshade_passes::declared::{self, LengthConstant, Precision};
+use preshade_ir::declared::{self, LengthConstant, Precision};
 
 use super::constant::{self, ConstantValue, Constants, Specialised};
 use super::lengths::Candidate;
 use super::syntax::Unit;
 use super::ty::{Component, GlslMember, Length, Rules, Structs, Ty};
-use crate::front::error::{Code, Error};
+use preshade_text::error::{Code, Error};
 
 mod qualifiers;
 mod reachable;

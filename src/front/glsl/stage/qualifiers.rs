@@ -5,11 +5,11 @@ use glsl_lang::ast::{
     StorageQualifierData, TypeQualifierSpecData,
 };
 use naga::{ConservativeDepth, ShaderStage};
-use preshade_passes::declared::Precision;
+use preshade_ir::declared::Precision;
 
 use super::{GlslStage, unsupported};
-use crate::front::error::Error;
-use crate::front::glsl::absent;
+use preshade_text::absent;
+use preshade_text::error::Error;
 
 /// A variable's storage class.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

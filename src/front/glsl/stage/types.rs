@@ -7,9 +7,9 @@ use glsl_lang::transpiler::glsl::{FormattingState, show_type_specifier_non_array
 use naga::Span;
 
 use super::{GlslStage, unsupported};
-use crate::front::error::{Code, Error};
-use crate::front::glsl::absent;
 use crate::front::glsl::ty::{GlslMember, Struct, Ty};
+use preshade_text::absent;
+use preshade_text::error::{Code, Error};
 
 /// Maximum elements of arrays that are split into variables: varyings and samplers.
 pub(super) const APART: u64 = 1 << 10;

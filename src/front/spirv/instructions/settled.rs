@@ -1,7 +1,7 @@
 //! What only the IR can say: a `discard` that goes on, and the number of layers.
 
 use naga::{Block, Expression, Function, Handle, ImageQuery, Module, Statement, TypeInner};
-use preshade_passes::graph::operands;
+use naga_operands as operands;
 use rspirv::dr::{self, Builder, Instruction, Operand};
 use rspirv::spirv::{FunctionControl, Op, Word};
 

@@ -1,14 +1,14 @@
 //! A value of the author's, wherever it is computed, at the end of the fragment stage.
 
-use crate::core::interface;
 use naga::{Expression, Function, GlobalVariable, Handle, LocalVariable, Span, Statement, Type};
+use preshade_ir::interface;
 
 use super::{Extending, Failed};
 use crate::graph::{FunctionGraph, FunctionId};
 use crate::rebuild::after::after;
-use crate::rebuild::writer::FunctionWriter;
-use crate::rebuild::{returns, variable};
 use crate::transforms::outputs::authored::{Authored, Place};
+use preshade_ir::writer::FunctionWriter;
+use preshade_ir::{returns, variable};
 
 /// Where the entry point finds a value as it returns.
 #[derive(Clone, Debug)]

@@ -1,10 +1,10 @@
 //! The fragment stage of an extended material: the author's decisions, and other outputs.
 
-use crate::core::interface;
 use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, FunctionArgument, FunctionResult, Handle,
     Literal, MathFunction, Scalar, ScalarKind, SwizzleComponent, Type, TypeInner, VectorSize,
 };
+use preshade_ir::interface;
 
 use super::capture::Captured;
 use super::vertex::{self, member};
@@ -12,11 +12,12 @@ use super::{
     Direction, Distance, Extending, Face, Failed, Member, Normal, Shows, Surface, Varying,
     Varyings, Wanted, buffer, returned,
 };
-use crate::core::plan::HostValue;
 use crate::rebuild::color::{empty_fragment, location};
+use crate::rebuild::place;
 use crate::rebuild::snippet::link_snippet;
-use crate::rebuild::writer::FunctionWriter;
-use crate::rebuild::{place, returns};
+use preshade_ir::returns;
+use preshade_ir::writer::FunctionWriter;
+use preshade_plan::plan::HostValue;
 
 /// Name of the fragment stage of a material that has none.
 const OWN: &str = "fragment";

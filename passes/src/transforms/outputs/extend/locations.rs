@@ -5,9 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use naga::{Binding, Function, Module, ShaderStage};
 
 use super::location_of;
-use crate::core::interface;
-use crate::core::interface::Io;
 use crate::rebuild::depth_only::Placed;
+use preshade_ir::interface::{self, Io};
 
 /// New locations by the old ones.
 type Renumbered = BTreeMap<u32, u32>;

@@ -8,15 +8,15 @@ use naga::{
 };
 
 use super::{Extending, Failed, Member, Velocity, pointer};
-use crate::core::calls;
-use crate::core::mapping::name_of;
-use crate::core::plan::BindingSource;
 use crate::graph::FunctionId;
 use crate::rebuild::ahead::Ahead;
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
-use crate::rebuild::variable::private;
 use crate::slice::{self, Criterion, OutputFilter, Slice};
 use crate::transforms::outputs::remap::{self, Pair};
+use naga_operands::calls;
+use preshade_ir::variable::private;
+use preshade_plan::mapping::name_of;
+use preshade_plan::plan::BindingSource;
 
 /// Suffix of the copies of functions and buffers.
 const PREVIOUS: &str = "previous";

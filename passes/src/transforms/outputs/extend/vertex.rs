@@ -1,10 +1,10 @@
 //! The vertex stage of an extended material: the author's, and what the fragment stage needs of it.
 
-use crate::core::interface;
 use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, FunctionResult, Handle, Interpolation, Sampling,
     Scalar, StructMember, SwizzleComponent, TypeInner, VectorSize,
 };
+use preshade_ir::interface;
 
 use super::capture::Captured;
 use super::{
@@ -12,8 +12,9 @@ use super::{
     varying,
 };
 use crate::rebuild::ahead::Ahead;
-use crate::rebuild::writer::FunctionWriter;
-use crate::rebuild::{place, returns};
+use crate::rebuild::place;
+use preshade_ir::returns;
+use preshade_ir::writer::FunctionWriter;
 
 /// What a varying carries.
 enum Carried {

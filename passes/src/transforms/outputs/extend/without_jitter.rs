@@ -3,12 +3,12 @@
 use naga::{GlobalVariable, Handle, Module};
 
 use super::Member;
-use crate::core::mapping::name_of;
-use crate::core::program::Program;
-use crate::core::source::Invalid;
 use crate::graph::FunctionId;
-use crate::rebuild::variable::private;
 use crate::transforms::outputs::remap::{self, Pair};
+use preshade_ir::variable::private;
+use preshade_plan::mapping::name_of;
+use preshade_plan::program::Program;
+use preshade_text::source::Invalid;
 
 /// Why a jitter cannot be left out.
 #[derive(Debug)]

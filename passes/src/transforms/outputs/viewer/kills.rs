@@ -4,8 +4,8 @@ use naga::{Block, Span, Statement};
 
 use super::{Reads, Stage};
 use crate::analysis::values::ContextId;
-use crate::core::operands;
 use crate::graph::{FunctionId, StmtId};
+use naga_operands as operands;
 
 /// How the discards of a block depend on conditions inside it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

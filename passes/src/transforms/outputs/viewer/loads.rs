@@ -6,9 +6,9 @@ use naga::{Expression, Handle, Statement, TypeInner};
 
 use super::without_viewer::{Author, Joined, Mode, Rest, Search};
 use super::{At, Changes, Instead};
-use crate::core::operands;
 use crate::graph::memory::{Origin, VersionId};
 use crate::graph::{Root, StmtId, cells};
+use naga_operands as operands;
 
 /// A store that a load may see.
 #[derive(Clone, Copy, Debug)]

@@ -7,8 +7,8 @@ use naga::{Scalar, Statement, TypeInner};
 use super::{At, Changes, Instead, Reads, Stage, Unclear};
 use crate::analysis::reach::with_operands;
 use crate::analysis::values::{ContextId, Node, ValueId};
-use crate::core::operands;
 use crate::graph::StmtId;
+use naga_operands as operands;
 
 /// A condition that decides whether a statement runs.
 #[derive(Clone, Copy, Debug)]

@@ -1,0 +1,17 @@
+//! What readers of shaders have in common: sources with their places, options, errors that point at the author's
+//! text, and limits on input from strangers.
+
+pub mod absent;
+pub mod codes;
+pub mod error;
+pub mod excerpt;
+pub mod limits;
+pub mod memory;
+pub mod nearest;
+pub mod nesting;
+pub mod options;
+pub mod panics;
+pub mod refusals;
+pub mod regular;
+pub mod source;
+pub mod tokens;
