@@ -505,7 +505,7 @@ impl ShaderArgs {
     fn captured(&self, folder: &Path, purpose: Purpose) -> Result<Scene, Failure> {
         let failed =
             |e: capture::Error| Failure(format!("error[{}]: {}: {e}", e.code(), folder.display()));
-        let capture = Capture::open(folder, &self.limits.limits()).map_err(failed)?;
+        let capture = Capture::open(folder, &self.limits.limits()).map_err(|e| failed(e.into()))?;
         let gpu = match purpose {
             Purpose::Read => None,
             Purpose::Draw => Some(self.replay_gpu()?),

@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
-use super::Error;
+use super::error::Error;
 use super::file::{BufferType, Command, ComputeCommand, GroupLayout, Resource};
 use super::folder::{Capture, get};
 use super::pass::{self, PassDraw};

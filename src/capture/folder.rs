@@ -7,8 +7,9 @@ use std::io::Read as _;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
+use super::error::Error;
 use super::file::{CaptureFile, Command, DataName, DrawCommand, Resource, SCHEMA};
-use super::{Error, ranges};
+use super::ranges;
 use preshade_text::limits::Limits;
 use preshade_text::regular;
 

@@ -32,6 +32,12 @@ impl From<Error> for Left {
     }
 }
 
+impl From<super::error::Error> for Left {
+    fn from(error: super::error::Error) -> Self {
+        Self::Broken(error.into())
+    }
+}
+
 /// What a program is read for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Reader {

@@ -14,6 +14,7 @@ pub mod browser;
 pub mod check;
 pub mod codes;
 mod contents;
+pub mod error;
 pub mod file;
 pub mod folder;
 mod material;
@@ -44,31 +45,14 @@ pub use unknown::{UnknownDepth, unknown_depths};
 
 use crate::{front, render};
 use preshade_text::limits::Exceeded;
-use preshade_text::regular;
 
 /// A capture that cannot be read or replayed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// A file of the folder cannot be read.
-    #[error("cannot read `{file}`: {error}")]
-    Read {
-        /// Name in the folder.
-        file: String,
-        /// Why.
-        error: regular::ReadError,
-    },
-    /// `frame.json` is no capture that this version reads.
-    #[error("`frame.json`: {0}")]
-    File(String),
-    /// The file names an object that it does not have, or one that does not fit.
-    #[error("{place}: {message}")]
-    Broken {
-        /// The command or object.
-        place: String,
-        /// What is wrong.
-        message: String,
-    },
+    /// Its folder cannot be read, or is broken.
+    #[error(transparent)]
+    Frame(#[from] error::Error),
     /// A limit is exceeded.
     #[error(transparent)]
     Limit(#[from] Exceeded),
@@ -95,9 +79,6 @@ impl Error {
     }
 
     fn broken(place: impl Into<String>, message: impl Into<String>) -> Self {
-        Self::Broken {
-            place: place.into(),
-            message: message.into(),
-        }
+        error::Error::broken(place, message).into()
     }
 }

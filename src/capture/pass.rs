@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use serde::{Deserialize, Serialize};
 
-use super::Error;
+use super::error::Error;
 use super::file::{
     Clear, Command, ComputeCommand, DrawCommand, IndexFormat, Load, RenderPassDescriptor, Resource,
     View,

@@ -1,6 +1,6 @@
 //! The parts of buffers that commands and bind groups name.
 
-use super::Error;
+use super::error::Error;
 use super::file::{CaptureFile, Command, ComputeCommand, DrawCommand, Resource};
 
 /// Bytes of the arguments of an indirect draw, of an indexed one, and of a dispatch.

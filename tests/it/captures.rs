@@ -109,6 +109,7 @@ fn a_broken_capture_is_an_error_that_names_the_place() {
         }
         let path = own.write(&format!("broken-{index}"));
         let read = Capture::open(&path, &Limits::default())
+            .map_err(capture::Error::from)
             .and_then(|capture| capture::scene(&capture, Choice::default(), None).map(drop));
         let error = read.unwrap_err().to_string();
         assert!(error.contains(told), "{place}: {error}");

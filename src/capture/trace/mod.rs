@@ -360,7 +360,7 @@ fn write(
     made.refused = refused;
     // Before anything of that size is allocated.
     super::folder::check(&made, limits).map_err(|error| match error {
-        super::Error::Limit(exceeded) => TraceError::Limit(exceeded),
+        super::error::Error::Limit(exceeded) => TraceError::Limit(exceeded),
         other => TraceError::Broken(other.to_string()),
     })?;
     start::fold(&mut made, &mut store)?;

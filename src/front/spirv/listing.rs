@@ -34,7 +34,7 @@ pub(super) struct File {
 
 /// A module's text.
 #[derive(Debug, Default)]
-pub(in crate::front) struct Listing {
+pub(crate) struct Listing {
     pub text: String,
     /// The line of each instruction.
     lines: Vec<Range<usize>>,
@@ -83,7 +83,7 @@ impl Listing {
 /// Reads `words`. The module has an `OpLine` before each instruction of a block, whose line is the
 /// instruction's index in the listing: transforms keep it in place. Debug information is left out.
 /// The error comes with the listing of what precedes it.
-pub(in crate::front) fn read(words: &[u32]) -> (Listing, Result<Module, String>) {
+pub(crate) fn read(words: &[u32]) -> (Listing, Result<Module, String>) {
     let mut reader = Reader::default();
     let bytes = to_bytes(words);
     // rspirv panics on a string that has no end.

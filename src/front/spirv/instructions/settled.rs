@@ -34,7 +34,7 @@ pub(super) fn declare_demote(module: &mut Builder, id: Word) {
 
 /// Writes `discard` where [`super::replace`] calls the function that demotes: SPIR-V has no such
 /// instruction inside of a block that naga reads.
-pub(in crate::front) fn demote(module: &mut Module) {
+pub(crate) fn demote(module: &mut Module) {
     let is_demote = |f: &Function| f.name.as_deref() == Some(DEMOTE);
     let all: Vec<_> = module.functions.iter().collect();
     let named = all.into_iter().find(|(_, f)| is_demote(f));
