@@ -10,9 +10,9 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use preshade::emit::{self, Options, Target};
-use preshade::front::{self, Source};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::{self, Options, Target};
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
 use preshade_passes::examples;
 use preshade_passes::graph::Graph;
 use preshade_plan::pass::{Facts, Use};
@@ -20,6 +20,7 @@ use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 use preshade_plan::state::MaterialState;
 use preshade_text::error::Color;
+use preshade_text::files;
 use preshade_text::options;
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
@@ -122,7 +123,7 @@ fn whole() -> Result<()> {
             continue;
         };
         let source = Source::new(path.display().to_string(), text);
-        let compile = || -> Result<Vec<emit::File>> {
+        let compile = || -> Result<Vec<files::File>> {
             let (_, plan) = program(&source)?;
             // A refusal is a normal outcome, and keeps the original.
             let plan = recipe.apply(&plan, &Facts::default()).unwrap_or(plan);

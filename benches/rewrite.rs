@@ -11,9 +11,9 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use preshade::emit::{self, Options, Target};
-use preshade::front::{self, Source};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::{self, Options, Target};
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
 use preshade_passes::graph::Graph;
 use preshade_passes::transforms::hoist::movable::Finite;
 use preshade_passes::transforms::hoist::{self, Candidates, Hoist, HoistStages};

@@ -9,9 +9,10 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use preshade::capture::{self, Capture, Choice, check};
-use preshade::measure::record::Picture;
-use preshade::render::{AdapterChoice, Gpu};
+use preshade_draw::capture::{self, Choice, check};
+use preshade_draw::render::{AdapterChoice, Gpu};
+use preshade_frames::folder::Capture;
+use preshade_lab::measure::record::Picture;
 use preshade_text::limits::Limits;
 use serde_json::{Value, json};
 
@@ -74,7 +75,7 @@ fn one(folder: &Path, gpu: &Gpu, pictures: Option<&Path>) -> Result<(Value, bool
             }
         }
     }
-    let passes: Vec<Value> = capture::passes(&capture, 0)?
+    let passes: Vec<Value> = preshade_frames::pass::passes(&capture, 0)?
         .iter()
         .map(|p| json!({ "kind": p.kind.name(), "draws": p.draws.len() }))
         .collect();

@@ -21,16 +21,16 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade::recipe::Recipe;
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::scene::{DrawOrder, Scene};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::scene::{DrawOrder, Scene};
+use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade_passes::transforms::visibility_buffer;
-use preshade_passes::validate::Effort;
-use preshade_passes::validate::inputs::Random;
 use preshade_plan::contract::{Contract, Verdict};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_validate::Effort;
+use preshade_validate::inputs::Random;
 
 #[path = "../tests/it/combinations_support/mod.rs"]
 mod combinations_support;
@@ -131,7 +131,7 @@ fn scenes() -> Vec<(String, Scene)> {
         .collect();
     paths.sort();
     let load = |path: &PathBuf| {
-        let scene = preshade::scene::load(path).unwrap_or_else(|e| panic!("{}", e.render()));
+        let scene = preshade_draw::scene::load(path).unwrap_or_else(|e| panic!("{}", e.render()));
         let mut scene = scene.resized(SIZE);
         for camera in &mut scene.cameras {
             camera.frames.truncate(1);

@@ -28,7 +28,7 @@ mod render_support;
 
 use native::both;
 use native::pair::FirstRow;
-use preshade::scene::Value;
+use preshade_draw::scene::Value;
 
 /// What takes longer is left. Mesa's compilers alone take 40 s of a core for one of GraphicsFuzz's.
 const LIMIT: Duration = Duration::from_secs(300);

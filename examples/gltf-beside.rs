@@ -18,9 +18,9 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use image::{RgbImage, imageops};
-use preshade::measure::Session;
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::scene::{self, Access, DrawOrder, Shading, Variables};
+use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::scene::{self, Access, DrawOrder, Shading, Variables};
+use preshade_lab::measure::Session;
 
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1);

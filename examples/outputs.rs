@@ -18,9 +18,9 @@
     reason = "a tool that ends with a message"
 )]
 
-use preshade::measure::Timed;
-use preshade::measure::outputs::TOLERANCE;
-use preshade::render::{AdapterChoice, Gpu};
+use preshade_draw::render::{AdapterChoice, Gpu};
+use preshade_lab::measure::Timed;
+use preshade_lab::measure::outputs::TOLERANCE;
 
 #[path = "../tests/support/fixtures_support.rs"]
 mod fixtures_support;

@@ -16,9 +16,9 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use preshade::measure;
-use preshade::measure::truth::{Nearer, Points, Spread, truth};
-use preshade::recipe::Recipe;
+use preshade_compiler::recipe::Recipe;
+use preshade_lab::measure;
+use preshade_lab::measure::truth::{Nearer, Points, Spread, truth};
 use preshade_passes::examples;
 use preshade_plan::pass::Use;
 
@@ -66,7 +66,7 @@ fn main() {
     let mut not = Vec::new();
     for path in paths {
         let name = path.file_stem().unwrap().to_string_lossy().into_owned();
-        let scene = preshade::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
+        let scene = preshade_draw::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
         let facts = measure::known(&scene);
         let originals = measure::originals(&scene);
         for (recipe, counted) in recipes.iter().zip(&mut counts) {

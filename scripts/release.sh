@@ -37,14 +37,14 @@ while read -r file pattern; do
     [ "$found" = "$version" ] || wrong+=$'\n'"$file: ${found:-none}"
 done <<'PLACES'
 Cargo.toml ^version = "\(.*\)"$
-Cargo.toml ^preshade-passes = { version = "\([^"]*\)".*
-Cargo.toml ^preshade = { version = "\([^"]*\)".*
 hosts/bevy/Cargo.toml ^version = "\(.*\)"$
 hosts/bevy/Cargo.toml ^preshade = .*version = "\([^"]*\)".*
 hosts/web/package.json ^ *"version": "\(.*\)",$
 hosts/three/package.json ^ *"version": "\(.*\)",$
 hosts/three/package.json ^ *"preshade": "\([0-9][^"]*\)",$
 PLACES
+found=$(sed -n 's/.* = { version = "\([^"]*\)", path = .*/\1/p' Cargo.toml | sort -u | xargs)
+[ "$found" = "$version" ] || wrong+=$'\n'"Cargo.toml, its own crates: ${found:-none}"
 [ -z "$wrong" ] || refuse "these are not $version:$wrong"
 
 make test hosts audit || refuse "a test failed"
@@ -54,9 +54,7 @@ out=dist/$version
 rm -rf "$out"
 mkdir -p "$out"
 cargo publish --workspace --dry-run --locked
-for crate in preshade-passes preshade preshade-cli; do
-    cp "${CARGO_TARGET_DIR:-target}/package/$crate-$version.crate" "$out"
-done
+cp "${CARGO_TARGET_DIR:-target}"/package/*-"$version".crate "$out"
 for package in web three; do (cd hosts/$package && npm pack --silent --pack-destination "../../$out"); done
 scripts/sbom.sh hosts/web/compiler/Cargo.toml wasm32-unknown-unknown "$out/preshade-npm-$version.cdx.json"
 scripts/dist.sh

@@ -9,7 +9,7 @@ if [ -z "$tag" ]; then
     exit 0
 fi
 command -v cargo-semver-checks >/dev/null || cargo install cargo-semver-checks --locked
-crates=(preshade-passes preshade)
+crates=(preshade)
 root=$PWD
 work=$(mktemp -d)
 trap 'rm -rf "$work"' EXIT

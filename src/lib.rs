@@ -31,56 +31,18 @@
 //! - With the feature `verify`, `verify` draws a `Scene` with the original and its variants, and
 //!   returns a `Report` of errors and times.
 //!
-//! Everything in [`unstable`] may change at any time.
+//! The crates below this one are preshade's own: they may change in any release.
 
 #[cfg(feature = "compiler")]
-pub mod build_script;
+pub use preshade_compiler::build_script::{self, compile, configure};
 #[cfg(feature = "compiler")]
-pub mod command;
+pub use preshade_compiler::emit::Target;
 #[cfg(feature = "compiler")]
-pub mod emit;
+pub use preshade_compiler::front::Source;
 #[cfg(feature = "compiler")]
-pub mod front;
+pub use preshade_compiler::pipeline::{Output, Shader, Skipped, rewrite};
 #[cfg(feature = "compiler")]
-pub mod lock;
-#[cfg(feature = "compiler")]
-pub mod parameters;
-#[cfg(feature = "compiler")]
-pub mod pipeline;
-#[cfg(feature = "compiler")]
-pub mod recipe;
-#[cfg(feature = "compiler")]
-pub mod sweep;
-#[cfg(feature = "compiler")]
-pub mod wgsl;
-#[cfg(feature = "spirv")]
-mod words;
-
-#[cfg(feature = "verify")]
-pub mod capture;
-#[cfg(feature = "verify")]
-pub mod jobs;
-#[cfg(feature = "verify")]
-pub mod measure;
-#[cfg(feature = "verify")]
-pub mod render;
-#[cfg(feature = "verify")]
-pub mod report;
-#[cfg(feature = "verify")]
-pub mod scene;
-#[cfg(feature = "verify")]
-pub mod search;
-#[cfg(feature = "verify")]
-mod verify;
-
-#[cfg(feature = "compiler")]
-pub use build_script::{compile, configure};
-#[cfg(feature = "compiler")]
-pub use emit::{File, Target};
-#[cfg(feature = "compiler")]
-pub use front::Source;
-#[cfg(feature = "compiler")]
-pub use pipeline::{Output, Shader, Skipped, rewrite};
+pub use preshade_compiler::recipe::{Recipe, Step};
 #[cfg(feature = "compiler")]
 pub use preshade_plan::contract::Contract;
 #[cfg(feature = "compiler")]
@@ -90,32 +52,18 @@ pub use preshade_plan::plan::{GpuPass, Plan};
 #[cfg(feature = "compiler")]
 pub use preshade_plan::state::{ColorTarget, CullMode, MaterialState};
 #[cfg(feature = "compiler")]
+pub use preshade_text::files::File;
+#[cfg(feature = "compiler")]
 pub use preshade_text::options::Options;
-#[cfg(feature = "compiler")]
-pub use recipe::{Recipe, Step};
 
 #[cfg(feature = "verify")]
-pub use measure::record::Report;
+pub use preshade_draw::render::{AdapterChoice, Gpu};
 #[cfg(feature = "verify")]
-pub use render::{AdapterChoice, Gpu};
+pub use preshade_draw::scene::Scene;
 #[cfg(feature = "verify")]
-pub use scene::Scene;
+pub use preshade_lab::measure::record::Report;
 #[cfg(feature = "verify")]
-pub use verify::verify;
-
-/// The internals, for preshade's own command line, tests and tools. This module has no stability
-/// promise: anything in it may change in any release.
-#[cfg(feature = "compiler")]
-pub mod unstable {
-    macro_rules! internal {
-        ($($(#[$attribute:meta])* $module:ident)*) => {
-            $($(#[$attribute])* #[allow(missing_docs)] pub mod $module { pub use crate::$module::*; })*
-        };
-    }
-    internal! { build_script command emit front lock parameters pipeline recipe sweep }
-    #[cfg(feature = "verify")]
-    internal! { capture jobs measure render report scene search }
-}
+pub use preshade_lab::verify;
 
 /// Includes the items of a material that the build script compiled:
 /// `mod lit { crate::include_variant!("lit"); }`.

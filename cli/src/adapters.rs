@@ -1,6 +1,6 @@
 //! `preshade adapters`: the adapters of this machine.
 
-use preshade::render;
+use preshade_draw::render;
 use serde::Serialize;
 
 use crate::{Ending, Failure, Format, output};

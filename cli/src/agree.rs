@@ -4,14 +4,16 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
-use preshade::command::agree::{Compared, Cost, FailOn, Side, breaks, compare, parse_class};
-use preshade::command::agreed::{Pair, Report};
-use preshade::measure::Beside;
-use preshade::recipe::Recipe;
-use preshade_passes::validate::Effort;
-use preshade_passes::validate::agree::{self, Agreement, Question, Relation};
+use preshade_compiler::command::agree::{
+    Compared, Cost, FailOn, Side, breaks, compare, parse_class,
+};
+use preshade_compiler::command::agreed::{Pair, Report};
+use preshade_compiler::recipe::Recipe;
+use preshade_lab::measure::Beside;
 use preshade_plan::mapping::Equation;
 use preshade_plan::plan::Plan;
+use preshade_validate::Effort;
+use preshade_validate::agree::{self, Agreement, Question, Relation};
 use rayon::prelude::*;
 
 use crate::beside::SceneArgs;

@@ -1,9 +1,9 @@
 //! A report put together of variants that were measured in processes of their own.
 
-use preshade::measure::Verified;
-use preshade::measure::record::{Chosen, Report, Unfinished, VariantReport};
-use preshade::recipe::Recipe;
-use preshade::render::NOT_MEASURED;
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::NOT_MEASURED;
+use preshade_lab::measure::Verified;
+use preshade_lab::measure::record::{Chosen, Report, Unfinished, VariantReport};
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::{Contract, Verdict};
 use preshade_text::limits::Limits;

@@ -5,11 +5,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use preshade::front::{self, Source};
-use preshade::measure::{self, Estimate, Session, TimingSettings};
-use preshade::recipe::Recipe;
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene, Value};
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene, Value};
+use preshade_lab::measure::{self, Estimate, Session, TimingSettings};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Draws, Phase, Plan, Role, Visibility,
@@ -71,7 +71,7 @@ pub struct BenchArgs {
 struct Yardstick {
     schema: &'static str,
     resolution: [u32; 2],
-    adapter: preshade::render::AdapterReport,
+    adapter: preshade_draw::render::AdapterReport,
     rows: Vec<BenchRow>,
 }
 
@@ -321,8 +321,8 @@ fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
         fragment: Some("fs".to_owned()),
         ..Options::default()
     };
-    let parsed =
-        front::parse(&[source], &options).map_err(|e| Failure(e.render(front::Color::Never)))?;
+    let parsed = front::parse(&[source], &options)
+        .map_err(|e| Failure(e.render(preshade_text::error::Color::Never)))?;
     let numbers = |n: f64| Value::Numbers(vec![n]);
     let values = BTreeMap::from([
         ("p.n".to_owned(), numbers(f64::from(stack.grid))),

@@ -3,18 +3,17 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use preshade::emit;
-use preshade::measure::{self, Beside, Look, TimingSettings};
-use preshade::render::{AdapterChoice, Gpu};
-use preshade::scene::{self, Scene, StandIn, Variables};
-use preshade_passes::validate::agree::{Partner, Relation};
+use preshade_draw::render::{AdapterChoice, Gpu};
+use preshade_draw::scene::{self, Scene, StandIn, Variables};
+use preshade_lab::measure::{self, Beside, Look, TimingSettings};
 use preshade_plan::plan::Plan;
+use preshade_validate::agree::{Partner, Relation};
 
 use crate::input::ShaderArgs;
 use crate::verify::parse_seconds;
 use crate::view::ViewArgs;
 use crate::{Failure, output};
-use preshade::report::picture::file_name;
+use preshade_lab::report::picture::file_name;
 
 /// The scene of `agree`.
 #[derive(clap::Args)]
@@ -113,7 +112,8 @@ impl SceneArgs {
                 );
             }
         }
-        let written = emit::write(folder, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        let written = preshade_text::files::write(folder, &files)
+            .map_err(|e| Failure(format!("error: {e}")))?;
         for path in written {
             output::message(&format!("wrote {}", path.display()));
         }

@@ -2,7 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use preshade::{capture, emit, lock, measure, render, scene};
+use preshade_compiler::{emit, lock};
+use preshade_draw::{capture, render, scene};
+use preshade_lab::measure;
 use preshade_passes::{PASSES, pass_named, refusals};
 use preshade_plan::contract::Assumption;
 use preshade_text::nearest::nearest;
@@ -18,7 +20,7 @@ fn infos() -> impl Iterator<Item = &'static RefusalInfo> {
         lock::codes::REFUSALS,
         scene::codes::REFUSALS,
         render::codes::REFUSALS,
-        capture::codes::REFUSALS,
+        preshade_frames::codes::REFUSALS,
     ];
     errors.into_iter().flatten().chain(refusals())
 }
@@ -39,7 +41,7 @@ pub fn all() -> BTreeMap<&'static str, String> {
 
 /// The code of an error that has one.
 pub fn of(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
-    use preshade::search::plan as decide;
+    use preshade_lab::search::plan as decide;
     if let Some(error) = error.downcast_ref::<decide::PlanError>() {
         return match error {
             decide::PlanError::Measure(error) => of(error),
@@ -60,7 +62,8 @@ pub fn of(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
     }
     #[cfg(feature = "capture")]
     {
-        use capture::browser::{BrowserError, UnpackError};
+        use preshade_frames::browser::BrowserError;
+        use preshade_frames::browser::unpack::UnpackError;
         let told = error.downcast_ref().map(BrowserError::code);
         let told = told.or_else(|| error.downcast_ref().map(UnpackError::code));
         if told.is_some() {

@@ -6,7 +6,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use preshade::emit;
+use preshade_text::files;
 
 use crate::{Failure, output};
 
@@ -35,11 +35,11 @@ pub fn write(path: &Path, rules: &[Rule]) -> Result<(), Failure> {
     }
     let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
     let name = path.file_name().unwrap_or_default();
-    let file = emit::File {
+    let file = files::File {
         name: name.to_string_lossy().into_owned(),
         bytes: text.into_bytes(),
     };
-    emit::write(folder.unwrap_or(Path::new(".")), &[file])
+    preshade_text::files::write(folder.unwrap_or(Path::new(".")), &[file])
         .map(|_| ())
         .map_err(|e| Failure(format!("error: {e}")))
 }

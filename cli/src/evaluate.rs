@@ -9,13 +9,12 @@ use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
-use preshade::emit;
-use preshade::jobs::{
+use preshade_draw::render::{self, AdapterReport, Card, turns};
+use preshade_lab::jobs::{
     self, EVERY, Exhaustive, Found, JOB_SCHEMA, Job, JobResult, Kind, Machine, OUTCOME_SCHEMA,
     Outcome, Partition, Reason, Run, adapter_id,
 };
-use preshade::measure::record::Report;
-use preshade::render::{self, AdapterReport, Card, turns};
+use preshade_lab::measure::record::Report;
 use preshade_plan::contract::Verdict;
 use preshade_text::limits::Limits;
 
@@ -147,7 +146,8 @@ fn note_machine(out: &Path, cards: &[Card]) -> Result<(), Failure> {
     let host = host();
     let text = serde_json::to_string_pretty(&Machine::new(&host, cards))? + "\n";
     let file = out.join(format!("{}{MACHINES}", plain(&host)));
-    emit::write_file(&file, text.into_bytes()).map_err(|e| Failure(format!("error: {e}")))
+    preshade_text::files::write_file(&file, text.into_bytes())
+        .map_err(|e| Failure(format!("error: {e}")))
 }
 
 /// How to run jobs.
@@ -603,7 +603,8 @@ impl Runner<'_> {
             result,
         };
         let text = serde_json::to_string_pretty(&outcome)? + "\n";
-        emit::write_file(&task.file, text.into_bytes()).map_err(|e| Failure(format!("error: {e}")))
+        preshade_text::files::write_file(&task.file, text.into_bytes())
+            .map_err(|e| Failure(format!("error: {e}")))
     }
 
     /// What a job's own process found, or why it found nothing.

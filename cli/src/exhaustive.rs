@@ -3,16 +3,16 @@
 use std::path::Path;
 
 use clap::CommandFactory;
-use preshade::emit;
-use preshade::jobs::{EVERY, Exhaustive, Kind, Outcome, Results, adapter_id};
-use preshade::measure::{self, Session};
-use preshade::render::{AdapterChoice, Gpu, ShaderForm, cards};
-use preshade::scene::Scene;
-use preshade::search::plan::Model;
-use preshade::search::plan::model::Observation;
-use preshade::search::{candidates, plan as decide};
+use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm, cards};
+use preshade_draw::scene::Scene;
+use preshade_lab::jobs::{EVERY, Exhaustive, Kind, Outcome, Results, adapter_id};
+use preshade_lab::measure::{self, Session};
+use preshade_lab::search::plan::Model;
+use preshade_lab::search::plan::model::Observation;
+use preshade_lab::search::{candidates, plan as decide};
 use preshade_plan::budget::Budget;
 use preshade_plan::pass::Facts;
+use preshade_text::files;
 
 use crate::evaluate::{self, Settings};
 use crate::input::ShaderArgs;
@@ -65,7 +65,7 @@ pub fn job(
     scene: &Scene,
     budget: Option<Budget>,
     arguments: Vec<String>,
-) -> Result<preshade::jobs::Job, Failure> {
+) -> Result<preshade_lab::jobs::Job, Failure> {
     let originals = measure::originals(scene);
     let mut plans = Vec::new();
     let recipes = candidates::recipes(budget)?;
@@ -135,7 +135,7 @@ fn probes(
     }
     let (_, probes) = decide::probes::fit(&open()?, &mut |_| ())?;
     let bytes = serde_json::to_vec(&probes)?;
-    emit::write_file(file, bytes).map_err(|e| Failure(format!("error: {e}")))?;
+    preshade_text::files::write_file(file, bytes).map_err(|e| Failure(format!("error: {e}")))?;
     Ok(probes)
 }
 
@@ -206,12 +206,12 @@ pub fn run(args: &PlanArgs, inputs: &[Job]) -> Result<Ending, Failure> {
     };
     let written = || -> Result<(), Failure> {
         let Some(dir) = &args.out else { return Ok(()) };
-        let file = |name: &str, text: String| emit::File {
+        let file = |name: &str, text: String| files::File {
             name: name.to_owned(),
             bytes: text.into_bytes(),
         };
         let files = [file("regret.json", json), file("regret.csv", csv)];
-        emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        preshade_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
         Ok(())
     };
     output::both(printed, written(), args.out.as_deref())?;
@@ -234,7 +234,7 @@ fn listed(
     args: &PlanArgs,
     shader: &ShaderArgs,
     arguments: Vec<String>,
-) -> Result<preshade::jobs::Job, Failure> {
+) -> Result<preshade_lab::jobs::Job, Failure> {
     let input = Input::new(shader)?;
     job(&input, &plan::scene(args, shader)?, args.budget, arguments)
 }

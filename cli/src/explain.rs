@@ -2,13 +2,15 @@
 
 use std::ops::ControlFlow;
 
-use preshade::command::explain::{self, Explained, Explanation, Order, every_step, explain};
-use preshade::command::explained;
-use preshade::command::rewrite::draws_depth_alone;
-use preshade::measure::{self, Detail, Session};
-use preshade::recipe::Recipe;
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::scene::Scene;
+use preshade_compiler::command::explain::{
+    self, Explained, Explanation, Order, every_step, explain,
+};
+use preshade_compiler::command::explained;
+use preshade_compiler::command::rewrite::draws_depth_alone;
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::scene::Scene;
+use preshade_lab::measure::{self, Detail, Session};
 use preshade_passes::transforms::specialize::Params;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;

@@ -6,14 +6,14 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use preshade::emit::File;
-use preshade::render::{self, AdapterChoice, Gpu, ShaderForm};
-use preshade::scene::DrawOrder;
-use preshade::search::explore::{self, Journal, Settings};
-use preshade::{measure, report};
+use preshade_draw::render::{self, AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::scene::DrawOrder;
+use preshade_lab::search::explore::{self, Journal, Settings};
+use preshade_lab::{measure, report};
 use preshade_passes::transforms::specialize::Params;
 use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::contract::Verdict;
+use preshade_text::files::File;
 use preshade_text::limits::Limits;
 
 use crate::input::ShaderArgs;
@@ -364,7 +364,7 @@ fn one(args: &ExploreArgs, shader: &ShaderArgs, out: Option<&Path>) -> Result<En
             file("report.json", json),
             file("report.csv", csv),
         ];
-        preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        preshade_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
         output::message(&format!("wrote {}", dir.join("report.html").display()));
         Ok(())
     };

@@ -1,6 +1,6 @@
 //! `preshade graph`: the dataflow graph, as dot or JSON.
 
-use preshade::recipe::Recipe;
+use preshade_compiler::recipe::Recipe;
 use preshade_passes::graph::Graph;
 
 use crate::input::ShaderArgs;

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use preshade::scene::Scene;
-use preshade::scene::bind::{Guess, Guessed, guessed};
+use preshade_draw::scene::Scene;
+use preshade_draw::scene::bind::{Guess, Guessed, guessed};
 
 use crate::output;
 

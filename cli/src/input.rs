@@ -4,17 +4,18 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
-use preshade::capture::file::Api;
-use preshade::capture::{self, Capture};
-use preshade::command::material::{define, name_of, reads_facing};
-use preshade::emit::{self, Target};
-use preshade::front::{self, Source};
-use preshade::measure;
-use preshade::measure::record::Pictures;
-use preshade::recipe::Recipe;
-use preshade::render::{AdapterChoice, Gpu, Rendered};
-use preshade::scene::{self, Material, Scene, Variable, Variables};
+use preshade_compiler::command::material::{define, name_of, reads_facing};
+use preshade_compiler::emit::Target;
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::capture;
+use preshade_draw::render::{AdapterChoice, Gpu, Rendered};
+use preshade_draw::scene::{self, Material, Scene, Variable, Variables};
+use preshade_frames::file::Api;
+use preshade_frames::folder::Capture;
 use preshade_ir::interface;
+use preshade_lab::measure;
+use preshade_lab::measure::record::Pictures;
 use preshade_passes::naga::{Binding, ShaderStage};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
@@ -93,8 +94,8 @@ impl FrameArgs {
 
 /// A path as given. The folder of a captured frame stands for its file.
 pub fn given() -> impl TypedValueParser<Value = PathBuf> {
-    PathBufValueParser::new().map(|path| match capture::is_folder(&path) {
-        true => capture::file_of(&path),
+    PathBufValueParser::new().map(|path| match preshade_frames::folder::is_folder(&path) {
+        true => preshade_frames::folder::file_of(&path),
         false => path,
     })
 }
@@ -174,7 +175,7 @@ enum Purpose {
 
 /// The folder of a captured frame.
 fn captured(file: &Path) -> Option<&Path> {
-    capture::is_file(file).then(|| file.parent().unwrap_or(Path::new(".")))
+    preshade_frames::folder::is_file(file).then(|| file.parent().unwrap_or(Path::new(".")))
 }
 
 /// The parsed input.
@@ -263,7 +264,7 @@ impl ShaderArgs {
     }
 
     /// The effects that a scene's draws use. Empty for a shader.
-    pub fn effects(&self) -> Result<Vec<measure::EffectUse>, Failure> {
+    pub fn effects(&self) -> Result<Vec<preshade_compiler::command::explain::EffectUse>, Failure> {
         Ok(match self.input()? {
             Input::Shader(..) => Vec::new(),
             Input::Scene(scene) => measure::effects(&scene).unwrap_or_default(),
@@ -317,7 +318,7 @@ impl ShaderArgs {
             let options = self.options();
             options.map(|o| front::parse(&sources, &o))
         });
-        matches!(parsed, Ok(Ok(Err(e))) if e.code() == front::Code::NoEntryPoint)
+        matches!(parsed, Ok(Ok(Err(e))) if e.code() == preshade_text::error::Code::NoEntryPoint)
     }
 
     /// Whether stdin is among the files.
@@ -490,7 +491,7 @@ impl ShaderArgs {
             pictures.variant.file("frame.replay.png")?,
             pictures.difference.file("frame.difference.png")?,
         ];
-        emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        preshade_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
         Ok(())
     }
 
@@ -593,7 +594,9 @@ impl ShaderArgs {
             let two_materials = !self.files.iter().all(|f| many::is_stage(f))
                 && matches!(
                     e.code(),
-                    front::Code::Link | front::Code::Sources | front::Code::AmbiguousEntryPoint
+                    preshade_text::error::Code::Link
+                        | preshade_text::error::Code::Sources
+                        | preshade_text::error::Code::AmbiguousEntryPoint
                 );
             if self.files.len() > 2 || self.files.len() == 2 && two_materials {
                 told = format!("{}\n = {EACH_ITS_OWN}", told.trim_end());
@@ -611,7 +614,7 @@ impl ShaderArgs {
             include: self.glsl.include.clone(),
             clip_space: self.glsl.clip_space(),
             limits: self.limits.limits(),
-            ..front::Options::default()
+            ..preshade_text::options::Options::default()
         })
     }
 
@@ -716,11 +719,11 @@ fn decoded(name: String, bytes: Vec<u8>) -> Result<Source, Failure> {
     Source::from_bytes(name, bytes).map_err(|e| Failure(format!("error: {shown}: {e}")))
 }
 
-fn color() -> front::Color {
+fn color() -> preshade_text::error::Color {
     if crate::color_on_stderr() {
-        front::Color::Always
+        preshade_text::error::Color::Always
     } else {
-        front::Color::Never
+        preshade_text::error::Color::Never
     }
 }
 

@@ -3,11 +3,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
-use preshade::jobs::{self, JOB_SCHEMA, Kind};
-use preshade::measure;
-use preshade::recipe::Recipe;
-use preshade::scene::{Scene, Variables};
-use preshade::search::candidates;
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::scene::{Scene, Variables};
+use preshade_lab::jobs::{self, JOB_SCHEMA, Kind};
+use preshade_lab::measure;
+use preshade_lab::search::candidates;
 use preshade_passes::transforms::specialize::Specialize;
 use preshade_plan::pass::Pass;
 use preshade_plan::plan::Plan;

@@ -2,9 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::emit::{self, File};
-use preshade::measure::record::{Unfinished, unfinished};
-use preshade::search::plan::so_far;
+use preshade_lab::measure::record::{Unfinished, unfinished};
+use preshade_lab::search::plan::so_far;
+use preshade_text::files::File;
 
 use crate::{Failure, output};
 
@@ -38,7 +38,7 @@ impl Keeper {
             name: name.to_owned(),
             bytes: text.into_bytes(),
         };
-        match emit::write(folder, &[file]) {
+        match preshade_text::files::write(folder, &[file]) {
             Ok(_) => {
                 if !self.written.iter().any(|w| w == name) {
                     self.written.push(name.to_owned());

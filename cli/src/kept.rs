@@ -3,8 +3,8 @@
 
 use std::path::Path;
 
-use preshade::render::{AdapterChoice, Gpu};
-use preshade::search::plan::{SceneSoFar, Unfinished, so_far};
+use preshade_draw::render::{AdapterChoice, Gpu};
+use preshade_lab::search::plan::{SceneSoFar, Unfinished, so_far};
 
 use crate::keeper::Keeper;
 use crate::{Failure, output, worker};

@@ -1,6 +1,6 @@
 //! `--limits` and `--allow-outside`: limits on input from strangers.
 
-use preshade::scene::{Access, Outside};
+use preshade_draw::scene::{Access, Outside};
 use preshade_text::limits::Limits;
 
 /// Limits on input.

@@ -4,11 +4,11 @@
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
-use preshade::front::Parsed;
-use preshade::lock::{FILE_NAME, Inputs, Lock, LockError, Locked, Measured};
-use preshade::recipe::Recipe;
-use preshade::scene::{Material, Scene};
-use preshade::search::plan::Decision;
+use preshade_compiler::front::Parsed;
+use preshade_compiler::lock::{FILE_NAME, Inputs, Lock, LockError, Locked, Measured};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::scene::{Material, Scene};
+use preshade_lab::search::plan::Decision;
 use preshade_plan::pass::Facts;
 
 use crate::{Failure, output};

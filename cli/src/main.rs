@@ -12,7 +12,7 @@ use std::sync::OnceLock;
 use clap::parser::ValueSource;
 use clap::{ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use config::{Arguments, Config};
-use preshade::render::NOT_MEASURED;
+use preshade_draw::render::NOT_MEASURED;
 use preshade_text::limits::Limits;
 use preshade_text::nearest::unknown;
 use watch::Reads;

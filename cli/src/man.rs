@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap_mangen::Man;
-use preshade::emit::{self, File};
+use preshade_text::files::File;
 
 use crate::{Ending, Failure, output};
 
@@ -60,7 +60,9 @@ pub fn run(args: &ManArgs, mut command: clap::Command) -> Result<Ending, Failure
     for sub in all() {
         pages.push(of(sub)?);
     }
-    for path in emit::write(folder, &pages).map_err(|e| Failure(format!("error: {e}")))? {
+    for path in
+        preshade_text::files::write(folder, &pages).map_err(|e| Failure(format!("error: {e}")))?
+    {
         output::message(&format!("wrote {}", path.display()));
     }
     Ok(Ending::Fine)

@@ -2,11 +2,12 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::jobs::{
+use preshade_lab::jobs::{
     Answer, FleetAdapter, Job, MACHINE_SCHEMA, Machine, OUTCOME_SCHEMA, Outcome, Results, fleet,
 };
-use preshade::search::plan::regret::Choosing;
-use preshade::{emit, report};
+use preshade_lab::report;
+use preshade_lab::search::plan::regret::Choosing;
+use preshade_text::files;
 
 use crate::evaluate::{self, EXTENSION, MACHINES};
 use crate::{Ending, Failure, Table, output, verify};
@@ -68,18 +69,18 @@ pub fn run(args: &MergeArgs) -> Result<Ending, Failure> {
     }
     let json = results.to_json()?;
     if let Some(path) = &args.out {
-        emit::write_file(path, json.clone().into_bytes())
+        preshade_text::files::write_file(path, json.clone().into_bytes())
             .map_err(|e| Failure(format!("error: {e}")))?;
         output::message(&format!("wrote {}", path.display()));
     }
     let command = verify::command();
     let regrets = results.regrets(Choosing::default(), &command);
     if let Some(dir) = &args.html {
-        let page = emit::File {
+        let page = files::File {
             name: "index.html".to_owned(),
             bytes: report::html::merged::page(&results, &regrets, &command)?.into_bytes(),
         };
-        emit::write(dir, &[page]).map_err(|e| Failure(format!("error: {e}")))?;
+        preshade_text::files::write(dir, &[page]).map_err(|e| Failure(format!("error: {e}")))?;
         output::message(&format!("wrote {}", dir.join("index.html").display()));
     }
     match args.format {

@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
-use preshade::report::plain::is_obeyed;
+use preshade_lab::report::plain::is_obeyed;
 
 use crate::{Failure, bounded, worker};
 

@@ -2,10 +2,10 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::command::agree::class_named;
-use preshade::command::agreed::Waiver;
-use preshade_passes::validate::agree::Relation;
+use preshade_compiler::command::agree::class_named;
+use preshade_compiler::command::agreed::Waiver;
 use preshade_plan::mapping::Equation;
+use preshade_validate::agree::Relation;
 use serde::Deserialize;
 
 use crate::Failure;

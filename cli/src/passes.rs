@@ -1,6 +1,6 @@
 //! `preshade passes`: lists the passes and their parameters.
 
-use preshade::command::passes;
+use preshade_compiler::command::passes;
 
 use crate::{Ending, Failure, Format, output};
 

@@ -5,20 +5,23 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use preshade::command::rewrite;
-use preshade::measure::{self, Detail, EffectUse, Session, TimingSettings, Variant};
-use preshade::recipe::Recipe;
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::report::html::plan::Redrawn;
-use preshade::scene::{DrawOrder, Rows, Scene};
-use preshade::search::plan as decide;
-use preshade::search::plan::regret::Choosing;
-use preshade::search::plan::{Decision, Hold, Model, SceneSoFar, Settings, Timed};
-use preshade::{emit, report};
+use preshade_compiler::command::explain::EffectUse;
+use preshade_compiler::command::rewrite;
+use preshade_compiler::emit;
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::scene::{DrawOrder, Rows, Scene};
+use preshade_lab::measure::{self, Detail, Session, TimingSettings, Variant};
+use preshade_lab::report;
+use preshade_lab::report::html::plan::Redrawn;
+use preshade_lab::search::plan as decide;
+use preshade_lab::search::plan::regret::Choosing;
+use preshade_lab::search::plan::{Decision, Hold, Model, SceneSoFar, Settings, Timed};
 use preshade_passes::transforms::specialize;
 use preshade_plan::budget::Budget;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_text::files;
 use preshade_text::regular;
 
 use crate::input::{self, FrameArgs, ShaderArgs, unread};
@@ -446,7 +449,7 @@ pub fn model(
     })?;
     if let Some(path) = &args.model {
         let json = model.to_json()? + "\n";
-        emit::write_file(path, json.into_bytes()).map_err(|e| told(path, &e))?;
+        preshade_text::files::write_file(path, json.into_bytes()).map_err(|e| told(path, &e))?;
         bar.suspend(|| output::message(&format!("wrote {}", path.display())));
     }
     Ok((model, observations))
@@ -639,7 +642,7 @@ impl Planned<'_> {
     /// Writes the shaders and `plan.json` of each plan of the policy, and the reports. Several
     /// plans have a folder each.
     fn write(&self, dir: &Path, json: String, page: String) -> Result<(), Failure> {
-        let told = |name: &str, text: String| emit::File {
+        let told = |name: &str, text: String| files::File {
             name: name.to_owned(),
             bytes: text.into_bytes(),
         };
@@ -648,7 +651,7 @@ impl Planned<'_> {
             told("report.csv", report::csv::decision(self.decision)),
             told("report.html", page),
         ];
-        emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        preshade_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
         let mut written = files.len();
         let (authored, target) = (self.authored()?, self.shader.target());
         for (folder, plan) in self.decision.folders() {
@@ -661,7 +664,8 @@ impl Planned<'_> {
             let versions = measure::versions(self.session.scene(), &plans);
             files.extend(versions.iter().map(emit::versions));
             written += files.len();
-            emit::write(&dir.join(folder), &files).map_err(|e| Failure(format!("error: {e}")))?;
+            preshade_text::files::write(&dir.join(folder), &files)
+                .map_err(|e| Failure(format!("error: {e}")))?;
         }
         output::message(&format!("wrote {written} files to {}", dir.display()));
         Ok(())

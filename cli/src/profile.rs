@@ -2,9 +2,9 @@
 
 use std::time::Duration;
 
-use preshade::measure::{TimingSettings, profile};
-use preshade::render::{AdapterChoice, Gpu};
-use preshade::report;
+use preshade_draw::render::{AdapterChoice, Gpu};
+use preshade_lab::measure::{TimingSettings, profile};
+use preshade_lab::report;
 
 use crate::input::ShaderArgs;
 use crate::verify::{command, parse_seconds};

@@ -2,15 +2,17 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use preshade::jobs::decision::{
+use preshade_compiler::emit;
+use preshade_compiler::recipe::Recipe;
+use preshade_lab::jobs::decision::{
     FleetDecision, FleetDecisions, FleetFrontiers, NoTimes, decide, frontier,
 };
-use preshade::jobs::{Results, Rows, SCHEMA, Subject, VERSION, Variants, hash};
-use preshade::recipe::Recipe;
-use preshade::report::fleet;
-use preshade::{emit, measure};
+use preshade_lab::jobs::{Results, Rows, SCHEMA, Subject, VERSION, Variants, hash};
+use preshade_lab::measure;
+use preshade_lab::report::fleet;
 use preshade_plan::budget::Budget;
 use preshade_plan::plan::Plan;
+use preshade_text::files;
 use preshade_text::nearest::unknown;
 
 use crate::input::{self, ShaderArgs};
@@ -248,12 +250,12 @@ impl To<'_> {
         };
         let written = || -> Result<(), Failure> {
             let Some(dir) = self.out else { return Ok(()) };
-            let file = |name: &str, text: String| emit::File {
+            let file = |name: &str, text: String| files::File {
                 name: name.to_owned(),
                 bytes: text.into_bytes(),
             };
             let files = [file(name, json), file("report.csv", csv)];
-            emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+            preshade_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
             output::message(&format!("wrote {}", dir.join(name).display()));
             Ok(())
         };
@@ -304,7 +306,7 @@ fn write(shader: &ShaderArgs, decision: &FleetDecision, out: &Path) -> Result<()
         let versions = measure::versions(scene, &plans);
         files.extend(versions.iter().map(emit::versions));
     }
-    emit::write(out, &files).map_err(|e| Failure(format!("error: {e}")))?;
+    preshade_text::files::write(out, &files).map_err(|e| Failure(format!("error: {e}")))?;
     output::message(&format!(
         "wrote {} to {}",
         output::count(files.len(), "file"),

@@ -6,18 +6,19 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 use std::time::Instant;
 
-use preshade::command::material::assumed;
-use preshade::command::refusal;
-use preshade::command::rewrite::{self, OnAdapter, Report, Rewritten};
-use preshade::emit::{self, File, Target};
-use preshade::measure::{self, validate_on};
-use preshade::pipeline::{self, Applied, Frame, Skipped};
-use preshade::recipe::{Recipe, Step};
-use preshade::render::{AdapterChoice, Gpu};
-use preshade_passes::validate::{By, Effort, validate_by};
+use preshade_compiler::command::material::assumed;
+use preshade_compiler::command::refusal;
+use preshade_compiler::command::rewrite::{self, OnAdapter, Report, Rewritten};
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::pipeline::{self, Applied, Frame, Skipped};
+use preshade_compiler::recipe::{Recipe, Step};
+use preshade_draw::render::{AdapterChoice, Gpu};
+use preshade_lab::measure::{self, validate_on};
 use preshade_passes::{PASSES, pass_named};
 use preshade_plan::pass::Refusal;
 use preshade_plan::plan::{Plan, Role};
+use preshade_text::files::File;
+use preshade_validate::{By, Effort, validate_by};
 use rayon::prelude::*;
 
 use crate::input::{Materials, ShaderArgs};
@@ -400,7 +401,8 @@ impl<'a> Run<'a> {
 
 /// Writes the files of one job, reports the changed ones, and returns their number.
 fn write(folder: &Path, files: Vec<File>, format: Format, jobs: usize) -> Result<usize, Failure> {
-    let changed = emit::write(folder, &files).map_err(|e| Failure(format!("error: {e}")))?;
+    let changed =
+        preshade_text::files::write(folder, &files).map_err(|e| Failure(format!("error: {e}")))?;
     if format == Format::Human {
         for path in &changed {
             output::message(&format!("wrote {}", path.display()));
@@ -619,7 +621,7 @@ fn texts(plan: &Plan) -> String {
 /// Checks that a material's name is valid in file names, and does not lead out of the folder.
 pub fn check_name(material: &str) -> Result<(), Failure> {
     // A build script could not use a lock with such a name.
-    if !emit::is_material_name(material) {
+    if !preshade_text::files::is_material_name(material) {
         return Err(Failure(format!(
             "error: `{material}` cannot begin a file name: give another with --name"
         )));

@@ -4,15 +4,15 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use preshade::command::rewrite::Rewritten;
-use preshade::emit;
+use preshade_compiler::command::rewrite::Rewritten;
+use preshade_text::files;
 
 /// The result of a job, before anything is written.
 #[derive(Default)]
 pub struct Made {
-    pub materials: Vec<(Rewritten, Vec<emit::File>)>,
+    pub materials: Vec<(Rewritten, Vec<files::File>)>,
     /// The versions of materials that serve several draws.
-    pub versions: Vec<emit::File>,
+    pub versions: Vec<files::File>,
     pub read: Vec<PathBuf>,
     pub messages: Vec<String>,
     /// Notes about pipeline state that preshade assumed.

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::builder::{PossibleValuesParser, TypedValueParser};
-use preshade::command::material::{BlendFlag, StateFlags, check_state, with_suggestion};
-use preshade::scene::Scene;
+use preshade_compiler::command::material::{BlendFlag, StateFlags, check_state, with_suggestion};
+use preshade_draw::scene::Scene;
 use preshade_plan::state::{
     CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState, Topology,
 };

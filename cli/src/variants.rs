@@ -1,6 +1,6 @@
 //! Which variants a command draws: `--pass`, `--variant`, and older spellings of both.
 
-use preshade::sweep::{self, Sweep};
+use preshade_compiler::sweep::{self, Sweep};
 
 use crate::{Failure, output};
 

@@ -4,17 +4,17 @@ use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use preshade::command::material::assumed;
-use preshade::command::rewrite;
-use preshade::measure::crossover::{Point, Series};
-use preshade::measure::record::{Chosen, Pictures, Report, SweepReport};
-use preshade::measure::{self, Detail, Session, Settings, Timed, TimingSettings, Variant};
-use preshade::parameters::parameters;
-use preshade::recipe::Recipe;
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::report;
-use preshade::scene::{DrawOrder, Scene, Variables};
-use preshade::sweep::Sweep;
+use preshade_compiler::command::material::assumed;
+use preshade_compiler::command::rewrite;
+use preshade_compiler::parameters::parameters;
+use preshade_compiler::recipe::Recipe;
+use preshade_compiler::sweep::Sweep;
+use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::scene::{DrawOrder, Scene, Variables};
+use preshade_lab::measure::crossover::{Point, Series};
+use preshade_lab::measure::record::{Chosen, Pictures, Report, SweepReport};
+use preshade_lab::measure::{self, Detail, Session, Settings, Timed, TimingSettings, Variant};
+use preshade_lab::report;
 use preshade_passes::{examples, pass_named};
 use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::pass::{Facts, Use};
@@ -495,8 +495,8 @@ fn told(
     })
 }
 
-fn file(name: &str, text: String) -> preshade::emit::File {
-    preshade::emit::File {
+fn file(name: &str, text: String) -> preshade_text::files::File {
+    preshade_text::files::File {
         name: name.to_owned(),
         bytes: text.into_bytes(),
     }
@@ -505,7 +505,7 @@ fn file(name: &str, text: String) -> preshade::emit::File {
 /// Writes the files and the pictures to the folder of `--out`.
 fn write(
     args: &VerifyArgs,
-    mut files: Vec<preshade::emit::File>,
+    mut files: Vec<preshade_text::files::File>,
     pictures: &[Pictures],
 ) -> Result<(), Failure> {
     let Some(dir) = &args.out else { return Ok(()) };
@@ -516,7 +516,7 @@ fn write(
             }
         }
     }
-    preshade::emit::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+    preshade_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
     let beside = match args.shader.limits.limits().isolates() && worker::mine().is_none() {
         true => ", beside the pictures that each variant's own process wrote",
         false => "",

@@ -1,7 +1,7 @@
 //! `--camera` and `--size`.
 
-use preshade::render::Gpu;
-use preshade::scene::Scene;
+use preshade_draw::render::Gpu;
+use preshade_draw::scene::Scene;
 
 use crate::{Failure, output};
 

@@ -9,9 +9,9 @@ use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::time::{Duration, Instant};
 
-use preshade::jobs::hash;
-use preshade::render::Gpu;
-use preshade::render::turns::{Turn, Turns};
+use preshade_draw::render::Gpu;
+use preshade_draw::render::turns::{Turn, Turns};
+use preshade_lab::jobs::hash;
 use preshade_text::limits::Limits;
 
 use crate::{Failure, bounded};

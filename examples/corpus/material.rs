@@ -3,14 +3,14 @@
 use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 
-use preshade::unstable::emit::{self, File, PlanFile, Target};
-use preshade::unstable::front::{self, Code, Options, Source};
-use preshade::unstable::passes::PASSES;
-use preshade::unstable::passes::pass::Facts;
-use preshade::unstable::passes::plan::{BindingSource, Plan};
-use preshade::unstable::passes::state::MaterialState;
-use preshade::unstable::pipeline;
-use preshade::unstable::recipe::Step;
+use preshade_compiler::emit::{self, File, PlanFile, Target};
+use preshade_compiler::front::{self, Code, Options, Source};
+use preshade_compiler::pipeline;
+use preshade_compiler::recipe::Step;
+use preshade_passes::PASSES;
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::{BindingSource, Plan};
+use preshade_plan::state::MaterialState;
 
 use crate::Arguments;
 use crate::cases::is_vertex;

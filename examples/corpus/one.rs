@@ -3,9 +3,9 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use preshade::unstable::emit::{self, Target};
-use preshade::unstable::front::{self, Options, Source};
-use preshade::unstable::passes::state::MaterialState;
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{self, Options, Source};
+use preshade_plan::state::MaterialState;
 
 /// The files' sources. Bytes that are neither text nor SPIR-V are replaced.
 pub fn sources(paths: &[PathBuf]) -> Vec<Source> {

@@ -21,7 +21,6 @@ pub mod graph;
 pub mod rebuild;
 pub mod slice;
 pub mod transforms;
-pub mod validate;
 
 pub use analysis::{checks, coverage, neighbours, opaque, uniformity};
 pub use rebuild::{bounded, count, depth_only, place};

@@ -3,7 +3,7 @@
 import { readFileSync } from 'node:fs';
 import { fileURLToPath } from 'node:url';
 
-const SOURCE = fileURLToPath(new URL('../../src/capture/', import.meta.url));
+const SOURCE = fileURLToPath(new URL('../../crates/frames/src/', import.meta.url));
 const FILES = /include_str!\("(page\/[a-z-]+\.js)"\)/g;
 
 export function recorder() {

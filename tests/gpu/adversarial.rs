@@ -3,11 +3,11 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::front::{self, Source};
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings, record};
-use preshade::recipe::Recipe;
-use preshade::render::{SelfTestResult, ShaderForm};
-use preshade::scene::{self, Scene};
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{SelfTestResult, ShaderForm};
+use preshade_draw::scene::{self, Scene};
+use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, record};
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Use;
 use preshade_plan::state::MaterialState;

@@ -2,10 +2,11 @@
 
 use std::fs;
 
-use preshade::capture::{self, Capture, Choice, check};
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade::recipe::Recipe;
-use preshade::render::ShaderForm;
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::capture::{self, Choice, check};
+use preshade_draw::render::ShaderForm;
+use preshade_frames::folder::Capture;
+use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade_text::limits::Limits;
 
 use crate::capture_support::{SIZE, folder, point};

@@ -2,19 +2,21 @@
 
 use std::time::Duration;
 
-use preshade::measure::{Session, TimingSettings};
-use preshade::recipe::Recipe;
-use preshade::render::{SceneInputs, ShaderForm};
-use preshade::scene::{DrawOrder, Scene};
-use preshade::search::plan::assign::{Assignment, FramePredictor, Taken};
-use preshade::search::plan::choose::WORTHWHILE;
-use preshade::search::plan::count::FragmentCounter;
-use preshade::search::plan::layers::Layers;
-use preshade::search::plan::model::Model;
-use preshade::search::plan::policy::{Hold, Rule};
-use preshade::search::plan::terms::{Term, Work};
-use preshade::search::plan::work::{Counted, DrawCounts, Fragments, drawn};
-use preshade::search::plan::{Choices, Settings, Timed, ahead, choices, decide, recipes, sorting};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{SceneInputs, ShaderForm};
+use preshade_draw::scene::{DrawOrder, Scene};
+use preshade_lab::measure::{Session, TimingSettings};
+use preshade_lab::search::plan::assign::{Assignment, FramePredictor, Taken};
+use preshade_lab::search::plan::choose::WORTHWHILE;
+use preshade_lab::search::plan::count::FragmentCounter;
+use preshade_lab::search::plan::layers::Layers;
+use preshade_lab::search::plan::model::Model;
+use preshade_lab::search::plan::policy::{Hold, Rule};
+use preshade_lab::search::plan::terms::{Term, Work};
+use preshade_lab::search::plan::work::{Counted, DrawCounts, Fragments, drawn};
+use preshade_lab::search::plan::{
+    Choices, Settings, Timed, ahead, choices, decide, recipes, sorting,
+};
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Facts;
 use preshade_plan::state::{ColorTarget, CompareFunction, DepthDirection, DepthFormat};

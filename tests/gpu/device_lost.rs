@@ -5,12 +5,14 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
-use preshade::measure::record::Unfinished;
-use preshade::measure::{self, Detail, Session, Settings, Timed, TimingSettings, verify};
-use preshade::recipe::Recipe;
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::scene::{DrawOrder, Scene};
-use preshade::search::explore::{Ended, Fate, Journal, SearchStage, Settings as Search, explore};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::scene::{DrawOrder, Scene};
+use preshade_lab::measure::record::Unfinished;
+use preshade_lab::measure::{self, Detail, Session, Settings, Timed, TimingSettings, verify};
+use preshade_lab::search::explore::{
+    Ended, Fate, Journal, SearchStage, Settings as Search, explore,
+};
 use preshade_plan::budget::Metric;
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Facts;
@@ -22,7 +24,7 @@ fn gpu() -> Gpu {
 
 fn scene() -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/simple.toml");
-    let mut scene = preshade::scene::load(&path).unwrap().resized([64, 48]);
+    let mut scene = preshade_draw::scene::load(&path).unwrap().resized([64, 48]);
     scene.orders = vec![
         DrawOrder::BackToFront,
         DrawOrder::FrontToBack,
@@ -204,7 +206,7 @@ fn explore_keeps_what_it_drew_and_goes_on_with_another_device() {
 fn a_loss_while_values_are_measured_is_no_value_without_measurement() {
     let gpu = gpu();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/teapot-specular.toml");
-    let scene = preshade::scene::load(&path).unwrap().resized([64, 48]);
+    let scene = preshade_draw::scene::load(&path).unwrap().resized([64, 48]);
     let session = Session::new(&gpu, &scene, ShaderForm::Text).unwrap();
     let facts = Facts::without_ties();
     let mut asked = 0;

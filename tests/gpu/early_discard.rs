@@ -3,10 +3,10 @@
 
 use std::path::Path;
 
-use preshade::measure::{self, Counter, ErrorLadder, counting};
-use preshade::recipe::Recipe;
-use preshade::render::{FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant};
-use preshade::scene::{DrawOrder, Scene};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant};
+use preshade_draw::scene::{DrawOrder, Scene};
+use preshade_lab::measure::{self, Counter, ErrorLadder, counting};
 use preshade_passes::transforms::early_discard::PREPASS_PACKED;
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::Contract;
@@ -15,7 +15,7 @@ use preshade_plan::plan::{AttachmentFormat, BindingSource, ClearValue, Plan, Rol
 use preshade_plan::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat};
 
 use crate::render_support::{gpu, planes, with_depth, with_samples};
-use preshade::measure::originals;
+use preshade_lab::measure::originals;
 
 const ORDERS: [DrawOrder; 2] = [DrawOrder::BackToFront, DrawOrder::Shuffled];
 
@@ -23,7 +23,9 @@ fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(name);
-    preshade::scene::load(&path).unwrap().resized([160, 90])
+    preshade_draw::scene::load(&path)
+        .unwrap()
+        .resized([160, 90])
 }
 
 /// Five layers of a textured material that fill the screen, seen at a slant. `edit` makes the
@@ -58,7 +60,7 @@ far = 40
 "#
     );
     std::fs::write(&path, text).unwrap();
-    preshade::scene::load(&path).unwrap()
+    preshade_draw::scene::load(&path).unwrap()
 }
 
 /// The fixture's one sample.
@@ -255,10 +257,10 @@ fn lanes_with_gradients_taken_first_need_a_budget() {
         apply(original, recipe).unwrap();
     }
     let plan = apply(original, "early-discard:quad=lane,budget=0.02").unwrap();
-    let files = preshade::emit::emit(
+    let files = preshade_compiler::emit::emit(
         &plan,
-        &[preshade::emit::Target::Wgsl],
-        &preshade::emit::Options::default(),
+        &[preshade_compiler::emit::Target::Wgsl],
+        &preshade_compiler::emit::Options::default(),
     )
     .unwrap();
     let main = files
@@ -487,10 +489,9 @@ fn it_saves_where_the_hardware_cannot_test_early() {
     }
 }
 
-#[cfg(feature = "glsl")]
 #[test]
 fn packed_depth_is_for_webgl() {
-    use preshade::emit::{self, Target};
+    use preshade_compiler::emit::{self, Target};
     let scene = scene("frag-depth.toml");
     for plan in transformed(&self::scene("simple.toml"), "early-discard:texture=packed") {
         let files = emit::emit(&plan, &[Target::GlslEs300], &emit::Options::default()).unwrap();

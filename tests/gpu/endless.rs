@@ -3,9 +3,9 @@
 
 use std::sync::OnceLock;
 
-use preshade::measure::{self, Session};
-use preshade::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade::scene::{DrawOrder, Scene};
+use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::scene::{DrawOrder, Scene};
+use preshade_lab::measure::{self, Session};
 
 use crate::render_support::{draw, material, scene};
 

@@ -7,12 +7,14 @@ use std::fmt::Write as _;
 use glam::{Mat4, Vec3};
 use naga_interp as evaluate;
 use naga_interp::{Environment, Scalar, Value};
-use preshade::front;
-use preshade::measure::originals;
-use preshade::render::{ColorImage, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
-use preshade::scene::{
+use preshade_compiler::front;
+use preshade_draw::render::{
+    ColorImage, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant,
+};
+use preshade_draw::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Light, Material, Mesh, Scene, Stream,
 };
+use preshade_lab::measure::originals;
 use preshade_plan::state::{
     ColorTarget, CullMode, DepthDirection, DepthFormat, MaterialState, PrimitiveState,
 };
@@ -133,7 +135,7 @@ fn unit(x: f32) -> vec3<f32> {{
 fn words_are_the_same_words() {
     let text = front::Source::new("words.wgsl", source());
     let parsed = front::parse(&[text], &options::Options::default())
-        .unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+        .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
     let program = parsed.program.clone();
     let stage = naga::ShaderStage::Fragment;
     let (entry, _) = program.entry_point(stage, "fs").unwrap();

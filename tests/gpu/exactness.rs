@@ -4,12 +4,12 @@
 use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
-use preshade::measure::{self, ErrorLadder, Session};
-use preshade::recipe::Recipe;
-use preshade::render::{
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{
     AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
 };
-use preshade::scene::{DrawOrder, Scene};
+use preshade_draw::scene::{DrawOrder, Scene};
+use preshade_lab::measure::{self, ErrorLadder, Session};
 use preshade_passes::examples;
 use preshade_plan::contract::Contract;
 use preshade_plan::pass::{Facts, Use};
@@ -42,7 +42,7 @@ fn load(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(name);
-    small(preshade::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render())))
+    small(preshade_draw::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render())))
 }
 
 /// The scene at [`SIZE`], with the first frame of each camera and one from the middle of each path.

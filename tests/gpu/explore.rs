@@ -5,13 +5,13 @@ use std::ops::ControlFlow;
 use std::path::Path;
 use std::time::Duration;
 
-use preshade::recipe::Recipe;
-use preshade::render::ShaderForm;
-use preshade::scene::Scene;
-use preshade::search::explore::{
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::ShaderForm;
+use preshade_draw::scene::Scene;
+use preshade_lab::search::explore::{
     Ended, Explored, Fate, Journal, Point, SearchStage, Settings, explore,
 };
-use preshade::{measure, report};
+use preshade_lab::{measure, report};
 use preshade_plan::budget::Metric;
 use preshade_plan::contract::Verdict;
 
@@ -21,7 +21,9 @@ fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(format!("{name}.toml"));
-    preshade::scene::load(&path).unwrap().resized([163, 91])
+    preshade_draw::scene::load(&path)
+        .unwrap()
+        .resized([163, 91])
 }
 
 fn settings(recipes: &[&str]) -> Settings {

@@ -4,11 +4,11 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use preshade::emit::{self, Target};
-use preshade::measure;
-use preshade::recipe::Recipe;
-use preshade::render::ShaderForm;
-use preshade::scene::{DrawOrder, synthesise};
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::ShaderForm;
+use preshade_draw::scene::{DrawOrder, synthesise};
+use preshade_lab::measure;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{CullMode, MaterialState};

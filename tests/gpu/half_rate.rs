@@ -3,10 +3,12 @@
 
 use std::path::Path;
 
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade::recipe::Recipe;
-use preshade::render::{ColorImage, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
-use preshade::scene::{self, Scene};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{
+    ColorImage, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant,
+};
+use preshade_draw::scene::{self, Scene};
+use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;

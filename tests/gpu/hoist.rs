@@ -4,11 +4,11 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use preshade::measure::record::VariantReport;
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade::recipe::Recipe;
-use preshade::render::ShaderForm;
-use preshade::scene::Scene;
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::ShaderForm;
+use preshade_draw::scene::Scene;
+use preshade_lab::measure::record::VariantReport;
+use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::{Facts, Source};
 
@@ -18,7 +18,7 @@ fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(format!("{name}.toml"));
-    let scene = preshade::scene::load(&path).unwrap();
+    let scene = preshade_draw::scene::load(&path).unwrap();
     scene.resized([163, 91])
 }
 
@@ -154,7 +154,7 @@ fn noise_that_bends_within_a_triangle_is_refused_with_the_number() {
 #[test]
 fn what_is_packed_into_bytes_is_not_interpolated() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hoist/packed.toml");
-    let scene = preshade::scene::load(&path).unwrap();
+    let scene = preshade_draw::scene::load(&path).unwrap();
     let report = |recipe: &str| {
         let recipe = Recipe::parse([recipe]).unwrap();
         verified(&scene, &recipe, &Facts::default())

@@ -2,10 +2,10 @@
 
 use std::path::Path;
 
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings, verify};
-use preshade::recipe::Recipe;
-use preshade::render::ShaderForm;
-use preshade::scene::{self, DrawOrder, Scene};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::ShaderForm;
+use preshade_draw::scene::{self, DrawOrder, Scene};
+use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, verify};
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Facts;
 

@@ -3,10 +3,10 @@
 
 use std::path::Path;
 
-use preshade::front::{self, Source};
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings, record};
-use preshade::render::ShaderForm;
-use preshade::scene;
+use preshade_compiler::front::{self, Source};
+use preshade_draw::render::ShaderForm;
+use preshade_draw::scene;
+use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, record};
 use preshade_plan::state::MaterialState;
 use preshade_text::error::Color;
 use preshade_text::options::Options;

@@ -2,7 +2,6 @@
 //! `scripts/setup.sh vulkan gl swiftshader` installs Mesa's, and the second driver. A test fails if it
 //! finds no adapter.
 
-#![cfg(feature = "verify")]
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
 #[path = "../support/capture_support.rs"]
@@ -57,7 +56,6 @@ mod sweep;
 mod tessellate;
 mod tessellate_static;
 mod texture_formats;
-#[cfg(feature = "capture")]
 mod traces;
 mod undrawn;
 mod validate_on_adapter;

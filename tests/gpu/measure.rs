@@ -3,11 +3,11 @@
 use std::time::Duration;
 
 use glam::{Mat4, Vec3};
-use preshade::measure::error::ulps;
-use preshade::measure::timing::estimate;
-use preshade::measure::{self, CountProgram, Counter, Discarded, Session, TimingSettings};
-use preshade::render::{FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
-use preshade::scene::{DrawOrder, Scene, Value};
+use preshade_draw::render::{FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
+use preshade_draw::scene::{DrawOrder, Scene, Value};
+use preshade_lab::measure::error::ulps;
+use preshade_lab::measure::timing::estimate;
+use preshade_lab::measure::{self, CountProgram, Counter, Discarded, Session, TimingSettings};
 use preshade_plan::plan::{GpuPass, Plan};
 use preshade_plan::state::{ColorTarget, DepthDirection, DepthFormat};
 

@@ -3,11 +3,11 @@
 
 use std::path::Path;
 
-use preshade::measure::record::VariantReport;
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
-use preshade::recipe::Recipe;
-use preshade::render::ShaderForm;
-use preshade::scene::{self, Scene};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::ShaderForm;
+use preshade_draw::scene::{self, Scene};
+use preshade_lab::measure::record::VariantReport;
+use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{GpuPass, Phase};

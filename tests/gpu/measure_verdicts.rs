@@ -5,11 +5,11 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
-use preshade::measure::record::{Report, VariantReport};
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
-use preshade::recipe::Recipe;
-use preshade::render::ShaderForm;
-use preshade::scene::{self, Scene};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::ShaderForm;
+use preshade_draw::scene::{self, Scene};
+use preshade_lab::measure::record::{Report, VariantReport};
+use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
 use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::contract::{Contract, Verdict};
 use preshade_plan::pass::Facts;
@@ -248,7 +248,7 @@ fn a_step_of_a_target_of_halves_is_theirs() {
         bright.materials[0].state.targets = vec![Some(ColorTarget::opaque(format))];
         for draw in &mut bright.draws {
             let tint = vec![largest, largest, largest, 1.0];
-            let value = preshade::scene::Value::Numbers(tint);
+            let value = preshade_draw::scene::Value::Numbers(tint);
             draw.values.insert("object.tint".to_owned(), value);
         }
         let report = run(&bright, made_by(&bright, "visibility-buffer:budget=1"));
@@ -361,8 +361,8 @@ fn a_discard_that_no_fragment_takes_is_untested() {
 /// Leaves that do not tie in a made-up scene may tie in the real one.
 #[test]
 fn a_made_up_scene_without_ties_does_not_remove_a_discard() {
-    use preshade::front::{self, Source};
-    use preshade::scene::synthesise;
+    use preshade_compiler::front::{self, Source};
+    use preshade_draw::scene::synthesise;
     let text = include_str!("../app/shaders/leaf.wgsl");
     let parsed = front::parse(
         &[Source::new("leaf.wgsl", text)],

@@ -2,12 +2,12 @@
 
 use std::time::Duration;
 
-use preshade::measure::{
+use preshade_draw::render::ShaderForm;
+use preshade_draw::scene::{DrawOrder, Scene};
+use preshade_lab::measure::{
     self, Session, Settings, Timed, TimingSettings, Variant, Verified, record, verify,
 };
-use preshade::render::ShaderForm;
-use preshade::report::table;
-use preshade::scene::{DrawOrder, Scene};
+use preshade_lab::report::table;
 use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::contract::{Assumption, Contract, Surface, Turned, Verdict};
 use preshade_plan::plan::Plan;
@@ -234,7 +234,8 @@ fn pictures_are_pngs_of_the_right_size_under_safe_names() {
             "prepass-form-equal.sheet.png",
         ]
     );
-    let decode = |f: &preshade::emit::File| image::load_from_memory(&f.bytes).unwrap().to_rgba8();
+    let decode =
+        |f: &preshade_text::files::File| image::load_from_memory(&f.bytes).unwrap().to_rgba8();
     for file in &files[..5] {
         assert_eq!(decode(file).dimensions(), (320, 200), "{}", file.name);
     }
@@ -248,7 +249,7 @@ fn pictures_are_pngs_of_the_right_size_under_safe_names() {
     let wrong = outcome.pictures[1].files().unwrap();
     assert!(decode(&wrong[2]).pixels().all(|p| p.0[0] >= 16));
     if let Some(dir) = std::env::var_os("PRESHADE_TEST_PICTURES") {
-        preshade::emit::write(dir.as_ref(), &files).unwrap();
+        preshade_text::files::write(dir.as_ref(), &files).unwrap();
     }
 }
 

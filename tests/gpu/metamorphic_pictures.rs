@@ -5,12 +5,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use preshade::front::{self, Source};
-use preshade::measure::record::VariantReport;
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
-use preshade::recipe::Recipe;
-use preshade::render::ShaderForm;
-use preshade::scene::{DrawOrder, Scene};
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::ShaderForm;
+use preshade_draw::scene::{DrawOrder, Scene};
+use preshade_lab::measure::record::VariantReport;
+use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
 use preshade_passes::examples;
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Use;
@@ -35,7 +35,7 @@ fn recipes() -> impl Iterator<Item = (&'static str, usize)> {
 
 fn scene(name: &str) -> Scene {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes");
-    let scene = preshade::scene::load(&folder.join(name).with_extension("toml"));
+    let scene = preshade_draw::scene::load(&folder.join(name).with_extension("toml"));
     let mut scene = scene.unwrap().resized([61, 43]);
     scene.orders = vec![DrawOrder::BackToFront];
     scene.cameras.truncate(1);
@@ -53,7 +53,8 @@ fn injected(scene: &Scene, seed: u64, change: impl Fn(String) -> String) -> (Sce
         let text = change(injection(&file.text, seed, 8));
         let source = Source::new("injected.wgsl", text.clone());
         let parsed = front::parse(&[source], &Options::default());
-        let parsed = parsed.unwrap_or_else(|e| panic!("{}\n{text}", e.render(front::Color::Never)));
+        let parsed = parsed
+            .unwrap_or_else(|e| panic!("{}\n{text}", e.render(preshade_text::error::Color::Never)));
         material.program = parsed.program;
         count += 1;
     }

@@ -3,11 +3,11 @@
 
 use std::path::Path;
 
-use preshade::emit::{self, ClipSpace, PlanFile, Target};
-use preshade::measure;
-use preshade::recipe::Recipe;
-use preshade::render::{ColorImage, DepthImage, Rendered, ShaderForm};
-use preshade::scene::{self, DrawOrder, Scene, bind};
+use preshade_compiler::emit::{self, ClipSpace, PlanFile, Target};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{ColorImage, DepthImage, Rendered, ShaderForm};
+use preshade_draw::scene::{self, DrawOrder, Scene, bind};
+use preshade_lab::measure;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{CompareFunction, CullMode, FrontFace};

@@ -4,9 +4,9 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use preshade::front::{self, Source};
-use preshade::measure;
-use preshade::scene::{Scene, Value};
+use preshade_compiler::front::{self, Source};
+use preshade_draw::scene::{Scene, Value};
+use preshade_lab::measure;
 use preshade_text::options::Options;
 
 use crate::render_support::*;
@@ -26,7 +26,7 @@ fn by_hand(mut scene: Scene, cells: u32) -> Scene {
         ..Options::default()
     };
     let parsed = front::parse(&[Source::new("bounds.wgsl", text)], &options)
-        .unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+        .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
     let material = &mut scene.materials[0];
     material.program = parsed.program;
     material.vertex = parsed.vertex;
@@ -47,7 +47,7 @@ fn by_hand(mut scene: Scene, cells: u32) -> Scene {
 fn the_noise_grids_are_the_hand_written_picture_but_for_rounding() {
     for cells in [16, 64, 128] {
         let path = fixture(&format!("scenes/noise-grid-{cells}.toml"));
-        let scene = preshade::scene::load(&path)
+        let scene = preshade_draw::scene::load(&path)
             .unwrap_or_else(|e| panic!("{}", e.render()))
             .resized([320, 180]);
         let hand = by_hand(scene.clone(), cells);

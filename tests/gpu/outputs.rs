@@ -4,10 +4,10 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DVec3, DVec4, Mat4, Vec3};
-use preshade::measure::outputs::{self, MOST_LEFT_OUT, TOLERANCE};
-use preshade::measure::{Session, Timed, originals, verify};
-use preshade::render::ShaderForm;
-use preshade::scene::{Draw, Scene, Value};
+use preshade_draw::render::ShaderForm;
+use preshade_draw::scene::{Draw, Scene, Value};
+use preshade_lab::measure::outputs::{self, MOST_LEFT_OUT, TOLERANCE};
+use preshade_lab::measure::{Session, Timed, originals, verify};
 use preshade_plan::contract::Verdict;
 use preshade_plan::plan::{BindingSource, Plan, Role};
 use preshade_plan::reflect;

@@ -6,16 +6,17 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use glam::{Mat4, Vec3};
-use preshade::emit::{self, File, PlanFile, Target};
-use preshade::recipe::Recipe;
-use preshade::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
-use preshade::scene::{DrawOrder, Scene, Stream, Value};
+use preshade_compiler::emit::{self, PlanFile, Target};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
+use preshade_draw::scene::{DrawOrder, Scene, Stream, Value};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{
     Blend, ColorTarget, CompareFunction, CullMode, DepthBias, DepthFormat, StencilFace,
     StencilOperation, StencilState,
 };
+use preshade_text::files::File;
 use serde_json::{Value as Json, json};
 
 use crate::render_support::*;
@@ -640,7 +641,7 @@ fn scene_of(case: Case) -> Scene {
                 env!("CARGO_MANIFEST_DIR"),
                 "/fixtures/adversarial/thin-lines.toml"
             );
-            let scene = preshade::scene::load(Path::new(path)).unwrap();
+            let scene = preshade_draw::scene::load(Path::new(path)).unwrap();
             scene.resized([64, 64])
         }
     }

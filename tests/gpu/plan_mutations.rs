@@ -5,11 +5,12 @@
 
 use std::collections::BTreeSet;
 
-use preshade::emit::{self, File, PlanFile, Target};
-use preshade::recipe::Recipe;
-use preshade::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
-use preshade::scene::DrawOrder;
+use preshade_compiler::emit::{self, PlanFile, Target};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
+use preshade_draw::scene::DrawOrder;
 use preshade_plan::pass::{Facts, Use};
+use preshade_text::files::File;
 use rayon::prelude::*;
 use serde_json::{Value as Json, json};
 

@@ -6,14 +6,14 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use preshade::emit::{self, PlanFile, Target};
-use preshade::front::{self, Source};
-use preshade::measure;
-use preshade::recipe::Recipe;
-use preshade::render::{
+use preshade_compiler::emit::{self, PlanFile, Target};
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{
     AdapterChoice, Error, FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant,
 };
-use preshade::scene::{DrawOrder, Scene, synthesise};
+use preshade_draw::scene::{DrawOrder, Scene, synthesise};
+use preshade_lab::measure;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{ColorTarget, MaterialState};
@@ -25,7 +25,7 @@ fn load(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(name);
-    let scene = preshade::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
+    let scene = preshade_draw::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
     scene.resized([97, 61])
 }
 

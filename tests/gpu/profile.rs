@@ -2,10 +2,10 @@
 
 use std::time::Duration;
 
-use preshade::measure::TimingSettings;
-use preshade::measure::profile::{Profile, profile};
-use preshade::report;
-use preshade::scene::Scene;
+use preshade_draw::scene::Scene;
+use preshade_lab::measure::TimingSettings;
+use preshade_lab::measure::profile::{Profile, profile};
+use preshade_lab::report;
 use preshade_plan::state::{
     CompareFunction, DepthFormat, StencilFace, StencilOperation, StencilState,
 };

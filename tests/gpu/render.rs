@@ -2,8 +2,8 @@
 //! several samples, viewports.
 
 use glam::{Mat4, Vec3};
-use preshade::render::{self, AdapterChoice, Gpu, SceneInputs, ShaderForm, Variant};
-use preshade::scene::DrawOrder;
+use preshade_draw::render::{self, AdapterChoice, Gpu, SceneInputs, ShaderForm, Variant};
+use preshade_draw::scene::DrawOrder;
 use preshade_plan::plan::{
     BindingKind, BindingSource, BindingUse, GpuPass, Plan, SCENE_DEPTH, Visibility,
 };

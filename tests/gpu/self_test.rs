@@ -8,13 +8,13 @@ use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, Literal, Module, Scalar, ShaderStage, Span, Type,
     TypeInner, VectorSize,
 };
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
-use preshade::recipe::Recipe;
-use preshade::render::{SceneInputs, SelfTestResult, ShaderForm, self_test};
-use preshade::report::table;
-use preshade::scene::{self, Scene};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{SceneInputs, SelfTestResult, ShaderForm, self_test};
+use preshade_draw::scene::{self, Scene};
 use preshade_ir::returns;
 use preshade_ir::writer::FunctionWriter;
+use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
+use preshade_lab::report::table;
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role, SamplesPassed};

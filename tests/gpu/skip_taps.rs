@@ -3,10 +3,10 @@
 
 use std::path::Path;
 
-use preshade::measure::record::VariantReport;
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade::recipe::Recipe;
-use preshade::render::ShaderForm;
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::ShaderForm;
+use preshade_lab::measure::record::VariantReport;
+use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Facts;
 
@@ -16,7 +16,9 @@ fn verified(name: &str, recipes: &[&str]) -> Vec<VariantReport> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(format!("{name}.toml"));
-    let mut scene = preshade::scene::load(&path).unwrap().resized([160, 90]);
+    let mut scene = preshade_draw::scene::load(&path)
+        .unwrap()
+        .resized([160, 90]);
     scene.orders.truncate(1);
     let originals = measure::originals(&scene);
     let variant = |recipe: &&str| {

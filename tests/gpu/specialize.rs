@@ -3,14 +3,14 @@
 
 use std::path::Path;
 
-use preshade::emit;
-use preshade::front::{self, Source};
-use preshade::measure::record::VariantReport;
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade::recipe::Recipe;
-use preshade::render::{FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant};
-use preshade::scene::bind::{self, BufferBinding};
-use preshade::scene::{Scene, Value};
+use preshade_compiler::emit;
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant};
+use preshade_draw::scene::bind::{self, BufferBinding};
+use preshade_draw::scene::{Scene, Value};
+use preshade_lab::measure::record::VariantReport;
+use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade_passes::graph::Graph;
 use preshade_passes::naga;
 use preshade_passes::transforms::specialize::Params;
@@ -27,7 +27,9 @@ fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(format!("{name}.toml"));
-    preshade::scene::load(&path).unwrap().resized([160, 90])
+    preshade_draw::scene::load(&path)
+        .unwrap()
+        .resized([160, 90])
 }
 
 fn museum() -> Scene {

@@ -4,12 +4,12 @@
 use std::collections::BTreeMap;
 
 use glam::{Mat4, Vec3};
-use preshade::measure::record::{Choice, Chosen, SweepReport};
-use preshade::measure::{self, Estimate, Session, Settings, Timed, TimingSettings, Verified};
-use preshade::render::ShaderForm;
-use preshade::scene::mesh::Sphere;
-use preshade::scene::{Draw, Frame, Scene};
-use preshade::sweep::Sweep;
+use preshade_compiler::sweep::Sweep;
+use preshade_draw::render::ShaderForm;
+use preshade_draw::scene::mesh::Sphere;
+use preshade_draw::scene::{Draw, Frame, Scene};
+use preshade_lab::measure::record::{Choice, Chosen, SweepReport};
+use preshade_lab::measure::{self, Estimate, Session, Settings, Timed, TimingSettings, Verified};
 use preshade_plan::budget::Budget;
 use preshade_plan::pass::Facts;
 
@@ -57,7 +57,7 @@ fn sphere() -> Scene {
 fn drawn() -> (Sweep, Vec<String>, Verified) {
     let scene = sphere();
     let steps = ["hoist", "tessellate:level=1..3"].map(str::to_owned);
-    let steps = preshade::sweep::completed(&steps).unwrap();
+    let steps = preshade_compiler::sweep::completed(&steps).unwrap();
     let sweep = Sweep::parse_steps(&steps).unwrap();
     let facts = Facts {
         changing: Some(measure::changing(&scene).unwrap()),
@@ -137,7 +137,7 @@ fn a_range_has_a_table_a_plot_and_pictures_a_form() {
         variant.verdict = preshade_plan::contract::Verdict::NotMeasured {
             why: "every material refuses it".to_owned(),
         };
-        variant.kept = vec![preshade::measure::record::KeptMaterial {
+        variant.kept = vec![preshade_lab::measure::record::KeptMaterial {
             material: "waves".to_owned(),
             without: None,
             why: "it moves".to_owned(),
@@ -181,7 +181,7 @@ fn a_budget_leaves_the_fastest_within_it() {
         .map(|v| v.error.as_ref().unwrap().flip_mean)
         .collect();
     let choose = |report: &_, most| {
-        let report: &preshade::measure::record::Report = report;
+        let report: &preshade_lab::measure::record::Report = report;
         let told = Chosen::among(&report.variants, budget(most));
         let said = told.said();
         (told.choice, said)
@@ -199,7 +199,7 @@ fn a_budget_leaves_the_fastest_within_it() {
     assert!(said.contains("the best error is"), "{said}");
     assert!(said.contains(&format!("{:.5}", flip[level_3])), "{said}");
 
-    let speed = |report: &mut preshade::measure::record::Report, speeds: [f64; 3]| {
+    let speed = |report: &mut preshade_lab::measure::record::Report, speeds: [f64; 3]| {
         for (i, variant) in report.variants[1..].iter_mut().enumerate() {
             let median = speeds[i / 3] + 0.01 * (i % 3) as f64;
             variant.speedup = Some(Estimate {

@@ -4,11 +4,11 @@
 use std::collections::BTreeMap;
 
 use glam::{Mat4, Vec3};
-use preshade::measure;
-use preshade::recipe::Recipe;
-use preshade::render::{ColorImage, Rendered, ShaderForm};
-use preshade::scene::mesh::Sphere;
-use preshade::scene::{Draw, DrawOrder, Frame, Scene};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{ColorImage, Rendered, ShaderForm};
+use preshade_draw::scene::mesh::Sphere;
+use preshade_draw::scene::{Draw, DrawOrder, Frame, Scene};
+use preshade_lab::measure;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{Blend, ColorTarget, CompareFunction};
@@ -209,7 +209,7 @@ fn instances_and_indices_of_every_kind_are_fetched() {
     let transforms = [-0.7, 0.1, 0.6].map(transform);
     scene.draws[0].instance_streams.insert(
         "instance_transform".to_owned(),
-        preshade::scene::Stream::Float {
+        preshade_draw::scene::Stream::Float {
             components: 16,
             data: transforms.iter().flat_map(|m| m.to_cols_array()).collect(),
         },
@@ -232,7 +232,7 @@ fn instances_and_indices_of_every_kind_are_fetched() {
     // More vertices than 16 bits count, of which no triangle uses the last.
     mesh.vertex_count = 70_000;
     for stream in mesh.streams.values_mut() {
-        if let preshade::scene::Stream::Float { components, data } = stream {
+        if let preshade_draw::scene::Stream::Float { components, data } = stream {
             data.resize(70_000 * *components as usize, 0.0);
         }
     }
@@ -240,7 +240,7 @@ fn instances_and_indices_of_every_kind_are_fetched() {
     let mesh = &mut scene.meshes[0];
     let indices = mesh.indices.take().unwrap();
     for stream in mesh.streams.values_mut() {
-        if let preshade::scene::Stream::Float { components, data } = stream {
+        if let preshade_draw::scene::Stream::Float { components, data } = stream {
             let n = *components as usize;
             let gathered = indices
                 .iter()
@@ -293,7 +293,7 @@ fn strips_are_divided_as_lists() {
     let mesh = &mut scene.meshes[0];
     mesh.vertex_count = 70_000;
     for stream in mesh.streams.values_mut() {
-        if let preshade::scene::Stream::Float { components, data } = stream {
+        if let preshade_draw::scene::Stream::Float { components, data } = stream {
             data.resize(70_000 * *components as usize, 0.0);
         }
     }
@@ -385,7 +385,7 @@ fn an_edge_divided_on_one_side_alone_is_found() {
     let whole = scene.meshes[0].clone();
     let indices = whole.indices.clone().unwrap();
     let height = |i: &u32| {
-        let preshade::scene::Stream::Float { data, .. } = &whole.streams["position"] else {
+        let preshade_draw::scene::Stream::Float { data, .. } = &whole.streams["position"] else {
             panic!("positions are floats");
         };
         data[*i as usize * 3 + 1]

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
-use preshade::render::{Error, SceneInputs};
-use preshade::scene::bind::{self, TextureContent};
-use preshade::scene::{Filter, Image, Material};
+use preshade_draw::render::{Error, SceneInputs};
+use preshade_draw::scene::bind::{self, TextureContent};
+use preshade_draw::scene::{Filter, Image, Material};
 use wgpu::{TextureDimension, TextureFormat};
 
 use crate::render_support::*;

@@ -3,12 +3,13 @@
 use std::path::Path;
 use std::sync::OnceLock;
 
-use preshade::capture::browser::prepare;
-use preshade::capture::trace::{Wanted, convert};
-use preshade::capture::{self, Capture, Choice, check};
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade::recipe::Recipe;
-use preshade::render::ShaderForm;
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::capture::{self, Choice, check};
+use preshade_draw::render::ShaderForm;
+use preshade_frames::browser::prepare;
+use preshade_frames::folder::Capture;
+use preshade_frames::trace::{Wanted, convert};
+use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade_text::limits::Limits;
 use tempfile::TempDir;
 

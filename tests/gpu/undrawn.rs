@@ -3,11 +3,11 @@
 
 use std::path::Path;
 
-use preshade::measure::record::Report;
-use preshade::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
-use preshade::recipe::Recipe;
-use preshade::render::ShaderForm;
-use preshade::scene::{self, Scene};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::ShaderForm;
+use preshade_draw::scene::{self, Scene};
+use preshade_lab::measure::record::Report;
+use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
 use preshade_plan::contract::{Assumption, Verdict};
 use preshade_plan::pass::Facts;
 

@@ -4,13 +4,13 @@
 use std::collections::BTreeMap;
 
 use naga::{BinaryOperator, Expression, Function, Module, SampleLevel, Statement};
-use preshade::measure::validate_on;
-use preshade::recipe::Recipe;
+use preshade_compiler::recipe::Recipe;
+use preshade_lab::measure::validate_on;
 use preshade_passes::examples;
-use preshade_passes::validate::{Check, Counterexample, Effort, Verdict};
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
+use preshade_validate::{Check, Counterexample, Effort, Verdict};
 
 use crate::fixtures_support::{materials, original};
 use crate::render_support::{gpu, program};

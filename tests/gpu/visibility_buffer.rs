@@ -5,13 +5,13 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 use glam::{Mat4, Vec3};
-use preshade::emit::{self, Target};
-use preshade::measure::{self, Counter};
-use preshade::recipe::Recipe;
-use preshade::render::{
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{
     FrameSettings, Prepared, Rendered, SceneInputs, SelfTestResult, ShaderForm, Variant, self_test,
 };
-use preshade::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream, Value};
+use preshade_draw::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream, Value};
+use preshade_lab::measure::{self, Counter};
 use preshade_plan::contract::{Assumption, Contract, Surface, Turned};
 use preshade_plan::draw_table::Entry;
 use preshade_plan::pass::Facts;
@@ -234,8 +234,8 @@ fn mips(levels: u32) -> Arc<Image> {
 
 /// A soft pattern with all its mips.
 fn pattern() -> Arc<Image> {
-    let recipe = preshade::scene::image::Recipe {
-        pattern: Some(preshade::scene::image::Pattern::Noise),
+    let recipe = preshade_draw::scene::image::Recipe {
+        pattern: Some(preshade_draw::scene::image::Pattern::Noise),
         size: 128,
         ..Default::default()
     };
@@ -868,9 +868,13 @@ fn assert_drawn(scene: &Scene, what: &str) {
         "visibility-buffer:form=compute,vertices=kept",
     ] {
         let split: Vec<Plan> = plans.iter().map(|p| split(p, form)).collect();
-        let targets = [preshade::emit::Target::Wgsl];
-        preshade::emit::emit(&split[0], &targets, &preshade::emit::Options::default())
-            .unwrap_or_else(|e| panic!("{what}: {e}"));
+        let targets = [preshade_compiler::emit::Target::Wgsl];
+        preshade_compiler::emit::emit(
+            &split[0],
+            &targets,
+            &preshade_compiler::emit::Options::default(),
+        )
+        .unwrap_or_else(|e| panic!("{what}: {e}"));
         let drawn = render_as(gpu(), scene, &split, order, ShaderForm::Text);
         let found = difference(&forward, &drawn);
         assert!(found.most <= 1, "{what}, {form}: {found:?}");
@@ -944,8 +948,13 @@ fn colours_are_stored_where_there_is_a_target() {
         "visibility-buffer:form=binned",
     ] {
         let plan = split(&originals(&half)[0], form);
-        let targets = [preshade::emit::Target::Wgsl];
-        preshade::emit::emit(&plan, &targets, &preshade::emit::Options::default()).unwrap();
+        let targets = [preshade_compiler::emit::Target::Wgsl];
+        preshade_compiler::emit::emit(
+            &plan,
+            &targets,
+            &preshade_compiler::emit::Options::default(),
+        )
+        .unwrap();
     }
 }
 
@@ -1343,7 +1352,9 @@ fn the_emitted_text_and_the_ir_draw_alike() {
 fn a_root_of_what_cancels_is_promised_nothing_without_a_budget() {
     let path =
         std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/frag-depth.toml");
-    let mut scene = preshade::scene::load(&path).unwrap().resized([320, 180]);
+    let mut scene = preshade_draw::scene::load(&path)
+        .unwrap()
+        .resized([320, 180]);
     let eye = Vec3::new(30.0, 27.0, 90.0);
     let frame = &mut scene.cameras[0].frames[0];
     frame.view = Mat4::look_at_rh(eye, Vec3::new(0.0, 1.8, 0.0), Vec3::Y);

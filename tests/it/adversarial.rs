@@ -3,10 +3,10 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::emit::{self, EmitError, Target};
-use preshade::recipe::Recipe;
-use preshade_passes::validate::{Effort, validate};
+use preshade_compiler::emit::{self, EmitError, Target};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::{Facts, Use};
+use preshade_validate::{Effort, validate};
 use rayon::prelude::*;
 
 use crate::fixtures_support::{original, recipes, root};

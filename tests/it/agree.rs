@@ -1,24 +1,23 @@
 //! `agree` raises no false alarm: every fixture is held against the passes that preshade derives
 //! from it, and against itself, renamed, formatted, and compiled to another language and back.
 //! `AGREE_INPUTS=480` tries as many inputs as the command does.
-#![cfg(all(feature = "glsl", feature = "spirv"))]
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use naga::back::wgsl;
 use naga::{EntryPoint, Module, TypeInner};
-use preshade::emit::{self, Target};
-use preshade::front::{self, Source};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
 use preshade_ir::declared::Depth;
-use preshade_passes::validate::Effort;
-use preshade_passes::validate::agree::{Agreement, Outcome, Relation, agree};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{BindingSource, GpuPass, Plan, Role};
 use preshade_plan::program::Program;
 use preshade_plan::state::MaterialState;
 use preshade_text::options::{ClipSpace, Options};
+use preshade_validate::Effort;
+use preshade_validate::agree::{Agreement, Outcome, Relation, agree};
 use rayon::prelude::*;
 
 use crate::fixtures_support::root;

@@ -2,9 +2,9 @@
 
 use std::path::PathBuf;
 
-use preshade_passes::validate::Effort;
-use preshade_passes::validate::agree::{Agreement, Class, Outcome, Question, Relation, agree};
 use preshade_plan::mapping::Equation;
+use preshade_validate::Effort;
+use preshade_validate::agree::{Agreement, Class, Outcome, Question, Relation, agree};
 
 use crate::agree::read;
 use crate::fixtures_support::root;

@@ -7,10 +7,10 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use preshade::build_script::{BuildConfig, BuildError, Built, configure};
-use preshade::emit::Target;
-use preshade::front::{Source, parse};
-use preshade::lock::{Inputs, Lock, Locked};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::Target;
+use preshade_compiler::front::{Source, parse};
+use preshade_compiler::lock::{Inputs, Lock, Locked};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{Blend, ColorTarget, CompareFunction, DepthFormat, MaterialState};
@@ -638,7 +638,6 @@ fn two_materials_of_one_name_are_an_error() {
         .unwrap();
 }
 
-#[cfg(feature = "glsl")]
 #[test]
 fn included_files_are_read_and_told() {
     let package = Package::new("included");
@@ -688,7 +687,6 @@ fn included_files_are_read_and_told() {
     assert_eq!(built.read[2], path("tint.glsl").canonicalize().unwrap());
 }
 
-#[cfg(feature = "naga-oil")]
 #[test]
 fn imported_modules_are_read_and_told() {
     let package = Package::new("imported");
@@ -752,7 +750,6 @@ fn imported_modules_are_read_and_told() {
     assert_eq!(stamp(), before);
 }
 
-#[cfg(feature = "wesl")]
 #[test]
 fn wesls_modules_are_read_and_told() {
     let package = Package::new("wesl");
@@ -1027,7 +1024,6 @@ fn nothing_is_told_of_variants_that_nobody_asked_for() {
 
 /// The generated modules through rustc, against the wgpu that these tests were linked with, with
 /// every lint that a host may deny, clippy's too.
-#[cfg(feature = "verify")]
 #[test]
 fn generated_modules_compile_without_a_warning() {
     let package = Package::new("rustc");
@@ -1119,7 +1115,6 @@ fn generated_modules_compile_without_a_warning() {
     }
 }
 
-#[cfg(feature = "spirv")]
 #[test]
 fn a_target_is_written_beside_the_others() {
     let package = Package::new("targets");

@@ -3,8 +3,10 @@
 use std::fs;
 use std::io::Write as _;
 
-use preshade::capture::{self, Capture, Choice, Kind};
-use preshade::scene::Scene;
+use preshade_draw::capture::{self, Choice};
+use preshade_draw::scene::Scene;
+use preshade_frames::folder::Capture;
+use preshade_frames::pass::Kind;
 use preshade_plan::state::{Blend, ColorTarget, DepthDirection};
 use preshade_text::limits::Limits;
 use serde_json::{Value, json};
@@ -130,12 +132,19 @@ fn a_compressed_frame_is_read_within_the_limit() {
     };
     pack(&fs::read(&plain).unwrap());
     fs::remove_file(&plain).unwrap();
-    assert!(capture::is_folder(&path) && capture::file_of(&path) == packed);
+    assert!(
+        preshade_frames::folder::is_folder(&path)
+            && preshade_frames::folder::file_of(&path) == packed
+    );
     let limits = Limits {
         file_bytes: 1 << 20,
         ..Limits::default()
     };
-    let draws = |capture: &Capture| capture::passes(capture, 0).unwrap()[1].draws.len();
+    let draws = |capture: &Capture| {
+        preshade_frames::pass::passes(capture, 0).unwrap()[1]
+            .draws
+            .len()
+    };
     assert_eq!(draws(&Capture::open(&path, &limits).unwrap()), 2);
     // Small, and large when it is read.
     pack(&vec![b' '; 4 << 20]);
@@ -152,7 +161,7 @@ fn a_compressed_frame_is_read_within_the_limit() {
 fn passes_are_told_apart_by_what_reads_them() {
     let path = folder().write("passes");
     let capture = Capture::open(&path, &Limits::default()).unwrap();
-    let passes = capture::passes(&capture, 0).unwrap();
+    let passes = preshade_frames::pass::passes(&capture, 0).unwrap();
     let found: Vec<(Kind, usize)> = passes.iter().map(|p| (p.kind, p.draws.len())).collect();
     assert_eq!(found, [(Kind::FullScreen, 1), (Kind::Main, 2)]);
     let scene = capture::scene(&capture, Choice::default(), None).unwrap();
@@ -246,7 +255,7 @@ fn each_pass_of_a_frame_has_its_own_direction() {
 fn a_draw_of_webgl_has_resources_by_name() {
     let path = point().write("webgl");
     let capture = Capture::open(&path, &Limits::default()).unwrap();
-    let passes = capture::passes(&capture, 0).unwrap();
+    let passes = preshade_frames::pass::passes(&capture, 0).unwrap();
     let found: Vec<_> = passes.iter().map(|p| (p.kind, p.draws[0].named)).collect();
     assert_eq!(found, [(Kind::FullScreen, Some(0))]);
     fs::remove_dir_all(path).unwrap();

@@ -1,11 +1,10 @@
 //! Recipes of random passes in random order, on all fixture materials: all compose or refuse.
-#![cfg(all(feature = "glsl", feature = "spirv"))]
 
 use preshade_passes::examples;
-use preshade_passes::validate::Effort;
 use preshade_plan::pass::Use;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::CompareFunction;
+use preshade_validate::Effort;
 
 use crate::combinations_support::combinations;
 use crate::fixtures_support::{materials, original, root};

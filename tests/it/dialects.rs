@@ -3,8 +3,8 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Source};
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
 use preshade_text::memory::Memory;
@@ -16,7 +16,7 @@ fn source(path: &Path) -> Source {
 }
 
 /// The WGSL that files come to, read back as it is emitted.
-pub fn wgsl(files: &[PathBuf], options: &Options) -> Result<String, front::Error> {
+pub fn wgsl(files: &[PathBuf], options: &Options) -> Result<String, preshade_text::error::Error> {
     let sources: Vec<Source> = files.iter().map(|f| source(f)).collect();
     let parsed = front::parse(&sources, options)?;
     let fragment = parsed.fragment.as_deref();
@@ -111,7 +111,7 @@ fn a_wrong_condition_is_shown_in_its_file() {
     let name = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/dialects/wesl/src/wrong.wesl");
     let source = Source::new(name.display().to_string(), "@if(A +) const a = 1;\n");
     let error = front::parse(&[source], &Options::default()).unwrap_err();
-    let said = error.render(front::Color::Never);
+    let said = error.render(preshade_text::error::Color::Never);
     assert!(said.contains("a condition consists of names"), "{said}");
     assert!(said.contains("@if(A +)"), "{said}");
 }
@@ -119,7 +119,7 @@ fn a_wrong_condition_is_shown_in_its_file() {
 #[test]
 fn what_is_missing_is_named() {
     let error = wgsl(&ours("oil/material.wgsl"), &Options::default()).unwrap_err();
-    let said = error.render(front::Color::Never);
+    let said = error.render(preshade_text::error::Color::Never);
     assert!(said.contains("GROUP"), "{said}");
     let error = wgsl(&ours("oil/material.wgsl"), &defined(&[("GROUP", "x")])).unwrap_err();
     assert!(
@@ -151,7 +151,9 @@ fn wesls_own_errors_are_plain_text() {
     let error = front::parse(&[source], &Options::default()).unwrap_err();
     assert!(error.message().contains("broken.wesl: error"), "{error}");
     assert!(
-        !error.render(front::Color::Never).contains("[0m"),
+        !error
+            .render(preshade_text::error::Color::Never)
+            .contains("[0m"),
         "{error}"
     );
 }
@@ -159,7 +161,7 @@ fn wesls_own_errors_are_plain_text() {
 #[test]
 fn two_versions_of_a_module_are_told() {
     let error = wgsl(&ours("twice/material.wgsl"), &Options::default()).unwrap_err();
-    let said = error.render(front::Color::Never);
+    let said = error.render(preshade_text::error::Color::Never);
     assert!(said.contains("are both `own::shared`"), "{said}");
 }
 
@@ -222,8 +224,8 @@ fn bevys_material(packages: Vec<PathBuf>, ending: &str) {
     let mut options = bevys_definitions();
     options.include = packages;
     let files = ["mesh", "pbr"].map(|n| render.join(format!("{n}.{ending}")));
-    let text =
-        wgsl(&files, &options).unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+    let text = wgsl(&files, &options)
+        .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
     println!("{} lines of WGSL", text.lines().count());
     assert!(text.contains("apply_pbr_lighting("), "{text}");
     assert_eq!(text.matches("@fragment").count(), 1, "{text}");
@@ -268,18 +270,18 @@ fn imports_are_found_in_memory() {
             };
             front::parse(&[Source::new(&name, &text)], &options)
         };
-        let parsed = parse(files).unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+        let parsed = parse(files)
+            .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
         let read = parsed.program.sources().files();
         let texts: String = read.iter().map(|f| f.text.as_str()).collect();
         assert!(texts.contains("lambert"), "{texts}");
         assert_eq!(
             parse(Memory::default()).unwrap_err().code(),
-            front::Code::Parse
+            preshade_text::error::Code::Parse
         );
     }
 }
 
-#[cfg(feature = "glsl")]
 #[test]
 fn includes_are_found_in_memory() {
     let vertex = "#version 300 es\nin vec3 p;\nvoid main() { gl_Position = vec4(p, 1.0); }\n";
@@ -301,7 +303,8 @@ fn includes_are_found_in_memory() {
     let tint = "#include \"red.glsl\"\nvec4 tint() { return RED; }\n";
     let red = "#define RED vec4(1.0, 0.0, 0.0, 1.0)\n";
     let both = [("lib/tint.glsl", tint), ("./lib/../lib/red.glsl", red)];
-    let parsed = parse(&both, "").unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+    let parsed = parse(&both, "")
+        .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
     let names = parsed
         .program
         .sources()

@@ -1,13 +1,13 @@
 //! What is emitted with tessellation stages, and what is refused.
-#![cfg(feature = "glsl")]
 
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use preshade::emit::{self, ClipSpace, EmitError, File, PlanFile, Target};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::{self, ClipSpace, EmitError, PlanFile, Target};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_text::files::File;
 
 use crate::fixtures_support;
 

@@ -1,9 +1,8 @@
 //! Text to program: what is read, how two files become one, and how every bad input is told.
-#![cfg(feature = "glsl")]
 
 use std::time::{Duration, Instant};
 
-use preshade::front::{self, Parsed, Source};
+use preshade_compiler::front::{self, Parsed, Source};
 use preshade_text::error::{Code, Color, Error};
 use preshade_text::options::Options;
 use preshade_text::source::Language;

@@ -1,9 +1,8 @@
 //! Damaged source never takes the process down: it is a program or an error. And what parses is
 //! emitted, read back and equal.
-#![cfg(all(feature = "glsl", feature = "spirv"))]
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Source};
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 use preshade_plan::state::MaterialState;

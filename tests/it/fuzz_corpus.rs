@@ -4,7 +4,6 @@
 //! `PRESHADE_FUZZ=recipes:300 cargo test --test it fuzz_corpus -- --nocapture drive` fuzzes one
 //! target for 300 seconds: inputs mutated at random, without coverage to guide it. What panics is
 //! kept in `target/tmp/crashes`; cut down, it belongs into `fixtures/crashes`.
-#![cfg(feature = "verify")]
 
 use std::path::{Path, PathBuf};
 use std::time::{Duration, Instant};

@@ -1,16 +1,16 @@
 //! GLSL of every dialect: what naga's front end is given, and that the passes take it as they take
 //! any other.
-#![cfg(all(feature = "glsl", feature = "spirv"))]
 
 use std::path::{Path, PathBuf};
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Parsed, Source, normalised_glsl};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{self, Parsed, Source, normalised_glsl};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{MaterialState, Topology};
 use preshade_text::error::{Code, Color};
+use preshade_text::files;
 use preshade_text::options::{ClipSpace, Options};
 
 fn folder() -> PathBuf {
@@ -156,7 +156,7 @@ fn what_is_emitted_reads_back() {
                 }
                 Err(e) => panic!("{name}: {e}"),
             };
-            let ends = |f: &&emit::File| f.name.ends_with(".vert") || f.name.ends_with(".frag");
+            let ends = |f: &&files::File| f.name.ends_with(".vert") || f.name.ends_with(".frag");
             let texts: Vec<Source> = files
                 .iter()
                 .filter(ends)

@@ -1,10 +1,9 @@
 //! What GLSL says that naga's front end does otherwise or not at all: which function is called, how
 //! blocks lie, what the preprocessor is asked, and errors in GLSL's words.
-#![cfg(all(feature = "glsl", feature = "spirv"))]
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Parsed, Source, normalised_glsl};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{self, Parsed, Source, normalised_glsl};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;

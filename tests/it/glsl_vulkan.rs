@@ -1,9 +1,8 @@
 //! GLSL for Vulkan: what WebGPU can say is read, and the rest is refused by its name.
-#![cfg(all(feature = "glsl", feature = "spirv"))]
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Parsed, Source};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{self, Parsed, Source};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;

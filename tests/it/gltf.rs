@@ -1,9 +1,8 @@
 //! glTF files as they are: what becomes a draw, a material, a camera and a light.
-#![cfg(feature = "verify")]
 
 use std::path::{Path, PathBuf};
 
-use preshade::scene::{
+use preshade_draw::scene::{
     self, Access, Address, Filter, Material, Scene, SceneError, Shading, Value, Variables,
 };
 use preshade_plan::state::{CullMode, FrontFace};

@@ -1,8 +1,8 @@
 //! Both stages of `half-rate` in every language.
 
-use preshade::emit::{self, Target};
-use preshade::recipe::Recipe;
-use preshade::scene;
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::scene;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
 

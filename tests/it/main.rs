@@ -2,14 +2,11 @@
 
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
-#[cfg(feature = "verify")]
 #[path = "../support/capture_support.rs"]
 mod capture_support;
-#[cfg(all(feature = "glsl", feature = "spirv"))]
 mod combinations_support;
 #[path = "../support/fixtures_support.rs"]
 mod fixtures_support;
-#[cfg(feature = "verify")]
 mod fuzz_support;
 mod results_support;
 
@@ -18,7 +15,6 @@ mod agree;
 mod agree_cases;
 mod bevy;
 mod build_script;
-#[cfg(feature = "verify")]
 mod captures;
 mod combinations;
 mod dialects;
@@ -48,7 +44,7 @@ mod scene_synthesise;
 mod shared_binding;
 mod snapshots;
 mod text_meaning;
-#[cfg(feature = "capture")]
+mod tidy;
 mod traces;
 mod validate;
 mod wgsl_in;

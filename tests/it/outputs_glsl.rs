@@ -1,9 +1,8 @@
 //! Auxiliary passes of WebGL's materials: their plain uniforms stay plain.
-#![cfg(all(feature = "glsl", feature = "spirv"))]
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Source};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;

@@ -5,10 +5,10 @@ use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use preshade::emit::{self, Target};
-use preshade::front::{Source, parse};
-use preshade::parameters::{Parameter, parameters};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{Source, parse};
+use preshade_compiler::parameters::{Parameter, parameters};
+use preshade_compiler::recipe::Recipe;
 use preshade_passes::PASSES;
 use preshade_plan::contract::Contract;
 use preshade_plan::pass::{AnyPass, Facts, PassInfo, Use};

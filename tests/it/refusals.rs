@@ -1,9 +1,9 @@
 //! What the depth transforms refuse, by name and with a remedy: a refusal is a normal outcome, and
 //! the original is kept.
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Source};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
 use preshade_passes::analysis::neighbours;
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::frame::{FrameLoad, FramePlan};
@@ -648,7 +648,7 @@ fn an_order_is_blamed_only_where_another_helps() {
     let code = |text: &str| {
         let plan = plan(text, &MaterialState::default());
         let recipe = Recipe::parse(["depth-prepass", "early-alpha"]).unwrap();
-        let (_, skipped) = preshade::pipeline::apply(&plan, &recipe, &Facts::default());
+        let (_, skipped) = preshade_compiler::pipeline::apply(&plan, &recipe, &Facts::default());
         let codes = skipped.iter().map(|s| s.refusal.code.clone());
         codes.collect::<Vec<_>>()
     };

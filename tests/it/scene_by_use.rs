@@ -1,13 +1,12 @@
 //! A shader's inputs whose names say nothing get what the shader does with them: in a scene file, and
 //! in the scene of a bare shader.
-#![cfg(feature = "verify")]
 
 use std::path::Path;
 
 use glam::Mat4;
-use preshade::front::{self, Source};
-use preshade::scene::bind::{self, DrawBindings, unplaced};
-use preshade::scene::{self, Scene};
+use preshade_compiler::front::{self, Source};
+use preshade_draw::scene::bind::{self, DrawBindings, unplaced};
+use preshade_draw::scene::{self, Scene};
 use preshade_plan::state::MaterialState;
 use preshade_text::options::Options;
 

@@ -1,9 +1,8 @@
 //! Bad scenes are refused with a clear message at the right place.
-#![cfg(feature = "verify")]
 
 use std::path::{Path, PathBuf};
 
-use preshade::scene;
+use preshade_draw::scene;
 
 /// A scene that is right but for what a case changes.
 const GOOD: &str = r#"size = [64, 32]
@@ -564,7 +563,7 @@ fn immediate_data_is_named_like_a_uniform() {
         let text = GOOD.replace("values = {", &format!("values = {{ {values}"));
         std::fs::write(&path, text).unwrap();
         let scene = scene::load(&path).map_err(|e| e.to_string())?;
-        let plan = &preshade::measure::originals(&scene)[0];
+        let plan = &preshade_lab::measure::originals(&scene)[0];
         let (_, frame) = scene.frames().next().unwrap();
         let (pass, draw) = (plan.main().unwrap(), &scene.draws[0]);
         assert_eq!(pass.limits.get("maxImmediateSize"), Some(&16));

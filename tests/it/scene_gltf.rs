@@ -1,9 +1,8 @@
 //! glTF files that are wrong, or ask for more than they have: an error, and nothing is taken
 //! before.
-#![cfg(feature = "verify")]
 
-use preshade::scene::mesh::Gltf;
-use preshade::scene::{self, Access, Outside, Variables};
+use preshade_draw::scene::mesh::Gltf;
+use preshade_draw::scene::{self, Access, Outside, Variables};
 use preshade_text::limits::Limits;
 
 /// Two triangles of four corners: 48 bytes of positions, then 6 indices of two bytes, as zeroes.

@@ -1,10 +1,9 @@
 //! Textures and glTF files come out as their formats say.
-#![cfg(feature = "verify")]
 
 use glam::{Mat4, Vec3};
-use preshade::scene::image::{Pattern, Recipe, mip_chain};
-use preshade::scene::mesh::{Gltf, positions};
-use preshade::scene::{Image, Stream};
+use preshade_draw::scene::image::{Pattern, Recipe, mip_chain};
+use preshade_draw::scene::mesh::{Gltf, positions};
+use preshade_draw::scene::{Image, Stream};
 
 #[test]
 fn mips_average_light_and_not_its_encoding() {

@@ -1,9 +1,8 @@
 //! Every shipped scene loads, and every draw of it binds.
-#![cfg(feature = "verify")]
 
 use std::path::{Path, PathBuf};
 
-use preshade::scene::{self, bind};
+use preshade_draw::scene::{self, bind};
 use preshade_plan::plan::Plan;
 
 fn scenes() -> Vec<PathBuf> {
@@ -145,7 +144,7 @@ fn an_orbit_is_an_eye_on_a_sphere_round_its_target() {
 
 #[test]
 fn variables_are_what_the_command_line_says() {
-    use preshade::scene::{Stream, Variable, Variables};
+    use preshade_draw::scene::{Stream, Variable, Variables};
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/grass.toml");
     let with = |pairs: &[(&str, &str)]| {
         let set: Variables = pairs

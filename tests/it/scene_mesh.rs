@@ -1,15 +1,14 @@
 //! Generated meshes are sound: unit normals, outward counter-clockwise triangles, closed where they
 //! claim to be.
-#![cfg(feature = "verify")]
 
 use std::collections::BTreeMap;
 
 use glam::{Vec3, Vec4};
-use preshade::scene::mesh::{
+use preshade_draw::scene::mesh::{
     Arch, Column, Cuboid, Curtain, Morph, Plane, Skin, Sphere, Stairs, Teapot, WireSphere, merged,
     positions, transformed,
 };
-use preshade::scene::{Mesh, Stream};
+use preshade_draw::scene::{Mesh, Stream};
 
 fn floats<'a>(mesh: &'a Mesh, name: &str) -> &'a [f32] {
     match &mesh.streams[name] {

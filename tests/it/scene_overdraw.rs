@@ -1,13 +1,12 @@
 //! The shipped scenes have the overdraw they were built for, counted by a small rasteriser of our
 //! own: shaded fragments per covered pixel of the opaque draws, in an order of draws, with the
 //! depth test and without discards.
-#![cfg(feature = "verify")]
 
 use std::path::Path;
 
 use glam::{Vec3, Vec4};
-use preshade::scene::mesh::positions;
-use preshade::scene::{self, Draw, DrawOrder, Frame, Scene};
+use preshade_draw::scene::mesh::positions;
+use preshade_draw::scene::{self, Draw, DrawOrder, Frame, Scene};
 use preshade_plan::state::{CullMode, DepthDirection};
 
 const SIZE: [usize; 2] = [192, 108];

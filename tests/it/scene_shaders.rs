@@ -1,9 +1,8 @@
 //! Every fixture shader goes through the front end.
-#![cfg(feature = "verify")]
 
 use std::path::{Path, PathBuf};
 
-use preshade::front::{self, Source};
+use preshade_compiler::front::{self, Source};
 use preshade_text::error::Color;
 use preshade_text::options::Options;
 

@@ -1,11 +1,10 @@
 //! A bare shader gets a scene by reflection that can be drawn as it is.
-#![cfg(feature = "verify")]
 
 use std::path::{Path, PathBuf};
 
-use preshade::front::{self, Parsed, Source};
-use preshade::scene::bind::{self, DrawBindings};
-use preshade::scene::{self, Scene};
+use preshade_compiler::front::{self, Parsed, Source};
+use preshade_draw::scene::bind::{self, DrawBindings};
+use preshade_draw::scene::{self, Scene};
 use preshade_plan::state::{DepthDirection, MaterialState};
 use preshade_text::options::Options;
 
@@ -498,7 +497,7 @@ fn a_buffer_of_vertices_holds_a_mesh_whatever_its_name() {
 /// Only what a scene file says becomes a fact: no texture, flag or colour that it leaves out.
 #[test]
 fn values_that_a_scene_leaves_out_are_no_facts() {
-    use preshade::measure;
+    use preshade_lab::measure;
     let folder = std::env::temp_dir().join(format!("preshade-left-out-{}", std::process::id()));
     std::fs::create_dir_all(&folder).unwrap();
     std::fs::write(folder.join("leaf.wgsl"), NAMELESS).unwrap();
@@ -543,7 +542,7 @@ target = [0, 0, 0]
 
 #[test]
 fn nothing_of_a_bare_shader_is_a_fact() {
-    use preshade::measure;
+    use preshade_lab::measure;
     use preshade_plan::pass::Facts;
     let scene = written(&[("nameless.wgsl", NAMELESS)]);
     assert_eq!(measure::known(&scene), Facts::default());
@@ -553,7 +552,7 @@ fn nothing_of_a_bare_shader_is_a_fact() {
 /// A variant without the discard of its original must say so, with the values that it is for.
 #[test]
 fn a_removed_discard_is_reported_with_its_values() {
-    use preshade::command::rewrite::removed_discard;
+    use preshade_compiler::command::rewrite::removed_discard;
     let plan = written(&[("nameless.wgsl", NAMELESS)]).materials[0].plan();
     let apply = |recipe: &str| {
         let recipe = preshade::Recipe::parse_list(recipe).unwrap();

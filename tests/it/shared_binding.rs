@@ -1,8 +1,8 @@
 //! Two variables at one group and binding, each in a stage of its own: legal WGSL. The plan's
 //! layout serves both, or the material is refused by name.
 
-use preshade::front::{self, Source};
-use preshade::recipe::Recipe;
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{BindingLayout, Plan};
 use preshade_plan::state::MaterialState;
@@ -11,7 +11,7 @@ use preshade_text::options::Options;
 
 const TEXT: &str = include_str!("../materials/shared-binding.wgsl");
 
-fn parse(text: &str) -> Result<Plan, front::Error> {
+fn parse(text: &str) -> Result<Plan, preshade_text::error::Error> {
     let parsed = front::parse(&[Source::new("shared.wgsl", text)], &Options::default())?;
     let fragment = parsed.fragment.as_deref();
     let state = MaterialState::default();

@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use preshade::emit::{self, Target};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
 

@@ -1,16 +1,16 @@
 //! Every written text means what its program means, in each language.
-#![cfg(all(feature = "glsl", feature = "spirv"))]
 
 use std::collections::BTreeMap;
 
-use preshade::emit::{self, EmitError, File, Meaning, Target};
-use preshade::front::{self, Source};
-use preshade::recipe::Recipe;
-use preshade_passes::validate::Effort;
+use preshade_compiler::emit::{self, EmitError, Meaning, Target};
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
+use preshade_text::files::File;
 use preshade_text::options::Options;
+use preshade_validate::Effort;
 use rayon::prelude::*;
 
 use crate::agree::{fixtures, read};

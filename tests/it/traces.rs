@@ -3,9 +3,9 @@
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use preshade::capture::browser::prepare;
-use preshade::capture::trace::{Found, FramesBy, TRACE, TraceError, Version, Wanted, convert};
-use preshade::capture::{Capture, file_of};
+use preshade_frames::browser::prepare;
+use preshade_frames::folder::{Capture, file_of};
+use preshade_frames::trace::{Found, FramesBy, TRACE, TraceError, Version, Wanted, convert};
 use preshade_text::limits::Limits;
 use serde_json::Value;
 

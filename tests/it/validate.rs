@@ -3,10 +3,10 @@
 
 use std::collections::BTreeMap;
 
-use preshade::recipe::Recipe;
-use preshade_passes::validate::{Check, Effort, Verdict, validate};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Role;
+use preshade_validate::{Check, Effort, Verdict, validate};
 use rayon::prelude::*;
 
 use crate::fixtures_support::{materials, original, recipes};

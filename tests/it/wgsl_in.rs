@@ -8,16 +8,17 @@ use preshade_plan::pass::Facts;
 use preshade_plan::state::MaterialState;
 use preshade_text::options::Options;
 
-use preshade::front;
-use preshade_passes::validate::Effort;
-use preshade_passes::validate::agree::{Relation, agree};
+use preshade_compiler::front;
 use preshade_plan::plan::Plan;
+use preshade_validate::Effort;
+use preshade_validate::agree::{Relation, agree};
 
 use crate::wgsl_in_cases::{CASES, text};
 
 fn plan(text: &str) -> Plan {
     let parsed = front::parse(&[Source::new("m.wgsl", text)], &Options::default());
-    let parsed = parsed.unwrap_or_else(|e| panic!("{text}: {}", e.render(front::Color::Never)));
+    let parsed = parsed
+        .unwrap_or_else(|e| panic!("{text}: {}", e.render(preshade_text::error::Color::Never)));
     parsed.plan("m", &MaterialState::default())
 }
 

@@ -3,13 +3,13 @@
 use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
-use preshade::measure::verdict::breaks;
-use preshade::measure::{self, Counter, ErrorLadder, Session};
-use preshade::recipe::Recipe;
-use preshade::render::{
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{
     FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant as Host,
 };
-use preshade::scene::{self, DrawOrder, Scene};
+use preshade_draw::scene::{self, DrawOrder, Scene};
+use preshade_lab::measure::verdict::breaks;
+use preshade_lab::measure::{self, Counter, ErrorLadder, Session};
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};

@@ -1,7 +1,7 @@
 //! Depth: two passes that must agree on it to the bit, formats that round it, surfaces that share
 //! it.
 
-use preshade::render::{SelfTestResult, ShaderForm, Variant as Host, self_test};
+use preshade_draw::render::{SelfTestResult, ShaderForm, Variant as Host, self_test};
 use preshade_plan::plan::{Plan, Role};
 use preshade_plan::state::DepthBias;
 use preshade_plan::state::DepthDirection::{self, Forward, Reversed};
@@ -266,8 +266,8 @@ pub fn biased(plans: &mut [Plan], change: impl Fn(DepthBias) -> DepthBias) {
 /// fallback, which is right.
 fn self_tested(stage: &Stage<'_>) -> Red {
     let facts = stage.facts.clone();
-    let recipe = |text: &str| preshade::recipe::Recipe::parse_list(text).unwrap();
-    let variant = preshade::measure::variant(&stage.originals, &recipe(EQUAL), &facts);
+    let recipe = |text: &str| preshade_compiler::recipe::Recipe::parse_list(text).unwrap();
+    let variant = preshade_lab::measure::variant(&stage.originals, &recipe(EQUAL), &facts);
     if variant.is_refused() {
         return Red::NotHere {
             why: REFUSED.to_owned(),

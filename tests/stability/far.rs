@@ -10,11 +10,11 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use glam::{DMat4, DVec3, Mat4, Vec3};
-use preshade::measure;
-use preshade::measure::truth::{Points, Spread, Truth, truth_beyond};
-use preshade::recipe::Recipe;
-use preshade::render::{SceneInputs, ShaderForm, Variant as Host};
-use preshade::scene::{Draw, Scene, Value};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{SceneInputs, ShaderForm, Variant as Host};
+use preshade_draw::scene::{Draw, Scene, Value};
+use preshade_lab::measure;
+use preshade_lab::measure::truth::{Points, Spread, Truth, truth_beyond};
 
 use super::case::{Red, Stage, load};
 use super::render_support::gpu;

@@ -1,7 +1,7 @@
 //! Interpolation: what a triangle makes of its corners, where they are behind the viewer, far away,
 //! or without a value.
 
-use preshade::render::{ColorImage, Rendered, ShaderForm, Variant as Host};
+use preshade_draw::render::{ColorImage, Rendered, ShaderForm, Variant as Host};
 use preshade_plan::contract::Contract;
 use preshade_plan::plan::Role;
 

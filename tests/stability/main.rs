@@ -6,7 +6,6 @@
 //! figures of this machine's adapter. `STABILITY_OUT=FILE` writes them to a file instead, on a
 //! machine that has no checkout to write to; put into `docs/results/stability`, it becomes a
 //! column, once `UPDATE_PAGES=text` has made the page of the files as they are.
-#![cfg(feature = "verify")]
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 #[path = "../support/render_support/mod.rs"]

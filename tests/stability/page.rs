@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::path::Path;
 
-use preshade::render::AdapterReport;
+use preshade_draw::render::AdapterReport;
 use serde::{Deserialize, Serialize};
 
 use super::case::{Case, Outcome, Red};

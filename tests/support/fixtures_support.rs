@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::front::{self, Parsed, Source};
+use preshade_compiler::front::{self, Parsed, Source};
 use preshade_passes::examples;
 use preshade_passes::graph::counted::Ends;
 use preshade_passes::graph::{FunctionId, Graph};
@@ -28,7 +28,7 @@ pub fn original(files: &[&Path]) -> Plan {
         })
         .collect();
     let parsed = front::parse(&sources, &Options::default())
-        .unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+        .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
     let material = files[0].file_stem().unwrap().to_string_lossy().into_owned();
     Plan::original(
         &material,

@@ -5,14 +5,14 @@
 
 use std::collections::HashSet;
 
-use preshade::front::{self, Source};
-use preshade::recipe::Recipe;
-use preshade_passes::validate::inputs::Random;
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::{Facts, Refusal, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{Blend, ColorTarget, DepthDirection, DepthFormat, MaterialState};
 use preshade_text::error::Color;
 use preshade_text::options;
+use preshade_validate::inputs::Random;
 
 use crate::fixtures_support;
 

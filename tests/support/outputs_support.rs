@@ -5,14 +5,16 @@
 use std::path::PathBuf;
 use std::time::Duration;
 
-use preshade::front::{self, Source};
-use preshade::measure::outputs::{self, OutputsReport};
-use preshade::measure::{
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::{
+    self, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm,
+};
+use preshade_draw::scene::{self, Draw, DrawOrder, Scene};
+use preshade_lab::measure::outputs::{self, OutputsReport};
+use preshade_lab::measure::{
     self, Estimate, Session, Settings, Timed, TimingSettings, Variant, shadow,
 };
-use preshade::recipe::Recipe;
-use preshade::render::{self, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm};
-use preshade::scene::{self, Draw, DrawOrder, Scene};
 use preshade_plan::contract::Verdict;
 use preshade_plan::plan::{Attachment, GpuPass, Phase, Plan, Role, SCENE_DEPTH};
 use preshade_plan::reflect;

@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use preshade::emit::File;
+use preshade_text::files::File;
 use rayon::prelude::*;
 
 /// What each judge was shown, so that a test can tell that it was shown anything.

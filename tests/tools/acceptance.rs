@@ -3,11 +3,12 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade::emit::{self, File, Target};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::recipe::Recipe;
 use preshade_passes::analysis::uniformity::non_uniform;
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
+use preshade_text::files::File;
 use rayon::prelude::*;
 
 use crate::{accept, fixtures_support, uniformity_cases, wgsl_in_cases};

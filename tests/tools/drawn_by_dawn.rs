@@ -5,11 +5,11 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use preshade::emit::{self, Target};
-use preshade::measure;
-use preshade::recipe::Recipe;
-use preshade::scene::bind::{self, DrawBindings, TextureContent};
-use preshade::scene::{Address, Filter, Sampler, Scene, synthesise};
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::scene::bind::{self, DrawBindings, TextureContent};
+use preshade_draw::scene::{Address, Filter, Sampler, Scene, synthesise};
+use preshade_lab::measure;
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::geometry::Geometry;
 use preshade_plan::pass::{Facts, Use};

@@ -1,13 +1,14 @@
 //! What is emitted reads back, keeps the author's interface, and is the same bytes each time.
 
-use preshade::emit::{self, File, Target};
-use preshade::front::{self, Source};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
 use preshade_plan::program::Program;
 use preshade_plan::state::{ColorTarget, MaterialState};
 use preshade_text::error::Color;
+use preshade_text::files::{self, File};
 use preshade_text::options;
 
 use crate::accept;
@@ -229,7 +230,7 @@ fn a_deep_expression_can_be_read_again() {
     let files = emit_all(&plan);
     for target in [Target::Glsl450, Target::GlslEs300] {
         let files = emit::emit(&plan, &[target], &emit::Options::default()).unwrap();
-        let of = |f: &&emit::File| f.name.ends_with(".vert") || f.name.ends_with(".frag");
+        let of = |f: &&files::File| f.name.ends_with(".vert") || f.name.ends_with(".frag");
         let texts: Vec<Source> = files
             .iter()
             .filter(of)
@@ -595,13 +596,13 @@ fn writing_is_atomic_and_leaves_equal_files_alone() {
         name: name.to_owned(),
         bytes: bytes.into(),
     };
-    let changed = emit::write(&dir, &[file("a", "1"), file("b", "2")]).unwrap();
+    let changed = preshade_text::files::write(&dir, &[file("a", "1"), file("b", "2")]).unwrap();
     assert_eq!(changed, [dir.join("a"), dir.join("b")]);
-    let changed = emit::write(&dir, &[file("a", "1"), file("b", "3")]).unwrap();
+    let changed = preshade_text::files::write(&dir, &[file("a", "1"), file("b", "3")]).unwrap();
     assert_eq!(changed, [dir.join("b")]);
     // `c` is a folder: nothing is written, `a` included, and no temporary file stays.
     std::fs::create_dir(dir.join("c")).unwrap();
-    let error = emit::write(&dir, &[file("a", "new"), file("c", "x")]).unwrap_err();
+    let error = preshade_text::files::write(&dir, &[file("a", "new"), file("c", "x")]).unwrap_err();
     assert!(error.to_string().contains("c"), "{error}");
     assert_eq!(std::fs::read_to_string(dir.join("a")).unwrap(), "1");
     let mut names: Vec<_> = std::fs::read_dir(&dir)
@@ -647,7 +648,7 @@ fn three_passes() -> Plan {
     );
     let options = options::Options {
         fragment: Some("fs_main".to_owned()),
-        ..front::Options::default()
+        ..preshade_text::options::Options::default()
     };
     let parsed = front::parse(&[Source::new("lit.wgsl", &text)], &options).unwrap();
     let mut plan = Plan::original(

@@ -5,13 +5,14 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use preshade::emit::{self, File, PlanFile, Target};
-use preshade::front::{self, Source};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::{self, PlanFile, Target};
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
 use preshade_text::error::Color;
+use preshade_text::files::File;
 use preshade_text::options::Options;
 
 use crate::accept;

@@ -4,14 +4,15 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use preshade::emit::{self, File, Target};
-use preshade::front::{self, Parsed, Source};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{self, Parsed, Source};
+use preshade_compiler::recipe::Recipe;
 use preshade_passes::rebuild::place;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
 use preshade_plan::state::MaterialState;
 use preshade_text::error::{Code, Color};
+use preshade_text::files::File;
 use preshade_text::options;
 
 use crate::accept;
@@ -77,7 +78,7 @@ fn pairs(sources: &[Source]) -> Vec<Parsed> {
             let options = options::Options {
                 vertex: Some(vertex.clone()),
                 fragment: Some(fragment.clone()),
-                ..front::Options::default()
+                ..preshade_text::options::Options::default()
             };
             match front::parse(sources, &options) {
                 Ok(parsed) => all.push(parsed),

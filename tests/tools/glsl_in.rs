@@ -4,14 +4,14 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Source};
-use preshade_passes::validate::Effort;
-use preshade_passes::validate::agree::{Relation, agree};
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
 use preshade_text::error::Color;
 use preshade_text::options;
+use preshade_validate::Effort;
+use preshade_validate::agree::{Relation, agree};
 
 use crate::accept;
 use crate::spirv_in::glslang;

@@ -6,10 +6,11 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Source};
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
+use preshade_text::files;
 use preshade_text::options;
 
 /// Offset and kind of each number of a block.
@@ -200,8 +201,12 @@ fn emitted(fragment: &str, target: Target) -> String {
         Source::new("m.vert", VERTEX),
         Source::new("m.frag", fragment),
     ];
-    let parsed = front::parse(&sources, &options::Options::default())
-        .unwrap_or_else(|e| panic!("{}\n{fragment}", e.render(front::Color::Never)));
+    let parsed = front::parse(&sources, &options::Options::default()).unwrap_or_else(|e| {
+        panic!(
+            "{}\n{fragment}",
+            e.render(preshade_text::error::Color::Never)
+        )
+    });
     let plan = Plan::original(
         "m",
         parsed.program,
@@ -211,7 +216,7 @@ fn emitted(fragment: &str, target: Target) -> String {
     );
     let files = emit::emit(&plan, &[target], &emit::Options::default())
         .unwrap_or_else(|e| panic!("{e}\n{fragment}"));
-    let of = |f: &&emit::File| f.name.ends_with(".frag") || f.name.ends_with(".wgsl");
+    let of = |f: &&files::File| f.name.ends_with(".frag") || f.name.ends_with(".wgsl");
     let file = files.iter().find(of).unwrap();
     String::from_utf8(file.bytes.clone()).unwrap()
 }

@@ -1,10 +1,11 @@
 //! GLSL out keeps the author's own names for whatever an engine sees of a program: uniforms outside
 //! of blocks, blocks, samplers, attributes, outputs.
 
-use preshade::emit::{self, File, Target};
-use preshade::front::{self, Source};
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
+use preshade_text::files::File;
 use preshade_text::options;
 
 use crate::accept;
@@ -24,7 +25,7 @@ fn emitted_for(name: &str, vertex: &str, fragment: &str, targets: &[Target]) -> 
         Source::new(format!("{name}.frag"), fragment),
     ];
     let parsed = front::parse(&sources, &options::Options::default())
-        .unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+        .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
     let plan = Plan::original(
         name,
         parsed.program,
@@ -238,7 +239,8 @@ fn of_wgsl(name: &str, text: &str) -> Vec<File> {
         &[Source::new(format!("{name}.wgsl"), text)],
         &options::Options::default(),
     );
-    let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+    let parsed =
+        parsed.unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
     let fragment = parsed.fragment.as_deref();
     let state = MaterialState::default();
     let plan = Plan::original(name, parsed.program, &parsed.vertex, fragment, &state);

@@ -3,11 +3,12 @@
 
 use std::collections::BTreeMap;
 
-use preshade::emit::{self, EmitError, File, Target};
-use preshade::front::{self, Source};
+use preshade_compiler::emit::{self, EmitError, Target};
+use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
 use preshade_text::error::Color;
+use preshade_text::files::File;
 use preshade_text::options;
 use rayon::prelude::*;
 

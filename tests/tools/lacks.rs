@@ -2,8 +2,8 @@
 //! compilers take it, or refused by name. One small stage for each.
 
 use naga::{Binding, BuiltIn};
-use preshade::emit::{self, EmitError, Target};
-use preshade::front::{self, Source};
+use preshade_compiler::emit::{self, EmitError, Target};
+use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
 use preshade_text::error::Color;

@@ -2,7 +2,6 @@
 //! hosts in C, and cargo on the example host. `scripts/setup.sh accept three native` installs them. A
 //! test fails if its program is missing.
 
-#![cfg(all(feature = "glsl", feature = "spirv"))]
 #![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
 
 mod accept;
@@ -12,7 +11,6 @@ mod fixtures_support;
 mod interfaces;
 #[path = "../support/reflection_support.rs"]
 mod reflection_support;
-#[cfg(feature = "verify")]
 #[path = "../support/swiftshader_support.rs"]
 mod swiftshader_support;
 #[path = "../../passes/tests/it/uniformity_cases.rs"]
@@ -21,7 +19,6 @@ mod uniformity_cases;
 mod wgsl_in_cases;
 
 mod acceptance;
-#[cfg(feature = "verify")]
 mod drawn_by_dawn;
 mod emit;
 mod es100;

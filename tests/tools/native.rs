@@ -4,8 +4,8 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use preshade::emit::{self, PassFiles, Target};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::{self, PassFiles, Target};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{BindingSource, GpuPass, Plan};
 use preshade_plan::state::CullMode;

@@ -4,8 +4,8 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Parsed, Source};
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{self, Parsed, Source};
 use preshade_passes::naga::ShaderStage;
 use preshade_plan::state::MaterialState;
 use preshade_text::error::Error;
@@ -230,7 +230,8 @@ fn a_module_in_the_style_of_dxc_is_read() {
         let name = format!("{stage}.spvasm");
         (stage, assembled(&module(&name), &dir))
     });
-    let parsed = read(&modules).unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+    let parsed = read(&modules)
+        .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
     assert_eq!(
         (&*parsed.vertex, parsed.fragment.as_deref()),
         ("VSMain", Some("PSMain"))
@@ -292,14 +293,14 @@ fn a_refusal_names_the_authors_line_or_the_instruction() {
             ("m.frag.spv", glslang(&source, options, &dir)),
         ];
         let error = read(&modules).unwrap_err();
-        assert_eq!(error.code(), front::Code::Unsupported);
+        assert_eq!(error.code(), preshade_text::error::Code::Unsupported);
         assert!(error.message().contains("`OpImageQueryLod`"), "{error}");
         let at = error.location().unwrap();
         match options.is_empty() {
             true => assert_eq!(at.file, "m.frag.spv"),
             false => assert!(at.file.ends_with("level.frag") && at.line == 6, "{at:?}"),
         }
-        let shown = error.render(front::Color::Never);
+        let shown = error.render(preshade_text::error::Color::Never);
         assert!(shown.contains("OpImageQueryLod %"), "{shown}");
     }
 }
@@ -386,7 +387,7 @@ switch(int(v.x)){ case 1: r+=2.; case 2: default: r+=4.; break; case 4: r+=16.; 
 switch(int(v.x)){ case 1: r+=2.; break; default: r+=4.; case 4: r+=16.; } o=vec4(r); }"),
     ] {
         let parsed = of_fragment(text, options, &dir);
-        let parsed = parsed.unwrap_or_else(|e| panic!("{name}: {}", e.render(front::Color::Never)));
+        let parsed = parsed.unwrap_or_else(|e| panic!("{name}: {}", e.render(preshade_text::error::Color::Never)));
         let written = written(&parsed, name, &dir);
         let start = written.wgsl.find("@fragment").unwrap();
         let structs = written.wgsl.find("struct").unwrap();
@@ -412,9 +413,9 @@ void main(){ o=f(t,v); }", "array of textures or samplers as an argument", "one 
         ("layout(binding=3) uniform sampler2D t[2][2]; void main(){ o=texture(t[1][0],v); }", "an array of arrays", ""),
     ] {
         let error = of_fragment(text, &[], &dir).unwrap_err();
-        assert_eq!(error.code(), front::Code::Unsupported, "{error}");
+        assert_eq!(error.code(), preshade_text::error::Code::Unsupported, "{error}");
         assert!(error.message().contains(expected), "{error}");
-        let shown = error.render(front::Color::Never);
+        let shown = error.render(preshade_text::error::Color::Never);
         assert!(shown.contains(remedy) && shown.contains("m.frag.spv:"), "{shown}");
     }
 }
@@ -445,7 +446,8 @@ fn built_ins_and_parts_of_varyings_are_read() {
         });
         let [vertex, fragment] = words;
         let parsed = read(&[("m.vert.spv", vertex), ("m.frag.spv", fragment)]);
-        let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+        let parsed =
+            parsed.unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
         let plan = parsed.plan("m", &MaterialState::default());
         let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
         let wgsl = String::from_utf8_lossy(&files[0].bytes).into_owned();
@@ -562,7 +564,8 @@ fn modules_that_glslang_does_not_write_are_read() {
         // Ids without names.
         let words = assembled(&text, &dir);
         let parsed = read(&[("m.spv", words)]);
-        let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+        let parsed =
+            parsed.unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
         let wgsl = written(&parsed, expected, &dir).wgsl;
         assert!(wgsl.contains(expected), "{wgsl}");
     }
@@ -583,7 +586,8 @@ fn samplers_are_passed_by_value() {
            %p2 = OpFunctionParameter %v2\n%fl = OpLabel\n\
            %r = OpImageSampleImplicitLod %v4 %p1 %p2\nOpReturnValue %r\nOpFunctionEnd\n";
     let parsed = read(&[("m.spv", assembled(&text, &dir))]);
-    let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+    let parsed =
+        parsed.unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
     written(&parsed, "by value", &dir);
 }
 
@@ -615,7 +619,11 @@ fn limits_come_before_work() {
         (input, "more than 64 parts"),
     ] {
         let error = read(&[("m.spv", assembled(&text, &dir))]).unwrap_err();
-        assert_eq!(error.code(), front::Code::Unsupported, "{error}");
+        assert_eq!(
+            error.code(),
+            preshade_text::error::Code::Unsupported,
+            "{error}"
+        );
         assert!(error.message().contains(expected), "{error}");
     }
 }
@@ -645,14 +653,15 @@ fn entry_points_are_chosen_by_the_authors_names() {
         let options = options::Options {
             vertex: vertex.map(str::to_owned),
             fragment: fragment.map(str::to_owned),
-            ..front::Options::default()
+            ..preshade_text::options::Options::default()
         };
         let source = Source::from_bytes("m.spv", words.clone()).unwrap();
         front::parse(&[source], &options)
     };
     for (vertex, fragment) in [("main", "main"), ("vertex_main", "main"), ("main", "other")] {
         let parsed = read(Some(vertex), Some(fragment));
-        let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+        let parsed =
+            parsed.unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
         let wgsl = written(&parsed, fragment, &dir).wgsl;
         assert_eq!(
             wgsl.contains("@interpolate(flat"),
@@ -660,7 +669,9 @@ fn entry_points_are_chosen_by_the_authors_names() {
             "{wgsl}"
         );
     }
-    let error = read(None, None).unwrap_err().render(front::Color::Never);
+    let error = read(None, None)
+        .unwrap_err()
+        .render(preshade_text::error::Color::Never);
     assert!(
         error.contains("`main`") && error.contains("`other`"),
         "{error}"
@@ -710,7 +721,11 @@ fn broken_modules_are_errors() {
         let paths = [source.as_os_str(), "-o".as_ref(), out.as_os_str()];
         run("spirv-as", &paths);
         let error = read(&[("bad.spv", std::fs::read(out).unwrap())]).unwrap_err();
-        assert_eq!(error.code(), front::Code::Parse, "{to}: {error}");
+        assert_eq!(
+            error.code(),
+            preshade_text::error::Code::Parse,
+            "{to}: {error}"
+        );
     }
 }
 
@@ -752,7 +767,8 @@ void main() {
         ("m.vert.spv", vertex),
         ("m.frag.spv", std::fs::read(to).unwrap()),
     ]);
-    let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+    let parsed =
+        parsed.unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
     let wgsl = written(&parsed, "frozen", &dir).wgsl;
     assert!(wgsl.contains("array<vec4<f32>, 13>"), "{wgsl}");
     assert!(wgsl.contains("array<vec4<f32>, 5>"), "{wgsl}");
@@ -790,7 +806,8 @@ void main() {{
         );
         let sources = [Source::new("m.vert", VERTEX), Source::new("m.frag", text)];
         let parsed = front::parse(&sources, &options::Options::default());
-        let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+        let parsed =
+            parsed.unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
         written(&parsed, "narrow", &dir);
         let reflected = reflection_support::reflect(&dir.join("m.main.frag.spv")).unwrap();
         let outputs = format!("{:?}", reflected["outputs"]);
@@ -808,7 +825,8 @@ layout(location=0) in vec2 v; layout(location=0) out float coverage;
 void main() { coverage = v.x; }
 ";
     let parsed = of_texts(VERTEX, text, &[], &dir);
-    let parsed = parsed.unwrap_or_else(|e| panic!("{}", e.render(front::Color::Never)));
+    let parsed =
+        parsed.unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
     let plan = parsed.plan("m", &MaterialState::default());
     let targets = [Target::GlslVulkan, Target::Spirv];
     let files = emit::emit(&plan, &targets, &emit::Options::default()).unwrap();

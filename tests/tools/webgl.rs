@@ -7,7 +7,8 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::process::Command;
 
-use preshade::emit::{File, PassFiles, PlanFile, StageFile, Target};
+use preshade_compiler::emit::{PassFiles, PlanFile, StageFile, Target};
+use preshade_text::files::File;
 use serde_json::Value;
 
 use crate::accept::scratch;

@@ -3,8 +3,8 @@
 
 use std::collections::BTreeMap;
 
-use preshade::front::{self, Source};
-use preshade::scene::{Draw, Mesh, Scene, Value};
+use preshade_compiler::front::{self, Source};
+use preshade_draw::scene::{Draw, Mesh, Scene, Value};
 use preshade_plan::geometry::Geometry;
 use preshade_plan::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, ComputePass, Draws, GpuPass, Phase, Plan,
@@ -75,8 +75,8 @@ pub fn scene(text: &str, size: [u32; 2], count: u32) -> Result<Scene, Failure> {
         fragment: Some("gfs".to_owned()),
         ..Options::default()
     };
-    let parsed =
-        front::parse(&[source], &options).map_err(|e| Failure(e.render(front::Color::Never)))?;
+    let parsed = front::parse(&[source], &options)
+        .map_err(|e| Failure(e.render(preshade_text::error::Color::Never)))?;
     let mut state = MaterialState::default();
     state.primitive.cull = CullMode::None;
     let numbers = |n: f64| Value::Numbers(vec![n]);
@@ -96,7 +96,7 @@ pub fn scene(text: &str, size: [u32; 2], count: u32) -> Result<Scene, Failure> {
         size,
         // The background of the hand-written resolves.
         [0.5, 0.7, 0.9, 1.0],
-        preshade::scene::Material {
+        preshade_draw::scene::Material {
             name: "bounds".to_owned(),
             file: None,
             program: parsed.program,
@@ -259,7 +259,7 @@ fn cleared(mut plan: Plan, like: GpuPass) -> Result<Plan, Failure> {
         "@vertex fn vs() -> @builtin(position) vec4<f32> { return vec4<f32>(2.0, 2.0, 0.0, 1.0); }
 @fragment fn fs() -> @location(0) vec4<f32> { return vec4<f32>(); }";
     let parsed = front::parse(&[Source::new("clear.wgsl", wgsl)], &Options::default())
-        .map_err(|e| Failure(e.render(front::Color::Never)))?;
+        .map_err(|e| Failure(e.render(preshade_text::error::Color::Never)))?;
     let mut pass = GpuPass {
         program: "clear".to_owned(),
         bindings: Vec::new(),

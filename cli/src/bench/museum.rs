@@ -2,9 +2,9 @@
 
 use std::path::Path;
 
-use preshade::front::{self, Source};
-use preshade::measure;
-use preshade::scene::{self, Scene};
+use preshade_compiler::front::{self, Source};
+use preshade_draw::scene::{self, Scene};
+use preshade_lab::measure;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_text::options::Options;
@@ -36,7 +36,7 @@ pub fn handwritten(scene: &Scene, folder: &Path, kind: &str) -> Result<Plan, Fai
         .map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
     let source = Source::new(path.display().to_string(), text);
     let parsed = front::parse(&[source], &Options::default())
-        .map_err(|e| Failure(e.render(front::Color::Never)))?;
+        .map_err(|e| Failure(e.render(preshade_text::error::Color::Never)))?;
     let material = scene
         .materials
         .first()

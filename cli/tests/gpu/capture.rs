@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use preshade::capture::Capture;
+use preshade_frames::folder::Capture;
 use preshade_text::limits::Limits;
 
 /// Captures a page of `tests/capture`. Returns what was printed, and the folder.

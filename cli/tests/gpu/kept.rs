@@ -6,7 +6,7 @@ use std::fs;
 use std::path::Path;
 use std::process::{Command, Output, Stdio};
 
-use preshade::unstable::search::plan::Model;
+use preshade_lab::search::plan::Model;
 use serde_json::Value;
 
 use crate::hostile_support::{SCENE, folder, kill, preshade, run, stderr, wait};

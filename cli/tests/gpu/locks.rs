@@ -43,7 +43,7 @@ fn a_decision_is_kept_for_builds() {
     let output = run(&tree, &args);
     assert_eq!(output.status.code(), Some(0), "{}", stderr(&output));
     let path = tree.join("shaders/preshade.lock");
-    let lock = preshade::lock::Lock::read(&path).unwrap().unwrap();
+    let lock = preshade_compiler::lock::Lock::read(&path).unwrap().unwrap();
     let names: Vec<&String> = lock.materials.keys().collect();
     assert_eq!(names, ["leaves", "stone"]);
     assert!(lock.materials["stone"].measured.is_some());
@@ -72,7 +72,7 @@ fn a_decision_is_kept_for_builds() {
         stderr(&output)
     );
     assert_eq!(
-        preshade::lock::Lock::read(&path)
+        preshade_compiler::lock::Lock::read(&path)
             .unwrap()
             .unwrap()
             .materials
@@ -133,7 +133,7 @@ fn a_decision_is_kept_beside_its_own_shader() {
         ("oil", &["oiled"]),
     ] {
         let path = tree.join(folder).join("preshade.lock");
-        let lock = preshade::lock::Lock::read(&path).unwrap().unwrap();
+        let lock = preshade_compiler::lock::Lock::read(&path).unwrap().unwrap();
         let kept: Vec<&String> = lock.materials.keys().collect();
         assert_eq!(kept, names, "{folder}");
     }

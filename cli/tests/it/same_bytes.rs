@@ -7,11 +7,11 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Source};
-use preshade::measure;
-use preshade::recipe::Recipe;
-use preshade::scene::{self, Access, Variables};
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::scene::{self, Access, Variables};
+use preshade_lab::measure;
 use preshade_passes::{PASSES, examples};
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;

@@ -598,7 +598,7 @@ pub trait Pass {
     fn run(plan: &Plan, facts: &Facts, params: &Self::Params) -> Result<Outcome, Refused>;
 }
 
-/// What [`validate`](preshade_passes::validate) must know of a step besides its contract.
+/// What [`validate`](preshade_validate) must know of a step besides its contract.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Expected {
     /// The step replaces varyings of the author, so arbitrary numbers cannot stand for them.

@@ -5,6 +5,7 @@ pub mod absent;
 pub mod codes;
 pub mod error;
 pub mod excerpt;
+pub mod files;
 pub mod limits;
 pub mod memory;
 pub mod nearest;

@@ -16,7 +16,7 @@ pub(crate) mod operations;
 pub(crate) mod range;
 pub(crate) mod reach;
 pub mod refusals;
-pub(crate) mod rounding;
+pub mod rounding;
 pub(crate) mod simplify;
 pub mod subnormal;
 pub mod uniformity;

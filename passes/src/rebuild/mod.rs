@@ -14,4 +14,4 @@ pub(crate) mod outline;
 pub mod place;
 pub mod quad;
 pub(crate) mod remainder;
-pub(crate) mod snippet;
+pub mod snippet;

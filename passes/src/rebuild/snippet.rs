@@ -13,7 +13,7 @@ use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use preshade_ir::link;
 
 /// A source offset beyond every file: our own text has no place in the author's.
-pub(crate) const NOWHERE: u32 = u32::MAX / 2;
+pub const NOWHERE: u32 = u32::MAX / 2;
 
 /// A module with our own functions.
 pub(crate) struct Linked {

@@ -13,23 +13,25 @@ pub enum Fault {
     Callee,
 }
 
-#[cfg(not(test))]
+#[cfg(not(any(test, feature = "faulty-slicer")))]
+/// Whether the slicer has this fault.
 pub const fn has(_: Fault) -> bool {
     false
 }
 
-#[cfg(test)]
+#[cfg(any(test, feature = "faulty-slicer"))]
 thread_local! {
     static FAULT: std::cell::Cell<Option<Fault>> = const { std::cell::Cell::new(None) };
 }
 
-#[cfg(test)]
+#[cfg(any(test, feature = "faulty-slicer"))]
+/// Whether the slicer has this fault.
 pub fn has(fault: Fault) -> bool {
     FAULT.get() == Some(fault)
 }
 
 /// Runs with a faulty slicer on this thread.
-#[cfg(test)]
+#[cfg(any(test, feature = "faulty-slicer"))]
 pub fn with<T>(fault: Fault, run: impl FnOnce() -> T) -> T {
     FAULT.set(Some(fault));
     let ran = run();

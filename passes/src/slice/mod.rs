@@ -17,7 +17,7 @@ use preshade_ir::interface;
 use preshade_plan::guard::Guard;
 
 pub(crate) mod components;
-pub(crate) mod fault;
+pub mod fault;
 mod function;
 mod hash;
 mod need;

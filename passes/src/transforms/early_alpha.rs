@@ -375,10 +375,10 @@ mod tests {
     use std::sync::Arc;
 
     use super::*;
-    use crate::validate::{Effort, validate};
     use preshade_plan::program::Program;
     use preshade_plan::state::MaterialState;
     use preshade_text::source::{Language, SourceMap};
+    use preshade_validate::{Effort, validate};
 
     const WORK: &str = "var sum = 0.0;
     for (var i = 0; i < 8; i++) { sum += sin(in.x * f32(i)) * cos(in.y); }";

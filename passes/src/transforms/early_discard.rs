@@ -69,7 +69,7 @@ mod prologue;
 mod quad;
 pub mod refusals;
 pub use packed::PREPASS_PACKED;
-pub(crate) use packed::stored as packed_depth;
+pub use packed::stored as packed_depth;
 use prologue::{DepthRange, Prologue};
 
 /// Name of the depth attachment that the prologue reads if the main pass has its own.

@@ -3,15 +3,13 @@
 use std::sync::Arc;
 
 use preshade_passes::naga::front::wgsl;
-use preshade_passes::validate::Effort;
-use preshade_passes::validate::agree::{
-    Agreement, Class, Mismatch, Outcome, Question, Relation, agree,
-};
 use preshade_plan::mapping::Equation;
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 use preshade_plan::state::MaterialState;
 use preshade_text::source::{Language, SourceMap};
+use preshade_validate::Effort;
+use preshade_validate::agree::{Agreement, Class, Mismatch, Outcome, Question, Relation, agree};
 
 const MAIN: &str = include_str!("../../../fixtures/agree/leaf.wgsl");
 const SHADOW: &str = include_str!("../../../fixtures/agree/leaf.shadow.wgsl");
@@ -81,7 +79,7 @@ fn another_threshold_is_told_in_words_with_both_lines() {
         said.ends_with("the main pass discards it: its threshold is 0.5, not 0.2"),
         "{said}"
     );
-    let at = |spot: &Option<preshade_passes::validate::agree::Spot>| {
+    let at = |spot: &Option<preshade_validate::agree::Spot>| {
         let place = spot.as_ref().unwrap().location.clone().unwrap();
         (place.file, place.line)
     };

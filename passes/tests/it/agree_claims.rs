@@ -2,8 +2,8 @@
 
 use std::fmt::Write as _;
 
-use preshade_passes::validate::Effort;
-use preshade_passes::validate::agree::{Agreement, Class, Outcome, Relation, agree};
+use preshade_validate::Effort;
+use preshade_validate::agree::{Agreement, Class, Outcome, Relation, agree};
 
 use crate::agree::{classes, held, plan};
 

@@ -6,12 +6,12 @@ use std::fmt::Write as _;
 use std::sync::Arc;
 
 use preshade_passes::naga::front::wgsl;
-use preshade_passes::validate::Effort;
-use preshade_passes::validate::agree::{Class, Relation, agree};
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 use preshade_plan::state::MaterialState;
 use preshade_text::source::{Language, SourceMap};
+use preshade_validate::Effort;
+use preshade_validate::agree::{Class, Relation, agree};
 
 /// The declarations of the main passes.
 const MAIN: &str = "

@@ -1,6 +1,6 @@
 //! A matrix of one program in place of a product of the other's.
 
-use preshade_passes::validate::agree::{Agreement, Class, Mismatch, Outcome, Relation};
+use preshade_validate::agree::{Agreement, Class, Mismatch, Outcome, Relation};
 
 use crate::agree::{classes, held};
 

@@ -1,6 +1,6 @@
 //! Inputs that decide: ties of comparisons, what stands behind an equality, and rounding.
 
-use preshade_passes::validate::agree::{Class, Relation};
+use preshade_validate::agree::{Class, Relation};
 
 use crate::agree::{classes, held};
 

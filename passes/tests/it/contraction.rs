@@ -10,12 +10,12 @@ use naga::{
     BinaryOperator, Expression, Function, Handle, MathFunction, ScalarKind, Span, TypeInner,
 };
 use naga_operands as operands;
-use preshade_passes::validate::{Effort, validate};
 use preshade_passes::{examples, pass_named};
 use preshade_plan::contract::Assumption;
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
+use preshade_validate::{Effort, validate};
 
 use crate::common;
 

@@ -2,7 +2,6 @@
 //! neighbours computes what the author's stage does.
 
 use preshade_passes::transforms::half_rate::{Edges, HalfRate, Params};
-use preshade_passes::validate::{Effort, validate};
 use preshade_plan::contract::Contract;
 use preshade_plan::frame::{ColorAttachments, FramePlan};
 use preshade_plan::pass::{Facts, Pass, Refused};
@@ -11,6 +10,7 @@ use preshade_plan::state::{
     ColorTarget, CompareFunction, MaterialState, Multisample, StencilFace, StencilOperation,
     StencilState,
 };
+use preshade_validate::{Effort, validate};
 
 use crate::common;
 

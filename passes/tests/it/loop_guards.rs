@@ -4,11 +4,11 @@ use preshade_passes::pass_named;
 use preshade_passes::transforms::half_rate::{self, HalfRate};
 use preshade_passes::transforms::hoist::{self, Hoist};
 use preshade_passes::transforms::preamble::{self, Preamble};
-use preshade_passes::validate::{Effort, validate};
 use preshade_plan::guard::{Assumed, Bounds, Place, ScalarType};
 use preshade_plan::pass::{Constant, Facts, Outcome, Pass, Refused};
 use preshade_plan::plan::{Plan, Role};
 use preshade_plan::state::{CompareFunction, MaterialState};
+use preshade_validate::{Effort, validate};
 
 use crate::common;
 

@@ -37,7 +37,6 @@ mod slices;
 mod specialize;
 mod specialize_random;
 mod tessellate;
-mod tidy;
 mod trim_loop;
 mod uniformity;
 mod validate;

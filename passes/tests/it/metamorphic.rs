@@ -8,13 +8,13 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use naga::ShaderStage;
-use preshade_passes::validate::{Check, Effort, validate};
 use preshade_passes::{examples, pass_named};
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 use preshade_plan::state::MaterialState;
 use preshade_text::source::{Language, SourceMap};
+use preshade_validate::{Check, Effort, validate};
 
 use crate::common;
 use crate::metamorphic_support::{injection, statements};

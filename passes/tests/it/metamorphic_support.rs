@@ -3,7 +3,7 @@
 //! and returned by name.
 #![allow(dead_code, clippy::unwrap_used)]
 
-use preshade_passes::validate::inputs::Random;
+use preshade_validate::inputs::Random;
 
 /// Private variables: opaque to a transform, which does not know what ran before, and 0 and 1 all
 /// the same.

@@ -1,10 +1,10 @@
 //! Parameters of `outputs`: slips, a cutoff for alpha, a group of one's own, and notes.
 
 use preshade_passes::transforms::outputs::Outputs;
-use preshade_passes::validate::{Effort, Verdict, validate};
 use preshade_plan::pass::{Facts, Pass};
 use preshade_plan::plan::{BindingSource, Draws, Plan, Role};
 use preshade_plan::state::{Blend, ColorTarget, MaterialState};
+use preshade_validate::{Effort, Verdict, validate};
 
 use crate::common;
 use crate::outputs::{SHADER, original, outputs, params, pass, text};

@@ -1,7 +1,6 @@
 //! What is computed once a draw, what stays and why, and that both together are the author's stage.
 
 use preshade_passes::transforms::preamble::{Allow, Params, Preamble};
-use preshade_passes::validate::{Effort, validate};
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::geometry::Geometry;
 use preshade_plan::pass::{
@@ -9,6 +8,7 @@ use preshade_plan::pass::{
 };
 use preshade_plan::plan::{BindingKind, BindingSource, GeometryPart, Plan};
 use preshade_plan::state::MaterialState;
+use preshade_validate::{Effort, validate};
 
 use crate::common;
 

@@ -6,11 +6,11 @@ use naga::{
     Statement,
 };
 use preshade_ir::interface;
-use preshade_passes::validate::{Check, Counterexample, Effort, Verdict, validate};
 use preshade_passes::{examples, pass_named};
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::{Plan, Role};
 use preshade_plan::state::MaterialState;
+use preshade_validate::{Check, Counterexample, Effort, Verdict, validate};
 
 use crate::common;
 

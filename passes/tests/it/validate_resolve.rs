@@ -2,10 +2,10 @@
 //! planted faults are found.
 
 use preshade_passes::pass_named;
-use preshade_passes::validate::{Check, Effort, Verdict, validate};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
 use preshade_plan::state::{CullMode, MaterialState};
+use preshade_validate::{Check, Effort, Verdict, validate};
 
 use crate::common;
 

@@ -4,16 +4,16 @@
 
 use std::collections::BTreeMap;
 
-use preshade::emit::{self, Target};
-use preshade::parameters::{Parameter, parameters};
-use preshade::recipe::{Recipe, Step};
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::parameters::{Parameter, parameters};
+use preshade_compiler::recipe::{Recipe, Step};
 use preshade_passes::naga::Module;
-use preshade_passes::validate::inputs::Random;
-use preshade_passes::validate::{Effort, Verdict, validate};
 use preshade_passes::{PASSES, examples};
 use preshade_plan::pass::{AnyPass, Facts, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::uniforms::uniform_scalars;
+use preshade_validate::inputs::Random;
+use preshade_validate::{Effort, Verdict, validate};
 use serde_json::{Map, Value, json};
 
 /// Steps a recipe has at most.

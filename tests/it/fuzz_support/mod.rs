@@ -13,9 +13,9 @@ pub mod scenes;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use preshade::emit::{self, Target};
-use preshade::front::{self, Source};
-use preshade::recipe::Recipe;
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
@@ -82,9 +82,12 @@ fn parsed(sources: &[Source]) {
             ));
         }
         Err(error) => {
-            let told = error.render(front::Color::Never);
+            let told = error.render(preshade_text::error::Color::Never);
             let by_naga = told.contains("/naga-30") || told.contains("/pp-rs");
-            assert!(error.code() != front::Code::Panic || by_naga, "{told}");
+            assert!(
+                error.code() != preshade_text::error::Code::Panic || by_naga,
+                "{told}"
+            );
         }
     }
 }

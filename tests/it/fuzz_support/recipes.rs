@@ -2,9 +2,9 @@
 
 use std::sync::OnceLock;
 
-use preshade::front::{self, Source};
-use preshade::parameters::{Parameter, parameters};
-use preshade::recipe::Recipe;
+use preshade_compiler::front::{self, Source};
+use preshade_compiler::parameters::{Parameter, parameters};
+use preshade_compiler::recipe::Recipe;
 use preshade_passes::PASSES;
 use preshade_plan::pass::{AnyPass, Facts};
 use preshade_plan::plan::Plan;

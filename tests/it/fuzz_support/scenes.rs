@@ -2,12 +2,13 @@
 
 use std::sync::OnceLock;
 
-use preshade::emit::{self, File, Target};
-use preshade::measure;
-use preshade::recipe::Recipe;
-use preshade::render::Variant;
-use preshade::scene::{self, Access, Scene, Variables};
+use preshade_compiler::emit::{self, Target};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::render::Variant;
+use preshade_draw::scene::{self, Access, Scene, Variables};
+use preshade_lab::measure;
 use preshade_plan::pass::Facts;
+use preshade_text::files::File;
 use preshade_text::limits::Limits;
 
 use super::{recipes, root};

@@ -7,10 +7,10 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 use glam::{Mat4, Vec3};
-use preshade::render::{
+use preshade_draw::render::{
     AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
 };
-use preshade::scene::{
+use preshade_draw::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Light, Material, Mesh, Scene, Stream, Value,
 };
 use preshade_plan::plan::Plan;
@@ -186,7 +186,7 @@ pub fn with_samples(mut scene: Scene, samples: u32) -> Scene {
     scene
 }
 
-pub use preshade::measure::originals;
+pub use preshade_lab::measure::originals;
 
 /// Draws `plans` as the scene's first camera sees them.
 pub fn render_as(

@@ -4,7 +4,7 @@
 use std::collections::BTreeMap;
 
 use glam::{Mat4, Vec3};
-use preshade::scene::{Draw, DrawRange, Material, Mesh, Scene, Stream};
+use preshade_draw::scene::{Draw, DrawRange, Material, Mesh, Scene, Stream};
 use preshade_plan::state::CullMode;
 
 use super::{draw, material, scene};

@@ -1,7 +1,7 @@
 //! `explain`.
 
-use preshade::command::explain::{Explanation, explain, steps};
-use preshade::command::explained;
+use preshade_compiler::command::explain::{Explanation, explain, steps};
+use preshade_compiler::command::explained;
 use preshade_plan::pass::Facts;
 
 use crate::request::Explain;

@@ -1,6 +1,6 @@
 //! Why there is no answer.
 
-use preshade::front;
+use preshade_compiler::front;
 use preshade_text::error::Color;
 use preshade_text::limits::Exceeded;
 use preshade_text::source::Location;
@@ -37,7 +37,7 @@ impl Failure {
     /// A file that is larger than allowed.
     pub fn too_large(name: &str, exceeded: &Exceeded) -> Self {
         Self {
-            code: front::Code::TooDeep.name(),
+            code: preshade_text::error::Code::TooDeep.name(),
             message: exceeded.to_string(),
             place: None,
             notes: vec![exceeded.remedy()],
@@ -46,7 +46,7 @@ impl Failure {
     }
 
     /// An error in a shader.
-    pub fn front(error: &front::Error) -> Self {
+    pub fn front(error: &preshade_text::error::Error) -> Self {
         Self {
             code: error.code().name(),
             message: error.message().to_owned(),

@@ -1,6 +1,6 @@
 //! preshade's compiler as WebAssembly: a request in JSON becomes an answer in JSON.
 //!
-//! The answers are those of the command line ([`preshade::command`]), with what it would
+//! The answers are those of the command line ([`preshade_compiler::command`]), with what it would
 //! print, so that the package's own command line prints the same.
 //!
 //! The package has two builds. A page that rewrites loads the one without the feature `check`, which is a

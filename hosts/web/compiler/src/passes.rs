@@ -1,6 +1,6 @@
 //! `passes`.
 
-use preshade::command::passes::{Listing, list};
+use preshade_compiler::command::passes::{Listing, list};
 
 use crate::request::Passes;
 use crate::{Answer, Failure, Format, pretty};

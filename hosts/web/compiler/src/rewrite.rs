@@ -1,17 +1,18 @@
 //! `rewrite`.
 
-use preshade::command::material::assumed;
-use preshade::command::refusal::rendered;
-use preshade::command::rewrite::{self, Report, Rewritten};
-use preshade::emit::{self, EmitError, File, Target};
+use preshade_compiler::command::material::assumed;
+use preshade_compiler::command::refusal::rendered;
+use preshade_compiler::command::rewrite::{self, Report, Rewritten};
+use preshade_compiler::emit::{self, EmitError, Target};
+use preshade_text::files::File;
 use preshade_text::nearest::unknown;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
-use preshade_passes::validate::Check;
+use preshade_validate::Check;
 #[cfg(feature = "check")]
-use preshade_passes::validate::{By, Effort, validate_by};
-use preshade::pipeline::{self, Applied, Frame};
-use preshade::recipe::{Recipe, Step};
+use preshade_validate::{By, Effort, validate_by};
+use preshade_compiler::pipeline::{self, Applied, Frame};
+use preshade_compiler::recipe::{Recipe, Step};
 use serde::Serialize;
 
 use crate::request::Rewrite;
@@ -102,7 +103,7 @@ fn make(asked: &Rewrite, recipe: &Recipe, targets: &[Target]) -> Result<Answer<V
     recipe
         .check_names(alone)
         .map_err(|e| Failure::usage(e.to_string()))?;
-    if !emit::is_material_name(&original.material) {
+    if !preshade_text::files::is_material_name(&original.material) {
         return Err(Failure::usage(format!(
             "`{}` cannot begin a file name: give another with --name",
             original.material

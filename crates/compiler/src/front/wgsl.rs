@@ -1,0 +1,146 @@
+//! Parses one WGSL file to a naga module: what naga lacks is rewritten, and what it takes though no
+//! browser does is refused.
+
+mod aliases;
+mod constants;
+mod diagnostics;
+mod edits;
+mod precedence;
+mod refused;
+mod swizzles;
+mod tokens;
+
+use naga::front::wgsl::{self, ParseError};
+use naga::{Module, Span};
+use preshade_ir::link::offset;
+
+use self::edits::Edits;
+use self::swizzles::Replaced;
+use self::tokens::{Kind, Token};
+use crate::wgsl::subgroups;
+use preshade_ir::map_spans::map_spans;
+use preshade_text::error::{Code, Error};
+
+pub(super) use refused::check as check_module;
+
+/// Expressions and statements of one file that are rewritten for naga, at most: each takes a parse.
+const MOST_REWRITTEN: usize = 200;
+
+/// Drops `requires` of language extensions that naga does not know. They change nothing: what needs
+/// one is an error at its own place. Directives come ahead of all declarations.
+fn drop_requirements(tokens: &[Token<'_>], edits: &mut Edits) {
+    let known = wgsl::ImplementedLanguageExtension::all();
+    let is_known = |name: &Token<'_>| known.iter().any(|k| k.to_ident() == name.text);
+    let is_directive = |word: &str| matches!(word, "enable" | "requires" | "diagnostic");
+    let mut rest = tokens;
+    while let Some(first) = rest.first().filter(|t| is_directive(t.text))
+        && let Some(end) = rest.iter().position(|t| t.text == ";")
+    {
+        let mut names = rest[1..end].iter().filter(|t| t.kind == Kind::Word);
+        if first.text == "requires" && !names.all(is_known) {
+            edits.replace(first.at..rest[end].range().end, "");
+        }
+        rest = &rest[end + 1..];
+    }
+}
+
+/// Puts each condition of a `const_assert` in parentheses: naga takes a first one to be around the
+/// whole.
+fn enclose_assertions(tokens: &[Token<'_>], edits: &mut Edits) {
+    for (n, token) in tokens.iter().enumerate() {
+        let end = tokens[n..].iter().find(|t| t.text == ";");
+        if let ("const_assert", Some(end)) = (token.text, end) {
+            edits.replace(token.range(), "const_assert (");
+            edits.replace(end.range(), ");");
+        }
+    }
+}
+
+/// A text that naga reads, with the way back to the author's.
+struct Prepared {
+    text: String,
+    edits: Edits,
+    module: Result<Module, ParseError>,
+}
+
+/// Rewrites what naga lacks, until naga takes the text or rejects something else.
+fn prepared(author: &str) -> Prepared {
+    let author = subgroups::without(author);
+    let tokens = tokens::tokens(&author);
+    let mut edits = Edits::default();
+    drop_requirements(&tokens, &mut edits);
+    enclose_assertions(&tokens, &mut edits);
+    diagnostics::lift(&author, &tokens, &mut edits);
+    let mut text = edits.applied(&author);
+    let mut module = wgsl::parse_str(&text);
+    for _ in 0..MOST_REWRITTEN {
+        let Some(replaced) = replacement(&text, &module) else {
+            break;
+        };
+        let replaced = replaced.into_iter();
+        let replaced: Vec<_> = replaced.map(|(part, by)| (edits.back(part), by)).collect();
+        for (part, by) in replaced {
+            edits.replace(part, by);
+        }
+        text = edits.applied(&author);
+        module = wgsl::parse_str(&text);
+    }
+    Prepared {
+        text,
+        edits,
+        module,
+    }
+}
+
+/// What to write, and where, instead of what naga rejects. `None` if the author is to blame.
+fn replacement(text: &str, parsed: &Result<Module, ParseError>) -> Option<Replaced> {
+    let (span, message) = match parsed {
+        Ok(module) => (constants::unsettled(module)?, None),
+        Err(error) => (error.labels().next()?.0, Some(error.message())),
+    };
+    let part = span.to_range()?;
+    if message.is_none_or(constants::is_lacking) {
+        return constants::value(text, part).map(|found| vec![found]);
+    }
+    message
+        .is_some_and(swizzles::is_rejected)
+        .then(|| swizzles::apart(text, part))
+        .flatten()
+}
+
+/// The text for naga and wgpu, without what these do not know.
+pub fn for_naga(text: &str) -> String {
+    prepared(text).text
+}
+
+/// Parses `text`. Error labels are offset by `base`; the module's spans are not.
+pub(super) fn parse(text: &str, base: u32) -> Result<Module, Error> {
+    let Prepared { edits, module, .. } = prepared(text);
+    let back = |span: Span| match span.to_range() {
+        Some(range) if !edits.is_empty() => {
+            let range = edits.back(range);
+            Span::new(range.start as u32, range.end as u32)
+        }
+        _ => span,
+    };
+    let mut module = module.map_err(|e| {
+        // naga reports its recursion limit as an internal error without a span.
+        if e.message().contains("recursion limit") {
+            return Error::new(Code::TooDeep, "expressions are nested too deeply to parse")
+                .note("naga's parser stops at 200 levels; move inner parts to variables");
+        }
+        let mut error = Error::new(Code::Parse, e.message());
+        for (span, label) in e.labels() {
+            error = error.label(offset(back(span), base), label);
+        }
+        for note in e.notes() {
+            error = error.note(note);
+        }
+        error.with_remedy()
+    })?;
+    precedence::check(&tokens::tokens(text), base)?;
+    if !edits.is_empty() {
+        map_spans(&mut module, &back);
+    }
+    Ok(module)
+}

@@ -1,0 +1,451 @@
+//! Scenes: which meshes to draw with which materials and values, and from which cameras.
+//!
+//! A scene file (TOML) or a bare shader becomes a [`Scene`]: plain data on the CPU, with every mesh
+//! generated or read and every texture decoded. [`bind`] turns one draw of it into the bytes that a
+//! GPU pass of a plan needs.
+
+mod asset;
+mod discards;
+mod divisors;
+mod error;
+mod file;
+pub mod flow;
+mod layout;
+mod light;
+pub mod load;
+mod loops;
+mod material;
+mod meshes;
+mod noise;
+mod numbers;
+mod place;
+mod pulled;
+mod range;
+mod roles;
+mod semantic;
+mod setup;
+mod size;
+mod skin;
+mod stand_in;
+pub mod synthesise;
+mod value_path;
+mod variables;
+
+pub mod bind;
+pub mod camera;
+pub mod codes;
+pub mod image;
+pub mod mesh;
+
+pub use asset::{Shading, load_gltf};
+pub use error::SceneError;
+pub use light::Light;
+pub use load::{load, load_with, load_within, read};
+pub use semantic::Semantic;
+pub use stand_in::StandIn;
+pub use synthesise::synthesise;
+pub use variables::{Variable, Variables};
+
+use std::collections::BTreeMap;
+use std::sync::Arc;
+
+use glam::{Mat4, Vec3};
+use preshade_plan::plan::Plan;
+use preshade_plan::program::Program;
+use preshade_plan::state::{CompareFunction, DepthDirection, DepthFormat, MaterialState};
+
+/// The files that a scene may read, and its size limits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Access {
+    /// Whether its files may lie outside of its root folder.
+    pub outside: Outside,
+    /// Size limits.
+    pub limits: preshade_text::limits::Limits,
+}
+
+/// Whether a scene's files may lie outside of its root folder (`docs/reference/scenes.md`,
+/// "Paths").
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Outside {
+    /// Files outside are an error.
+    #[default]
+    Refused,
+    /// Files may lie anywhere.
+    Allowed,
+}
+
+/// All data of a scene, on the CPU.
+#[derive(Clone, Debug)]
+pub struct Scene {
+    /// Name, from the file or the shader.
+    pub name: String,
+    /// Width and height of the colour target, in pixels.
+    pub size: [u32; 2],
+    /// Viewport in pixels: x, y, width, height. `None` is the whole target.
+    pub viewport: Option<[u32; 4]>,
+    /// Depth format of the frame.
+    pub depth_format: DepthFormat,
+    /// Forward or reversed depth.
+    pub depth_direction: DepthDirection,
+    /// Samples a pixel: 1 or 4.
+    pub samples: u32,
+    /// Background, linear RGBA.
+    pub clear_color: [f64; 4],
+    /// What the attachments hold in place of their clear values.
+    pub initial: Initial,
+    /// The order of rows in its targets. Pictures are upright either way.
+    pub rows: Rows,
+    /// Materials.
+    pub materials: Vec<Material>,
+    /// Meshes.
+    pub meshes: Vec<Mesh>,
+    /// Draws, in the order of the file.
+    pub draws: Vec<Draw>,
+    /// The first camera is the headline one.
+    pub cameras: Vec<Camera>,
+    /// Draw orders to measure. The first is the headline one.
+    pub orders: Vec<DrawOrder>,
+    /// The directional light and the extent of its shadow map.
+    pub light: Light,
+    /// Full paths of the files that the scene was read from, without the scene file. Empty for a
+    /// made-up scene.
+    pub files: Vec<std::path::PathBuf>,
+    /// Whether preshade made up the whole scene for a bare shader. No contract depends on its
+    /// values.
+    pub is_made_up: bool,
+    /// The size before [`Scene::resized`], in pixels; `None`: it was not.
+    pub own_size: Option<[u32; 2]>,
+    /// Of a captured frame, which part of it the scene is: `render pass 2 (4 % of the frame)`.
+    pub part: Option<String>,
+    /// What a reader of its files should know: which value of a glTF file fed which binding, and
+    /// what of it is not drawn.
+    pub notes: Vec<String>,
+}
+
+impl Scene {
+    /// Reads a scene file.
+    ///
+    /// # Errors
+    /// The file or a file that it names cannot be read, or is invalid.
+    pub fn load(path: &std::path::Path) -> Result<Self, SceneError> {
+        load(path)
+    }
+}
+
+/// Order of the opaque draws of a frame.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Serialize, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum DrawOrder {
+    /// Nearest first, by the centre of the object, as a good engine draws.
+    FrontToBack,
+    /// Farthest first: the worst case for overdraw.
+    BackToFront,
+    /// A fixed pseudo-random order.
+    Shuffled,
+    /// The order of the file, as one merged mesh would draw.
+    AsGiven,
+}
+
+/// A material: one program, its state, its values.
+#[derive(Clone, Debug)]
+pub struct Material {
+    /// Name, and prefix of the emitted files.
+    pub name: String,
+    /// Full path of the first shader file; `None` for a made-up material.
+    pub file: Option<std::path::PathBuf>,
+    /// The author's program.
+    pub program: Program,
+    /// Vertex entry point.
+    pub vertex: String,
+    /// Fragment entry point.
+    pub fragment: Option<String>,
+    /// Preprocessor definitions for its GLSL, by name.
+    pub defines: BTreeMap<String, String>,
+    /// Pipeline state, with the scene's depth settings applied.
+    pub state: MaterialState,
+    /// Values by variable name or `variable.member`. The module `bind` fills the rest by
+    /// convention.
+    pub values: BTreeMap<String, Value>,
+    /// Textures by variable name.
+    pub textures: BTreeMap<String, Arc<Image>>,
+    /// Samplers by variable name. The default is trilinear and repeating; comparison samplers
+    /// compare with LessEqual.
+    pub samplers: BTreeMap<String, Sampler>,
+    /// Mesh stream by attribute name, where the names differ.
+    pub attributes: BTreeMap<String, String>,
+    /// Mesh stream by attribute name, by what the shader does with the attribute. A stream that has
+    /// the attribute's name comes first.
+    pub attribute_roles: BTreeMap<String, String>,
+    /// The renderer's values by path, by what the shader does with them. What the scene or the name
+    /// says comes first.
+    pub value_roles: BTreeMap<String, Semantic>,
+    /// The material as the scene names it, if this one is for some of its draws.
+    pub part_of: Option<String>,
+}
+
+/// A value for a uniform, a member of one, or a storage buffer.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Value {
+    /// Components or elements, in order.
+    Numbers(Vec<f64>),
+    /// A semantic without its dollar sign, for example `view_proj`.
+    Semantic(String),
+}
+
+/// How a texture is sampled.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Sampler {
+    /// Magnification, minification and mip filter.
+    pub filter: Filter,
+    /// Minification filter, if it is another.
+    pub min_filter: Option<Filter>,
+    /// Filter between mip levels, if it is another.
+    pub mip_filter: Option<Filter>,
+    /// Addressing outside of 0..1.
+    pub address: Address,
+    /// Addressing along v, if it is another.
+    pub address_v: Option<Address>,
+    /// Addressing along w, if it is another.
+    pub address_w: Option<Address>,
+    /// The least and the largest level of detail; `None`: all.
+    pub lod: Option<[f32; 2]>,
+    /// Largest anisotropy, 1 to 16. Above 1 the filter must be linear.
+    pub anisotropy: u16,
+    /// Comparison function of a comparison sampler.
+    pub compare: Option<CompareFunction>,
+}
+
+impl Default for Sampler {
+    fn default() -> Self {
+        Self {
+            filter: Filter::Linear,
+            min_filter: None,
+            mip_filter: None,
+            address: Address::Repeat,
+            address_v: None,
+            address_w: None,
+            lod: None,
+            anisotropy: 1,
+            compare: None,
+        }
+    }
+}
+
+/// A texture filter.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs)]
+pub enum Filter {
+    Nearest,
+    Linear,
+}
+
+/// A texture addressing mode.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
+#[serde(rename_all = "kebab-case")]
+#[allow(missing_docs)]
+pub enum Address {
+    Repeat,
+    MirrorRepeat,
+    ClampToEdge,
+}
+
+/// The order in which a target's rows are stored.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Rows {
+    /// The first is the top one, as in WebGPU.
+    #[default]
+    FromTop,
+    /// The first is the bottom one, as in WebGL.
+    FromBottom,
+}
+
+/// What the attachments hold before the first draw. Images are what earlier passes of the host's frame left; they
+/// have the attachments' size and one sample, and multisampled attachments are always cleared.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Initial {
+    /// Clear values of colours by location. Of locations beyond it, the scene's.
+    pub clear_colors: Vec<[f64; 4]>,
+    /// Colours by location, in the attachments' formats.
+    pub colors: Vec<Option<Arc<Image>>>,
+    /// Depth.
+    pub depth: Option<Arc<Image>>,
+    /// Clear value of the stencil.
+    pub clear_stencil: u32,
+    /// Stencil values, `R8Uint`.
+    pub stencil: Option<Arc<Image>>,
+}
+
+/// The content of a texture, with all its mip levels, in any format of WebGPU's whose texels have
+/// a layout. [`image::Texels`] reads it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Image {
+    /// Width and height of level 0.
+    pub size: [u32; 2],
+    /// Layers (6 for each cube), or the depth of level 0 of a volume.
+    pub layers: u32,
+    /// Flat, or a volume ([`D3`](wgpu::TextureDimension::D3)). Whether a flat one is an array or a
+    /// cube is up to the shader that reads it.
+    pub dimension: wgpu::TextureDimension,
+    /// Format of the texels. A depth format has the bytes of the numbers that it stores.
+    pub format: wgpu::TextureFormat,
+    /// The format's own bytes by level: rows of blocks without padding, and a level's layers one
+    /// after the other.
+    pub levels: Vec<Vec<u8>>,
+}
+
+/// A mesh: named streams of vertex data, and indices.
+#[derive(Clone, Debug)]
+pub struct Mesh {
+    /// Name.
+    pub name: String,
+    /// Number of vertices.
+    pub vertex_count: u32,
+    /// Streams by name, for example `position`, `normal`, `tangent`, `uv`, `color`, `joints`,
+    /// `weights`, `morph_position_0`.
+    pub streams: BTreeMap<String, Stream>,
+    /// `None` draws the vertices in order.
+    pub indices: Option<Vec<u32>>,
+    /// Bounding box.
+    pub bounds: [Vec3; 2],
+}
+
+/// One stream of vertex or instance data.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Stream {
+    /// `components` floats per vertex.
+    Float {
+        /// 1 to 4, or 16 for a matrix.
+        components: u32,
+        /// All values.
+        data: Vec<f32>,
+    },
+    /// `components` unsigned integers per vertex.
+    Uint {
+        /// 1 to 4.
+        components: u32,
+        /// All values.
+        data: Vec<u32>,
+    },
+}
+
+/// One draw call.
+#[derive(Clone, Debug)]
+pub struct Draw {
+    /// Name, for messages.
+    pub name: String,
+    /// Index in [`Scene::meshes`].
+    pub mesh: usize,
+    /// Index in [`Scene::materials`].
+    pub material: usize,
+    /// Object-to-world matrix.
+    pub transform: Mat4,
+    /// Indices and first instance.
+    pub range: DrawRange,
+    /// Number of instances.
+    pub instances: u32,
+    /// Per-instance streams by name, for example `instance_transform` (16), `instance_color` (4).
+    /// Index 0 is the first instance of the range.
+    pub instance_streams: BTreeMap<String, Stream>,
+    /// Joint matrices of a skinned mesh, with the inverse bind pose applied. Draws of one mesh
+    /// share them.
+    pub joints: Arc<[Mat4]>,
+    /// Weights of the morph targets.
+    pub morph_weights: Vec<f32>,
+    /// Values that only this draw has.
+    pub values: BTreeMap<String, Value>,
+    /// What the draw bound when its frame was captured. Then nothing is derived from names: mesh,
+    /// values and transform are not read.
+    pub captured: Option<Arc<bind::DrawBindings>>,
+}
+
+/// The arguments of `drawIndexed` or `draw`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct DrawRange {
+    /// First index, or first vertex of an unindexed mesh.
+    pub first: u32,
+    /// Number of indices or vertices; `None` draws to the end.
+    pub count: Option<u32>,
+    /// Added to each index; ignored without indices.
+    pub base_vertex: i32,
+    /// First value of `instance_index`.
+    pub first_instance: u32,
+}
+
+/// A camera with one or more frames.
+#[derive(Clone, Debug)]
+pub struct Camera {
+    /// Name.
+    pub name: String,
+    /// One frame for a still, several for a path.
+    pub frames: Vec<Frame>,
+}
+
+/// One view of the scene at one time.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Frame {
+    /// World to view.
+    pub view: Mat4,
+    /// View to clip, reversed if the scene's depth is.
+    pub projection: Mat4,
+    /// Eye in world space.
+    pub eye: Vec3,
+    /// Seconds.
+    pub time: f32,
+}
+
+impl Material {
+    /// The plan of the unmodified material.
+    pub fn plan(&self) -> Plan {
+        Plan::original(
+            &self.name,
+            self.program.clone(),
+            &self.vertex,
+            self.fragment.as_deref(),
+            &self.state,
+        )
+    }
+}
+
+impl Scene {
+    /// The scene at another resolution. The viewport and what the attachments hold scale too, and cameras keep
+    /// their vertical field of view.
+    #[must_use]
+    pub fn resized(mut self, size: [u32; 2]) -> Self {
+        let before = self.aspect();
+        if let Some(viewport) = &mut self.viewport {
+            for (i, v) in viewport.iter_mut().enumerate() {
+                let (from, to) = (u64::from(self.size[i % 2]), u64::from(size[i % 2]));
+                *v = (u64::from(*v) * to / from.max(1)) as u32;
+            }
+        }
+        self.own_size.get_or_insert(self.size);
+        self.size = size;
+        let of = &mut self.initial;
+        let planes = [&mut of.depth, &mut of.stencil];
+        for image in of.colors.iter_mut().chain(planes).flatten() {
+            if let Some(resampled) = image.resampled(size) {
+                *image = Arc::new(resampled);
+            }
+        }
+        let scale = before / self.aspect();
+        for frame in self.cameras.iter_mut().flat_map(|c| &mut c.frames) {
+            frame.projection.x_axis *= scale;
+        }
+        self
+    }
+
+    /// Aspect ratio of the viewport.
+    pub fn aspect(&self) -> f32 {
+        let [w, h] = self.viewport.map_or(self.size, |[_, _, w, h]| [w, h]);
+        w as f32 / h.max(1) as f32
+    }
+
+    /// Every frame of every camera.
+    pub fn frames(&self) -> impl Iterator<Item = (&Camera, &Frame)> {
+        self.cameras
+            .iter()
+            .flat_map(|c| c.frames.iter().map(move |f| (c, f)))
+    }
+}

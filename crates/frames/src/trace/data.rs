@@ -1,0 +1,117 @@
+//! Data of a trace. Until the folder is written, commands name it by its number in the trace.
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use wgpu_core::device::trace::Data;
+
+use super::TraceError;
+use crate::file::DataName;
+use preshade_text::limits::Limits;
+use preshade_text::regular;
+
+/// What is known of the trace's data files.
+pub(super) struct Store {
+    folder: PathBuf,
+    limits: Limits,
+    all: Vec<Source>,
+}
+
+#[derive(Clone)]
+enum Source {
+    /// A file, and how many of its bytes count.
+    File(String, Option<u64>),
+    Bytes(Arc<[u8]>),
+}
+
+impl Store {
+    pub fn new(folder: &Path, limits: &Limits) -> Self {
+        Self {
+            folder: folder.to_owned(),
+            limits: *limits,
+            all: Vec::new(),
+        }
+    }
+
+    /// Data that an action names. Its file is read when it is needed.
+    pub fn add(&mut self, data: Data, size: Option<u64>) -> Result<DataName, TraceError> {
+        let source = match data {
+            Data::File(name) => {
+                let is_plain = name.bytes().all(|b| b.is_ascii_alphanumeric() || b == b'.');
+                if !is_plain || name.starts_with('.') {
+                    return Err(TraceError::DataName(name));
+                }
+                Source::File(name, size)
+            }
+            Data::String(_, text) => Source::Bytes(text.into_bytes().into()),
+            Data::Binary(_, bytes) => Source::Bytes(bytes.into()),
+        };
+        Ok(self.push(source))
+    }
+
+    /// Data that the reader made.
+    pub fn add_bytes(&mut self, bytes: Vec<u8>) -> DataName {
+        self.push(Source::Bytes(bytes.into()))
+    }
+
+    fn push(&mut self, source: Source) -> DataName {
+        self.all.push(source);
+        name(&format!("{:032x}", self.all.len() - 1))
+    }
+
+    fn source(&self, name: &DataName) -> Option<&Source> {
+        let number = usize::from_str_radix(&String::from(name.clone()), 16);
+        number.ok().and_then(|n| self.all.get(n))
+    }
+
+    /// How many bytes a write to a buffer has.
+    pub fn size(&self, name: &DataName) -> u64 {
+        match self.source(name) {
+            Some(Source::File(_, size)) => size.unwrap_or(0),
+            Some(Source::Bytes(bytes)) => bytes.len() as u64,
+            None => 0,
+        }
+    }
+
+    /// The content.
+    pub fn bytes(&self, name: &DataName) -> Result<Arc<[u8]>, TraceError> {
+        match self.source(name) {
+            Some(Source::File(name, size)) => self.file(name, *size),
+            Some(Source::Bytes(bytes)) => Ok(Arc::clone(bytes)),
+            None => Ok(Arc::from([])),
+        }
+    }
+
+    fn file(&self, name: &str, size: Option<u64>) -> Result<Arc<[u8]>, TraceError> {
+        let wrong = |error| TraceError::Data {
+            name: name.to_owned(),
+            error,
+        };
+        let path = self.folder.join(name);
+        // A link may lead out of the folder.
+        let about = std::fs::symlink_metadata(&path).map_err(|e| wrong(e.into()))?;
+        if about.is_symlink() {
+            return Err(TraceError::DataName(name.to_owned()));
+        }
+        let mut bytes = regular::bytes(&path, &self.limits, "file-bytes").map_err(wrong)?;
+        if let Some(size) = size {
+            if (bytes.len() as u64) < size {
+                return Err(TraceError::Short {
+                    name: name.to_owned(),
+                    has: bytes.len() as u64,
+                    needed: size,
+                });
+            }
+            bytes.truncate(size as usize);
+        }
+        Ok(bytes.into())
+    }
+}
+
+/// A name of 32 hexadecimal digits.
+pub(super) fn name(digits: &str) -> DataName {
+    match DataName::try_from(digits.to_owned()) {
+        Ok(name) => name,
+        Err(error) => unreachable!("{error}"),
+    }
+}

@@ -1,0 +1,126 @@
+//! Writes a frame folder. Until the new capture is whole, the folder holds the earlier one.
+//!
+//! Data files are named by their content, so new ones lie beside those of the earlier capture. The last step renames
+//! the new `frame.json` over the old one, and only then removes what no longer has a name in it.
+
+use std::collections::BTreeSet;
+use std::io::{self, Write as _};
+use std::path::{Path, PathBuf};
+use std::{fs, mem};
+
+use super::folder::{FILE, PACKED, file_of, is_folder};
+use preshade_text::files::File;
+use preshade_text::limits::Limits;
+use preshade_text::regular;
+
+/// The folder of data.
+pub(super) const DATA: &str = "data";
+
+/// A larger `frame.json` is compressed: commands repeat themselves, and a frame of 1,000 draws has more of them than
+/// data.
+const PACKED_FROM: usize = 64 << 10;
+
+/// A capture that is being written. Dropped before [`Self::finish`], it leaves the folder as it was.
+pub(super) struct Writer {
+    folder: PathBuf,
+    /// Whether the folder is ours to remove.
+    is_new: bool,
+    limits: Limits,
+}
+
+impl Writer {
+    pub fn new(folder: &Path, limits: &Limits) -> io::Result<Self> {
+        let is_new = !folder.exists();
+        fs::create_dir_all(folder.join(DATA))?;
+        Ok(Self {
+            folder: folder.to_owned(),
+            is_new,
+            limits: *limits,
+        })
+    }
+
+    /// Writes a file of [`DATA`].
+    pub fn data(&self, name: String, bytes: Vec<u8>) -> io::Result<()> {
+        preshade_text::files::write(&self.folder.join(DATA), &[File { name, bytes }]).map(drop)
+    }
+
+    /// Puts `frame.json` in the place of the earlier one, compressed if it is large.
+    pub fn finish(self, json: Vec<u8>) -> io::Result<()> {
+        if json.len() <= PACKED_FROM {
+            return self.finish_as(FILE, json);
+        }
+        let mut packed = flate2::write::GzEncoder::new(Vec::new(), flate2::Compression::default());
+        packed.write_all(&json)?;
+        self.finish_as(PACKED, packed.finish()?)
+    }
+
+    /// The same, of a `frame.json` that is compressed or not as its name says.
+    pub fn finish_as(self, name: &str, bytes: Vec<u8>) -> io::Result<()> {
+        let file = File {
+            name: name.to_owned(),
+            bytes,
+        };
+        preshade_text::files::write(&self.folder, &[file])?;
+        // The readable one counts where there are both.
+        let other = if name == FILE { PACKED } else { FILE };
+        match fs::remove_file(self.folder.join(other)) {
+            Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
+            _ => Ok(()),
+        }
+    }
+
+    /// Removes data that the folder's `frame.json` does not name: all, if there is none.
+    fn sweep(&self) -> io::Result<()> {
+        let named = match is_folder(&self.folder) {
+            true => named(&self.folder, &self.limits)?,
+            false => BTreeSet::new(),
+        };
+        for entry in fs::read_dir(self.folder.join(DATA))? {
+            let entry = entry?;
+            let name = entry.file_name().to_string_lossy().into_owned();
+            if is_left_over(&name) || digits(&name).is_some_and(|d| !named.contains(d)) {
+                fs::remove_file(entry.path())?;
+            }
+        }
+        Ok(())
+    }
+}
+
+impl Drop for Writer {
+    fn drop(&mut self) {
+        // The capture is whole without it: files that stay take place on the disk, and the next capture removes them.
+        let _ = self.sweep();
+        if mem::take(&mut self.is_new) && !is_folder(&self.folder) {
+            let _ = fs::remove_dir(self.folder.join(DATA));
+            let _ = fs::remove_dir(&self.folder);
+        }
+    }
+}
+
+/// The digits of a data file's name.
+pub(super) fn digits(name: &str) -> Option<&str> {
+    let digits = name.strip_suffix(".bin")?;
+    is_hash(digits).then_some(digits)
+}
+
+/// A file that was being written when a program was killed.
+pub(super) fn is_left_over(name: &str) -> bool {
+    name.starts_with('.') && name.ends_with(".tmp")
+}
+
+fn is_hash(text: &str) -> bool {
+    text.len() == 32 && text.bytes().all(|b| b.is_ascii_hexdigit())
+}
+
+/// Every word of `frame.json` that may be the name of data.
+fn named(folder: &Path, limits: &Limits) -> io::Result<BTreeSet<String>> {
+    let file = file_of(folder);
+    let bytes = match file.ends_with(PACKED) {
+        true => super::folder::unpacked(&file, limits, "file-bytes"),
+        false => regular::bytes(&file, limits, "file-bytes"),
+    };
+    let bytes = bytes.map_err(io::Error::other)?;
+    let words = bytes.split(|b| *b == b'"').filter(|word| word.len() == 32);
+    let words = words.filter_map(|word| str::from_utf8(word).ok());
+    Ok(words.filter(|w| is_hash(w)).map(str::to_owned).collect())
+}

@@ -1,0 +1,192 @@
+//! Resolves the types of declarations.
+
+use glsl_lang::ast::{
+    self, ArraySpecifierDimensionData, TypeSpecifierNonArray, TypeSpecifierNonArrayData,
+};
+use glsl_lang::transpiler::glsl::{FormattingState, show_type_specifier_non_array};
+use naga::Span;
+
+use super::{GlslStage, unsupported};
+use crate::ty::{GlslMember, Struct, Ty};
+use preshade_text::absent;
+use preshade_text::error::{Code, Error};
+
+/// Maximum elements of arrays that are split into variables: varyings and samplers.
+pub(super) const APART: u64 = 1 << 10;
+/// Maximum members of a struct, nested members included.
+const MEMBERS: u64 = 1 << 12;
+
+impl GlslStage<'_> {
+    /// The type of `spec` with the array dimensions at the variable's name.
+    pub(crate) fn ty(
+        &mut self,
+        spec: &ast::TypeSpecifier,
+        at_name: Option<&ast::ArraySpecifier>,
+        place: Option<Span>,
+    ) -> Result<Ty, Error> {
+        let base = match &spec.ty.content {
+            TypeSpecifierNonArrayData::TypeName(name) => {
+                let name = name.as_str();
+                match self.structs.get(name) {
+                    Some(_) => Ty::Struct(name.to_owned()),
+                    // A type of an extension, or of a later version.
+                    None => {
+                        absent::refuse(name, place)?;
+                        Ty::named(name)
+                    }
+                }
+            }
+            TypeSpecifierNonArrayData::Struct(definition) => {
+                let name = match &definition.name {
+                    Some(name) => name.as_str().to_owned(),
+                    None => String::new(),
+                };
+                let mut members = Vec::new();
+                for field in &definition.fields {
+                    for (name, ty, place) in self.fields(field)? {
+                        members.push(GlslMember {
+                            name,
+                            ty,
+                            row_major: false,
+                            place,
+                        });
+                    }
+                }
+                let name = match name.is_empty() {
+                    true => self.unnamed(&members),
+                    false => name,
+                };
+                let count = self.structs.count_of(members.iter().map(|m| &m.ty));
+                if count.members > MEMBERS || count.elements > self.unit.array_elements {
+                    return Err(Error::new(
+                        Code::TooDeep,
+                        format!(
+                            "`{name}` has {} elements in {} members; the limit is {} in {MEMBERS}",
+                            count.elements, count.members, self.unit.array_elements
+                        ),
+                    )
+                    .label_if(place));
+                }
+                if let Some(old) = self.structs.get(&name) {
+                    let same = |a: &GlslMember, b: &GlslMember| a.name == b.name && a.ty == b.ty;
+                    let alike = old.members.len() == members.len()
+                        && old.members.iter().zip(&members).all(|(a, b)| same(a, b));
+                    if !alike {
+                        return Err(unsupported(
+                            format!("two structs are called `{name}`"),
+                            place,
+                        ));
+                    }
+                } else {
+                    self.structs.insert(Struct {
+                        name: name.clone(),
+                        members,
+                        in_uniform_block: false,
+                        tight: false,
+                    });
+                    self.structs.mark_small_elements();
+                }
+                Ty::Struct(name)
+            }
+            _ => {
+                let name = spelled(&spec.ty);
+                absent::refuse(&name, place)?;
+                Ty::named(&name)
+            }
+        };
+        let inner = self.dimensions(base, spec.array_specifier.as_ref(), place)?;
+        self.dimensions(inner, at_name, place)
+    }
+
+    /// Names an anonymous struct by its members, so that different structs of the two stages have
+    /// different names.
+    fn unnamed(&self, members: &[GlslMember]) -> String {
+        let mut name = "Unnamed".to_owned();
+        for member in members {
+            let word = member.name.trim_matches('_');
+            if name.len() + word.len() < 60 && !word.contains("__") {
+                name += "_";
+                name += word;
+            }
+        }
+        let taken = |name: &str| {
+            let same = |a: &GlslMember, b: &GlslMember| a.name == b.name && a.ty == b.ty;
+            let old = self.structs.get(name);
+            old.is_some_and(|old| {
+                old.members.len() != members.len()
+                    || old.members.iter().zip(members).any(|(a, b)| !same(a, b))
+            })
+        };
+        let numbered = (2..).map(|i| format!("{name}_{i}"));
+        let mut all = std::iter::once(name.clone()).chain(numbered);
+        all.find(|n| !taken(n)).unwrap_or(name)
+    }
+
+    pub(crate) fn dimensions(
+        &self,
+        of: Ty,
+        array: Option<&ast::ArraySpecifier>,
+        place: Option<Span>,
+    ) -> Result<Ty, Error> {
+        let Some(array) = array else {
+            return Ok(of);
+        };
+        let mut ty = of;
+        for dimension in array.dimensions.iter().rev() {
+            let length = match &dimension.content {
+                ArraySpecifierDimensionData::Unsized => None,
+                ArraySpecifierDimensionData::ExplicitlySized(e) => {
+                    let length = self.length(e).filter(|length| length.n > 0);
+                    let length = length.ok_or_else(|| {
+                        unsupported(
+                            "the length of this array must be an integer constant above 0",
+                            place,
+                        )
+                    })?;
+                    Some(length)
+                }
+            };
+            ty = Ty::Array(Box::new(ty), length);
+            // Samplers are split into variables, and other opaque types may be.
+            let most = match ty.innermost() {
+                Ty::Combined(_) | Ty::Opaque(_) => APART,
+                _ => self.unit.array_elements,
+            };
+            self.check_elements(&ty, most, place)?;
+        }
+        Ok(ty)
+    }
+
+    /// Rejects a type with more than `most` elements.
+    pub(super) fn check_elements(
+        &self,
+        ty: &Ty,
+        most: u64,
+        place: Option<Span>,
+    ) -> Result<(), Error> {
+        let n = self.structs.count(ty).elements;
+        match n > most {
+            false => Ok(()),
+            true => Err(Error::new(
+                Code::TooDeep,
+                format!("an array of {n} elements exceeds the limit of {most}"),
+            )
+            .label_if(place)),
+        }
+    }
+}
+
+/// A type's name as written; `struct` for an inline definition.
+pub(crate) fn spelled(ty: &TypeSpecifierNonArray) -> String {
+    match &ty.content {
+        TypeSpecifierNonArrayData::TypeName(name) => name.as_str().to_owned(),
+        TypeSpecifierNonArrayData::Struct(_) => "struct".to_owned(),
+        _ => {
+            let mut name = String::new();
+            let shown =
+                show_type_specifier_non_array(&mut name, ty, &mut FormattingState::default());
+            debug_assert!(shown.is_ok());
+            name
+        }
+    }
+}

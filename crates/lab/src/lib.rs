@@ -1,0 +1,9 @@
+//! A scene on an adapter: variants are drawn, compared, timed and judged; searches and jobs over them; reports.
+
+pub mod jobs;
+pub mod measure;
+pub mod report;
+pub mod search;
+mod verify;
+
+pub use verify::verify;

@@ -1,0 +1,385 @@
+//! A scene drawn with the original and its variants, view by view.
+
+mod ended;
+mod measurement;
+
+use std::collections::BTreeSet;
+
+use preshade_plan::contract::Verdict;
+use preshade_plan::plan::Plan;
+
+use super::shading::Counter;
+use super::telling::{self, Colours, decides_coverage, undiscarded};
+use super::{
+    Clock, Discarded, Error, Session, TimingSettings, View, counting, outputs, shadow, time,
+};
+use crate::measure::record::{KeptMaterial, ORIGINAL, Pictures, Report, SCHEMA, Unfinished};
+use measurement::Measurement;
+use preshade_draw::scene::{Frame, bind};
+
+/// A variant to measure.
+#[derive(Clone, Debug)]
+pub struct Variant {
+    /// Name, for the table and for files.
+    pub name: String,
+    /// The recipe, as it is written on a command line.
+    pub recipe: String,
+    /// One plan a material, in the scene's order.
+    pub plans: Vec<Plan>,
+    /// Materials it leaves alone.
+    pub kept: Vec<KeptMaterial>,
+}
+
+/// Which views are timed. All views are compared.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Timed {
+    /// None.
+    No,
+    /// The first frame of the first camera, in the first order.
+    #[default]
+    Headline,
+    /// The first frame of every camera, in every order.
+    FirstFrames,
+    /// Every frame of every camera, in every order.
+    Everything,
+}
+
+/// How to measure.
+#[derive(Clone, Debug)]
+pub struct Settings {
+    /// Views to time.
+    pub timed: Timed,
+    /// How long and how often, for each timed view.
+    pub timing: TimingSettings,
+    /// Most frames of each camera to compare, evenly spaced from its first.
+    pub frames_per_camera: usize,
+    /// The command to put into the report.
+    pub command: String,
+}
+
+/// How far a measurement is.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VerifyProgress {
+    /// Part done, 0 to 1.
+    pub done: f64,
+    /// The current step.
+    pub what: String,
+    /// The results so far, after each view. `None`: nothing new.
+    pub so_far: Option<Box<Unfinished>>,
+}
+
+impl VerifyProgress {
+    fn at(done: f64, what: impl Into<String>) -> Self {
+        Self {
+            done,
+            what: what.into(),
+            so_far: None,
+        }
+    }
+
+    /// Progress within `view` of `views`, of which `part` is done.
+    fn of_view(view: usize, part: f64, views: usize, what: String) -> Self {
+        Self::at(0.1 + 0.9 * (view as f64 + part) / views as f64, what)
+    }
+}
+
+/// The report and the pictures of the headline view.
+#[derive(Clone, Debug)]
+pub struct Verified {
+    /// The figures.
+    pub report: Report,
+    /// Pictures of the variants that were drawn, without the original.
+    pub pictures: Vec<Pictures>,
+    /// Why measuring ended early, with the adapter lost; `None`: it did not.
+    pub lost: Option<String>,
+}
+
+/// A run of [`verify`].
+struct Run<'a, 'p> {
+    session: &'a Session<'a>,
+    settings: &'a Settings,
+    progress: &'p mut dyn FnMut(VerifyProgress),
+    views: Vec<(View, &'a Frame)>,
+    /// The original first.
+    subjects: Vec<Measurement<'a>>,
+    clock: Option<Clock>,
+    depth_ties: u64,
+    colours: Colours,
+    /// Pixels that are left out, in the view with most.
+    unsteady: u64,
+    /// Why the run ended early.
+    lost: Option<String>,
+}
+
+/// Draws every view of a scene with the original and with `variants`. Compares, counts and times
+/// them.
+///
+/// A variant that does not compile, or with which the adapter is lost, is not measured. The results
+/// of the others remain.
+///
+/// # Errors
+///
+/// The original cannot be drawn, or the adapter is lost before the first view.
+pub fn verify(
+    session: &Session<'_>,
+    variants: &[Variant],
+    settings: &Settings,
+    progress: &mut dyn FnMut(VerifyProgress),
+) -> Result<Verified, Error> {
+    let original = Variant {
+        name: ORIGINAL.to_owned(),
+        recipe: String::new(),
+        plans: session.originals().to_vec(),
+        kept: Vec::new(),
+    };
+    let (mut subjects, mut lost) = (Vec::new(), None);
+    for (i, variant) in std::iter::once(&original).chain(variants).enumerate() {
+        let done = 0.1 * i as f64 / (variants.len() + 1) as f64;
+        progress(VerifyProgress::at(
+            done,
+            format!("compiling `{}`", variant.name),
+        ));
+        let (subject, why) = Measurement::new(session, variant)?;
+        subjects.push(subject);
+        lost = lost.or(why);
+    }
+    let mut run = Run {
+        session,
+        settings,
+        progress,
+        views: View::all(session.scene(), settings.frames_per_camera),
+        subjects,
+        clock: None,
+        depth_ties: 0,
+        colours: Colours::default(),
+        unsteady: 0,
+        lost,
+    };
+    if run.lost.is_none() {
+        run.measure()?;
+    }
+    run.finish(variants)
+}
+
+impl Run<'_, '_> {
+    /// Measures view by view, until the last or until the adapter is lost.
+    fn measure(&mut self) -> Result<(), Error> {
+        let (plans, form) = (self.session.originals(), self.session.form());
+        let inputs = self.session.inputs();
+        let mut ties = Counter::ties(inputs, plans, form, Discarded::LeftOut, counting)?;
+        for i in 0..self.views.len() {
+            self.tell(i, 0.0, self.views[i].0.described());
+            if let Err(error) = self.measure_view(i, &mut ties) {
+                if error.is_endless() {
+                    return Err(error);
+                }
+                // Without the original there is nothing to compare with, and a lost adapter draws no more.
+                self.lost = Some(error.to_string());
+                break;
+            }
+            let missing = self.views[i + 1..].iter().map(|(v, _)| v.described());
+            let so_far = Report {
+                clock: self.clock,
+                variants: self.subjects.iter().map(Measurement::so_far).collect(),
+                ..self.blank()
+            };
+            let unfinished = Unfinished::new(so_far, missing.collect());
+            let mut told = self.at(i, 1.0, self.views[i].0.described());
+            told.so_far = Some(Box::new(unfinished));
+            (self.progress)(told);
+        }
+        Ok(())
+    }
+
+    fn measure_view(&mut self, index: usize, ties: &mut Counter<'_>) -> Result<(), Error> {
+        let (view, frame) = self.views[index].clone();
+        self.session.inputs().set_frame(frame)?;
+        if view.order == self.views[0].0.order {
+            self.depth_ties += ties.ties_in(frame, view.order)?;
+        }
+        let headline = &self.views[0].0;
+        let reference = measurement::compare_view(&mut self.subjects, (&view, frame), headline)?;
+        if let Some(first) = &reference {
+            self.colours.look(&first.picture);
+            self.unsteady = self.unsteady.max(first.unsteady());
+        }
+        measurement::count_view(&mut self.subjects, (&view, frame), index == 0)?;
+        if index == 0 {
+            for subject in &mut self.subjects {
+                subject.count_invocations(self.session.gpu())?;
+            }
+        }
+        if self.settings.timed.includes(&view, index == 0) {
+            self.time_view(index)?;
+        }
+        Ok(())
+    }
+
+    fn time_view(&mut self, index: usize) -> Result<(), Error> {
+        let (view, frame) = self.views[index].clone();
+        let (progress, views) = (&mut self.progress, self.views.len());
+        let tick = |part: f64| {
+            let what = format!("timing {}", view.described());
+            progress(VerifyProgress::of_view(
+                index,
+                0.5 + 0.5 * part,
+                views,
+                what,
+            ));
+        };
+        let mut ready = Vec::new();
+        let mut rows = Vec::new();
+        for (i, drawn) in self.subjects.iter_mut().enumerate() {
+            if let Some(prepared) = drawn.subject.aimed(frame, view.order)? {
+                ready.push(prepared);
+                rows.push(i);
+            }
+        }
+        let (clock, timings) = time(self.session.gpu(), &ready, &self.settings.timing, tick)?;
+        self.clock = Some(clock);
+        for (i, timing) in rows.into_iter().zip(timings) {
+            self.subjects[i].timed(timing, index == 0);
+        }
+        Ok(())
+    }
+
+    /// Everything after the last view, and the report.
+    fn finish(mut self, variants: &[Variant]) -> Result<Verified, Error> {
+        for (subject, variant) in self.subjects.iter_mut().skip(1).zip(variants) {
+            if self.lost.is_none() && variant.plans.iter().any(shadow::has_shadow) {
+                let what = format!("`{}` under the light", variant.name);
+                (self.progress)(VerifyProgress::at(1.0 - f64::EPSILON, what));
+                let measured = subject.measure_shadow(self.session, variant, self.settings);
+                self.lost = measured.err().map(|error| error.to_string());
+            }
+            if self.lost.is_none() && variant.plans.iter().any(outputs::has_outputs) {
+                let what = format!("the auxiliary pictures of `{}`", variant.name);
+                (self.progress)(VerifyProgress::at(1.0 - f64::EPSILON, what));
+                let measured = subject.measure_outputs(self.session, variant, self.settings);
+                self.lost = measured.err().map(|error| error.to_string());
+            }
+            subject.run_self_tests(self.session, self.lost.as_deref());
+        }
+        let assumed = bind::guessed(self.session.scene());
+        let nothing = self.subjects.iter().all(|s| s.covered.unwrap_or(0) == 0);
+        let mut warnings: Vec<String> = telling::missing_attributes(&assumed).into_iter().collect();
+        warnings.extend(telling::unplaced(self.session.scene()));
+        // If the pictures are empty, the verdicts say so.
+        warnings.extend(self.colours.warning().filter(|_| !nothing));
+        warnings.extend(telling::unsteady(self.unsteady));
+        let frames: Vec<_> = self.views.iter().map(|(v, f)| (*f, v.order)).collect();
+        // Of an empty picture the verdicts speak.
+        let undiscarded = match nothing || self.lost.is_some() {
+            true => Vec::new(),
+            false => undiscarded(self.session, &frames)?,
+        };
+        let drawn = self.subjects.iter().skip(1).zip(variants);
+        let drawn = drawn.filter(|(subject, _)| subject.covered.is_some());
+        let deciding: BTreeSet<&str> = drawn
+            .flat_map(|(_, variant)| &variant.plans)
+            .filter(|plan| decides_coverage(plan))
+            .map(|plan| plan.material.as_str())
+            .collect();
+        let mut untested = Vec::new();
+        for materials in undiscarded {
+            let is_decided = materials.iter().any(|m| deciding.contains(m));
+            // A captured frame is what the user has: nobody can add a fragment that is discarded.
+            let list = if is_decided && !self.session.scene().is_captured() {
+                &mut untested
+            } else {
+                &mut warnings
+            };
+            list.push(telling::untested(&materials));
+        }
+        let scene = self.session.scene();
+        let drawn = self.subjects.iter().skip(1).zip(variants);
+        let drawn = drawn.filter(|(subject, _)| subject.covered.is_some());
+        let plans = drawn.flat_map(|(_, variant)| &variant.plans);
+        let mut unbudgeted = None;
+        if let Some(branches) = telling::undrawn(scene, plans) {
+            // The guard of a real scene keeps a host to what was drawn.
+            match scene.is_made_up {
+                true => unbudgeted = Some(branches),
+                false => warnings.push(branches),
+            }
+        }
+        let away = nothing
+            && self.lost.is_none()
+            && telling::faces_away(self.session, &frames).unwrap_or(false);
+        let mut report = Report {
+            clock: self.clock,
+            depth_ties: self.lost.is_none().then_some(self.depth_ties),
+            assumed,
+            warnings,
+            untested,
+            ..self.blank()
+        };
+        let mut pictures = Vec::new();
+        for subject in self.subjects {
+            let (variant, picture) = subject.finish(self.session.gpu(), self.lost.as_deref(), away);
+            report.variants.push(variant);
+            pictures.extend(picture);
+        }
+        if let Some(why) = unbudgeted {
+            // A promise without a budget does not rest on what was drawn.
+            report.void(&why, |v| {
+                v.verdict == Verdict::Holds && !v.contract.budgets().is_empty()
+            });
+        }
+        if let Some(why) = report.unrepeated() {
+            report.void(&why, |v| !matches!(v.verdict, Verdict::NotMeasured { .. }));
+        }
+        (self.progress)(VerifyProgress::at(1.0, "done"));
+        Ok(Verified {
+            report,
+            pictures,
+            lost: self.lost,
+        })
+    }
+
+    /// How far the run is, in part of a view.
+    fn at(&self, view: usize, part: f64, what: String) -> VerifyProgress {
+        VerifyProgress::of_view(view, part, self.views.len(), what)
+    }
+
+    fn tell(&mut self, view: usize, part: f64, what: String) {
+        let at = self.at(view, part, what);
+        (self.progress)(at);
+    }
+
+    /// A report of nothing yet.
+    fn blank(&self) -> Report {
+        let scene = self.session.scene();
+        Report {
+            schema: SCHEMA.to_owned(),
+            scene: scene.name.clone(),
+            part: scene.part.clone(),
+            resolution: scene.size,
+            samples: scene.samples,
+            command: self.settings.command.clone(),
+            adapter: self.session.gpu().adapter().clone(),
+            clock: None,
+            depth_ties: None,
+            made_up: scene.is_made_up,
+            assumed: Vec::new(),
+            notes: scene.notes.clone(),
+            warnings: Vec::new(),
+            untested: Vec::new(),
+            not_drawn: None,
+            variants: Vec::new(),
+            sweeps: Vec::new(),
+            chosen: None,
+        }
+    }
+}
+
+impl Timed {
+    fn includes(self, view: &View, is_headline: bool) -> bool {
+        match self {
+            Self::No => false,
+            Self::Headline => is_headline,
+            Self::FirstFrames => view.frame == 0,
+            Self::Everything => true,
+        }
+    }
+}

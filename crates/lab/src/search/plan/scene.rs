@@ -1,0 +1,679 @@
+//! One scene, from its files to a decision.
+
+use std::collections::BTreeSet;
+
+use preshade_plan::contract::{Assumption, Contract, Verdict};
+use preshade_plan::pass::Facts;
+use preshade_plan::plan::Plan;
+
+use super::assign::{Assignment, Considered, FramePredictor, Taken, finalists};
+use super::choices::{Choices, choices};
+use super::choose::Table;
+use super::count::FragmentCounter;
+use super::decision::{
+    Decision, MaterialDecision, PlanReport, PlanView, PredictedRecipe, SCHEMA, SwitchCost,
+    ViewReport,
+};
+use super::layers::Layers;
+use super::model::Model;
+use super::policy::{Hold, Measure, Policy, Rule, policy};
+use super::so_far::{PlanProgress, SceneSoFar};
+use super::stage::{self, Runner};
+use super::work::{Counted, DrawCounts, drawn};
+use super::{PlanError, ahead, confirm, reasons, sorting};
+use crate::measure::telling::{self, Colours};
+use crate::measure::{self, Clock, Estimate, Session, TimingSettings, View};
+use preshade_compiler::recipe::Recipe;
+use preshade_draw::scene::{DrawOrder, Frame, Scene, bind};
+
+/// Whether anything is timed.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Timed {
+    /// Nothing: the choice is a prediction.
+    No,
+    /// Everything the choice depends on.
+    #[default]
+    Yes,
+}
+
+/// How to decide.
+pub struct Settings<'a> {
+    /// Whether to measure.
+    pub timed: Timed,
+    /// How long and how often, for each view.
+    pub timing: TimingSettings,
+    /// Most frames of each camera to measure, evenly spaced from its first.
+    pub frames_per_camera: usize,
+    /// Plans of the frame that are measured beside the original, before any refinement. Up to twice as many
+    /// if predictions are too coarse to tell them apart.
+    pub runners: usize,
+    /// Most plans to measure in refining the best one, if there are several materials.
+    pub refinements: usize,
+    /// One plan, or two and a switch where that pays.
+    pub hold: Hold,
+    /// The cost model.
+    pub model: &'a Model,
+    /// The command to put into the report.
+    pub command: String,
+}
+
+/// A scene with the counts of its views.
+pub struct Scouted {
+    /// The candidates of each material.
+    pub choices: Vec<Choices>,
+    /// The draws of each material.
+    pub drawn: Vec<DrawCounts>,
+    /// The views.
+    pub views: Vec<(View, Frame)>,
+    /// The counts of each view.
+    pub counted: Vec<Counted>,
+}
+
+/// Applies the recipes to each material and counts fragments in every view.
+///
+/// # Errors
+/// As [`FragmentCounter::new`]; a scene without a view.
+pub fn scout(
+    session: &Session<'_>,
+    recipes: &[Recipe],
+    facts: &Facts,
+    frames_per_camera: usize,
+) -> Result<Scouted, PlanError> {
+    let (scene, inputs, originals) = (session.scene(), session.inputs(), session.originals());
+    let views: Vec<(View, Frame)> = View::all(scene, frames_per_camera)
+        .into_iter()
+        .map(|(view, frame)| (view, *frame))
+        .collect();
+    if views.is_empty() {
+        return Err(PlanError::NoView(scene.name.clone()));
+    }
+    let frames: Vec<_> = views.iter().map(|(v, frame)| (frame, v.order)).collect();
+    measure::check_seen(session, &frames)?;
+    let mut counter = FragmentCounter::new(inputs, originals)?;
+    let mut counted = Vec::new();
+    for (view, frame) in &views {
+        inputs.set_frame(frame)?;
+        counted.push(counter.count(frame, view.order)?);
+    }
+    Ok(Scouted {
+        choices: choices(originals, recipes, facts),
+        drawn: drawn(scene),
+        views,
+        counted,
+    })
+}
+
+impl Scouted {
+    /// The plans of the frame with a pre-pass for each material that takes it.
+    fn prepasses(&self) -> Vec<Plan> {
+        let of = |c: &Choices| c.position(ahead::RECIPE).unwrap_or(0);
+        let all = Assignment(self.choices.iter().map(of).collect());
+        all.mended(&self.choices).0.plans(&self.choices)
+    }
+
+    /// The views as `model` sees them.
+    pub fn seen<'a>(&'a self, model: &'a Model) -> FramePredictor<'a> {
+        FramePredictor {
+            choices: &self.choices,
+            drawn: &self.drawn,
+            counted: &self.counted,
+            model,
+            taken: Taken::All,
+        }
+    }
+}
+
+/// The measurements, by frame and view.
+#[derive(Default)]
+pub(super) struct Measured {
+    clock: Option<Clock>,
+    pub(super) times: Vec<Vec<Option<Estimate>>>,
+    pub(super) table: Table,
+    colours: Colours,
+    /// Pixels that are left out, in the view with most.
+    unsteady: u64,
+    so_far: SceneSoFar,
+}
+
+/// Decides the plan of each material of a scene. `recipes` are the candidates, with their measured
+/// choices made. `progress` gets the part done, and the measurements after each view.
+///
+/// # Errors
+///
+/// The original cannot be drawn, counted or timed, or the adapter is lost.
+pub fn decide(
+    session: &Session<'_>,
+    recipes: &[Recipe],
+    facts: &Facts,
+    settings: &Settings<'_>,
+    progress: &mut dyn FnMut(PlanProgress<'_>),
+) -> Result<Decision, PlanError> {
+    progress(PlanProgress::at(0.0, "counting fragments"));
+    let scouted = scout(session, recipes, facts, settings.frames_per_camera)?;
+    let seen = scouted.seen(settings.model);
+    let mut frames = Vec::new();
+    let mut subjects = Vec::new();
+    let views = scouted.views.iter().map(|(view, _)| view.clone());
+    let mut measured = Measured {
+        so_far: SceneSoFar::new(&session.scene().name, views),
+        ..Measured::default()
+    };
+    match settings.timed {
+        Timed::No => {
+            frames = seen.frames();
+            let original = frames.first().map_or(&[][..], |f| &f.predicted);
+            let rows = frames.iter().map(|f| predicted_row(original, f));
+            measured.table = Table::new(rows.collect());
+            measured.table.weaker = weaker(&frames, &scouted.choices);
+            measured.times = vec![vec![None; scouted.views.len()]; frames.len()];
+        }
+        Timed::Yes => {
+            // A budget adds candidates, and the model is too coarse to choose among so many. It must not cost what
+            // is measured without one, or a budget would make the decision worse.
+            let is_kept = |c: &Choices| c.candidates.iter().all(|c| Taken::Keeping.has(c));
+            let rounds: &[Taken] = match scouted.choices.iter().all(is_kept) {
+                true => &[Taken::All],
+                false => &[Taken::Keeping, Taken::All],
+            };
+            for (round, taken) in rounds.iter().enumerate() {
+                let seen = FramePredictor {
+                    taken: *taken,
+                    ..seen
+                };
+                let part = |done: f64| (round as f64 + done) / rounds.len() as f64;
+                let drawing = &mut (&mut frames, &mut subjects);
+                let mut told = |p: PlanProgress<'_>| {
+                    let done = 0.1 + 0.9 * part(p.done);
+                    progress(PlanProgress { done, ..p });
+                };
+                first(
+                    session,
+                    drawing,
+                    &scouted,
+                    &seen,
+                    settings,
+                    &mut measured,
+                    &mut told,
+                )?;
+                refine(
+                    session,
+                    drawing,
+                    &scouted,
+                    &seen,
+                    settings,
+                    &mut measured,
+                    &mut told,
+                )?;
+            }
+        }
+    }
+    let measures: Vec<Measure> = measures(&scouted);
+    let mut policy = policy(&measured.table, &measures, settings.hold);
+    let (mut warnings, mut again) = (Vec::new(), Vec::new());
+    if settings.timed == Timed::Yes {
+        progress(PlanProgress::at(0.9, "measuring the choice again"));
+        again = confirm::confirm(session, &scouted, settings, &frames, &policy, &mut measured)?;
+        let of = (&scouted, &frames[..]);
+        policy = confirm::held(policy, of, (&measured, &again), &mut warnings);
+    }
+    let chosen = Chosen {
+        policy,
+        again,
+        warnings,
+    };
+    let mut decision = report(
+        session,
+        &scouted,
+        settings,
+        (&frames, &subjects),
+        measured,
+        chosen,
+    );
+    if settings.timed == Timed::Yes {
+        for (of, (view, frame)) in decision.views.iter_mut().zip(&scouted.views) {
+            if view.order == DrawOrder::AsGiven {
+                progress(PlanProgress::at(
+                    0.9,
+                    format!("sorting the draws of {view}"),
+                ));
+                session.inputs().set_frame(frame)?;
+                let layers = Layers::draw(session, frame, facts)?;
+                of.sorted = sorting::measured(session, frame, &layers, &settings.timing)?;
+                let plans = scouted.prepasses();
+                of.ahead =
+                    ahead::measured(session, frame, (&layers, &plans), facts, &settings.timing)?;
+            }
+        }
+    }
+    progress(PlanProgress::at(1.0, "done"));
+    Ok(decision)
+}
+
+/// The frames with a plan whose contract assumes that no depths tie, or that changes the picture within a budget: they
+/// have to win beyond noise.
+fn weaker(frames: &[Considered], choices: &[Choices]) -> BTreeSet<usize> {
+    let needs = |plan: &Plan| {
+        plan.contract.given().contains(&Assumption::NoDepthTies)
+            || matches!(plan.contract, Contract::Approximate { .. })
+    };
+    let frames = frames.iter().enumerate();
+    frames
+        .filter(|(_, f)| f.assignment.plans(choices).iter().any(needs))
+        .map(|(i, _)| i)
+        .collect()
+}
+
+const MADE_UP: &str = "the scene is made up: give yours before you decide";
+
+/// How many recipes each frame has.
+fn forms(frames: &[Considered], choices: &[Choices]) -> Vec<usize> {
+    let each = frames.iter().map(|f| f.assignment.recipes(choices));
+    each.map(|recipes| recipes.values().collect::<BTreeSet<_>>().len())
+        .collect()
+}
+
+/// A frame's predicted speedups, as if they were measured without noise.
+fn predicted_row(original: &[f64], frame: &Considered) -> Vec<Option<Estimate>> {
+    let each = original.iter().zip(&frame.predicted);
+    each.map(|(before, after)| {
+        let ratio = before / after;
+        ratio.is_finite().then_some(Estimate {
+            median: ratio,
+            low: ratio,
+            high: ratio,
+        })
+    })
+    .collect()
+}
+
+/// Compares and times every subject in every view, and adds the results. The first is the original,
+/// which is measured again with each lot.
+fn measure_all(
+    session: &Session<'_>,
+    subjects: &mut [Runner<'_>],
+    scouted: &Scouted,
+    settings: &Settings<'_>,
+    measured: &mut Measured,
+    progress: &mut dyn FnMut(PlanProgress<'_>),
+) -> Result<(), PlanError> {
+    let mut times = vec![Vec::new(); subjects.len()];
+    let mut speedups = vec![Vec::new(); subjects.len()];
+    let views = &scouted.views;
+    for (done, (view, frame)) in views.iter().enumerate() {
+        let part = |views_done: usize| views_done as f64 / views.len() as f64;
+        progress(PlanProgress::at(part(done), view.to_string()));
+        if let Some(first) = stage::compare(session, subjects, view, frame)? {
+            measured.colours.look(&first.picture);
+            measured.unsteady = measured.unsteady.max(first.unsteady());
+        }
+        let of = (frame, view.order);
+        let (clock, timings) = stage::time(session, subjects, of, &settings.timing)?;
+        measured.clock = Some(clock);
+        measured.so_far.add(clock, view, (&*subjects, &timings));
+        progress(PlanProgress {
+            so_far: Some(&measured.so_far),
+            ..PlanProgress::at(part(done + 1), view.to_string())
+        });
+        for (i, timing) in timings.into_iter().enumerate() {
+            times[i].push(timing.as_ref().map(|t| t.time.estimate));
+            speedups[i].push(timing.map(|t| t.speedup));
+        }
+    }
+    for (subject, (times, mut speedups)) in subjects.iter().zip(times.into_iter().zip(speedups)) {
+        // A plan that broke in a later view is out everywhere.
+        if !subject.subject.is_standing() {
+            speedups = vec![None; views.len()];
+        }
+        measured.times.push(times);
+        measured.table.rows.push(speedups);
+    }
+    Ok(())
+}
+
+/// Frames, and their runners side by side.
+type Drawing<'d, 'a> = (&'d mut Vec<Considered>, &'d mut Vec<Runner<'a>>);
+
+/// Measures the frames that are predicted to be the fastest.
+fn first<'a>(
+    session: &'a Session<'a>,
+    drawing: &mut Drawing<'_, 'a>,
+    scouted: &Scouted,
+    seen: &FramePredictor<'_>,
+    settings: &Settings<'_>,
+    measured: &mut Measured,
+    progress: &mut dyn FnMut(PlanProgress<'_>),
+) -> Result<(), PlanError> {
+    // The original is the first of all.
+    let is_new = |c: &Considered| !drawing.0.iter().any(|f| f.assignment == c.assignment);
+    let all = seen.frames().into_iter().enumerate();
+    let all: Vec<Considered> = all
+        .filter(|(i, c)| *i == 0 || is_new(c))
+        .map(|(_, c)| c)
+        .collect();
+    let predicted: Vec<&[f64]> = all.iter().map(|f| f.predicted.as_slice()).collect();
+    let finalists = finalists(&predicted, settings.runners, settings.model.error());
+    let new = finalists.into_iter().map(|i| &all[i]).filter(|c| is_new(c));
+    let new: Vec<Considered> = new.cloned().collect();
+    measure_more(
+        session,
+        drawing,
+        new,
+        scouted,
+        settings,
+        measured,
+        &mut |p| {
+            progress(PlanProgress {
+                done: 0.65 * p.done,
+                ..p
+            });
+        },
+    )
+}
+
+/// Measures frames that differ from the best in one material, the fastest predicted first, as long
+/// as one is better.
+fn refine<'a>(
+    session: &'a Session<'a>,
+    drawing: &mut Drawing<'_, 'a>,
+    scouted: &Scouted,
+    seen: &FramePredictor<'_>,
+    settings: &Settings<'_>,
+    measured: &mut Measured,
+    progress: &mut dyn FnMut(PlanProgress<'_>),
+) -> Result<(), PlanError> {
+    if scouted.choices.len() < 2 {
+        return Ok(());
+    }
+    let mut left = settings.refinements;
+    loop {
+        let best = measured.table.best();
+        let frames = &drawing.0;
+        let is_new = |c: &Considered| !frames.iter().any(|f| f.assignment == c.assignment);
+        let near: Vec<Considered> = seen
+            .neighbours(&frames[best].assignment)
+            .into_iter()
+            .filter(is_new)
+            .take(left.min(LOT))
+            .filter_map(|c| seen.consider(c.assignment))
+            .filter(is_new)
+            .collect();
+        if near.is_empty() {
+            return Ok(());
+        }
+        left -= near.len();
+        measure_more(
+            session,
+            drawing,
+            near,
+            scouted,
+            settings,
+            measured,
+            &mut |p| {
+                progress(PlanProgress {
+                    done: 0.65 + 0.35 * p.done,
+                    ..p
+                });
+            },
+        )?;
+        if measured.table.best() == best {
+            return Ok(());
+        }
+    }
+}
+
+/// Measures new frames. The first of all is the original.
+fn measure_more<'a>(
+    session: &'a Session<'a>,
+    (frames, subjects): &mut Drawing<'_, 'a>,
+    new: Vec<Considered>,
+    scouted: &Scouted,
+    settings: &Settings<'_>,
+    measured: &mut Measured,
+    progress: &mut dyn FnMut(PlanProgress<'_>),
+) -> Result<(), PlanError> {
+    if new.is_empty() {
+        return Ok(());
+    }
+    // The original again, so that ratios are of samples taken side by side.
+    let again = frames.len().min(1);
+    let mut lot = Vec::new();
+    for frame in frames[..again].iter().chain(&new) {
+        let name = frame.assignment.name(&scouted.choices);
+        progress(PlanProgress::at(0.0, format!("compiling {name}")));
+        lot.push(Runner::new(session, &scouted.choices, frame)?);
+    }
+    // Once beside itself: what gains less than they differ gains nothing.
+    if again == 0 {
+        lot.extend(
+            new.first()
+                .map(|original| Runner::new(session, &scouted.choices, original))
+                .transpose()?,
+        );
+    }
+    let mut more = Measured {
+        so_far: std::mem::take(&mut measured.so_far),
+        colours: std::mem::take(&mut measured.colours),
+        unsteady: measured.unsteady,
+        ..Measured::default()
+    };
+    measure_all(session, &mut lot, scouted, settings, &mut more, progress)?;
+    if again == 0 {
+        let itself = more.table.rows.pop().unwrap_or_default();
+        let each = itself.iter().flatten().map(confirm::apart);
+        measured.table.apart = each.fold(1.0, f64::max);
+        lot.pop();
+        more.times.pop();
+    }
+    measured.so_far = more.so_far;
+    measured.colours = more.colours;
+    measured.unsteady = more.unsteady;
+    measured.clock = measured.clock.or(more.clock);
+    frames.extend(new);
+    subjects.extend(lot.into_iter().skip(again));
+    measured.times.extend(more.times.into_iter().skip(again));
+    let rows = more.table.rows.into_iter().skip(again);
+    measured.table.rows.extend(rows);
+    measured.table.weaker = weaker(frames, &scouted.choices);
+    measured.table.forms = forms(frames, &scouted.choices);
+    let views = scouted.views.iter().enumerate();
+    let in_front = views.filter(|(_, (view, _))| view.order == DrawOrder::FrontToBack);
+    measured.table.in_front = in_front.map(|(i, _)| i).collect();
+    Ok(())
+}
+
+/// The rule to draw by, and what the measurement of it says.
+struct Chosen {
+    policy: Policy,
+    /// The original against itself, by view.
+    again: Vec<Option<Estimate>>,
+    warnings: Vec<String>,
+}
+
+/// What a switch depends on, by view.
+fn measures(scouted: &Scouted) -> Vec<Measure> {
+    let counted = scouted.views.iter().zip(&scouted.counted);
+    counted
+        .map(|((view, _), counted)| Measure {
+            order: view.order,
+            shaded: counted.shaded_per_pixel(),
+        })
+        .collect()
+}
+
+/// Frames measured at a time while refining.
+const LOT: usize = 3;
+
+fn report(
+    session: &Session<'_>,
+    scouted: &Scouted,
+    settings: &Settings<'_>,
+    (frames, subjects): (&[Considered], &[Runner<'_>]),
+    measured: Measured,
+    chosen: Chosen,
+) -> Decision {
+    let (gpu, scene) = (session.gpu(), session.scene());
+    let measures = measures(scouted);
+    let Chosen {
+        policy,
+        again,
+        warnings,
+    } = chosen;
+    let plans: Vec<PlanReport> = frames
+        .iter()
+        .enumerate()
+        .map(|(i, frame)| plan_report(i, frame, scouted, subjects.get(i), &measured))
+        .collect();
+    let views = scouted
+        .views
+        .iter()
+        .zip(&scouted.counted)
+        .enumerate()
+        .map(|(i, ((view, _), counted))| ViewReport {
+            view: view.clone(),
+            shaded_per_pixel: counted.shaded_per_pixel(),
+            overdraw: counted.overdraw(),
+            materials: counted.materials.clone(),
+            plan: policy.plan(measures[i].order, measures[i].shaded),
+            alone: measured.table.best_in(i),
+            again: again.get(i).copied().flatten(),
+            sorted: None,
+            ahead: None,
+        })
+        .collect();
+    let mut decision = Decision {
+        schema: SCHEMA.to_owned(),
+        scene: scene.name.clone(),
+        part: scene.part.clone(),
+        resolution: scene.size,
+        command: settings.command.clone(),
+        adapter: gpu.adapter().clone(),
+        clock: measured.clock,
+        policy,
+        materials: Vec::new(),
+        plans,
+        views,
+        warnings: telling::missing_attributes(&bind::guessed(scene))
+            .into_iter()
+            .chain(telling::unplaced(scene))
+            .chain(measured.colours.warning())
+            .chain(telling::unsteady(measured.unsteady))
+            .chain(warnings)
+            .chain(scene.is_made_up.then(|| MADE_UP.to_owned()))
+            .collect(),
+        switch_cost: Vec::new(),
+        model: settings.model.clone(),
+    };
+    decision.switch_cost = switch_costs(&decision);
+    let seen = scouted.seen(settings.model);
+    decision.materials = (0..scouted.choices.len())
+        .map(|m| material(m, scene, &seen, &decision, frames))
+        .collect();
+    decision
+}
+
+fn plan_report(
+    index: usize,
+    frame: &Considered,
+    scouted: &Scouted,
+    subject: Option<&Runner<'_>>,
+    measured: &Measured,
+) -> PlanReport {
+    let by_view = frame.predicted.iter().enumerate().map(|(view, predicted)| {
+        let at = |rows: &[Vec<Option<Estimate>>]| rows.get(index)?.get(view).copied().flatten();
+        PlanView {
+            predicted_ms: *predicted,
+            time_ms: at(&measured.times),
+            // Without a clock it would be the prediction again.
+            speedup: measured.clock.and_then(|_| at(&measured.table.rows)),
+        }
+    });
+    let plans = frame.assignment.plans(&scouted.choices);
+    let promised = plans
+        .iter()
+        .fold(Contract::exact(), |c, plan| c.and(plan.contract.clone()));
+    PlanReport {
+        name: frame.assignment.name(&scouted.choices),
+        recipes: frame.assignment.recipes(&scouted.choices),
+        contract: promised,
+        verdict: subject.map_or_else(
+            || Verdict::NotMeasured {
+                why: "it was not drawn".to_owned(),
+            },
+            |s| s.subject.verdict.clone(),
+        ),
+        error: subject.and_then(|s| s.subject.error.clone()),
+        cost: subject.and_then(|s| s.cost.clone()),
+        notes: frame.notes.clone(),
+        by_view: by_view.collect(),
+    }
+}
+
+/// The costs of both plans of each switch.
+fn switch_costs(decision: &Decision) -> Vec<Option<SwitchCost>> {
+    let cost = |plan: usize| decision.plans.get(plan)?.cost.as_ref();
+    let of = |rule: &Rule| match rule {
+        Rule::One { .. } => None,
+        Rule::Switch(switch) => Some(SwitchCost::of(cost(switch.below)?, cost(switch.above)?)),
+    };
+    decision.policy.0.iter().map(|h| of(&h.rule)).collect()
+}
+
+/// The decision for one material.
+fn material(
+    index: usize,
+    scene: &Scene,
+    seen: &FramePredictor<'_>,
+    decision: &Decision,
+    frames: &[Considered],
+) -> MaterialDecision {
+    let choices = &seen.choices[index];
+    let recipes: Vec<String> = decision
+        .drawn()
+        .iter()
+        .map(|plan| {
+            let recipes = &decision.plans[*plan].recipes;
+            recipes.get(&choices.material).cloned().unwrap_or_default()
+        })
+        .collect();
+    let original = &frames[0].predicted;
+    let predicted: Vec<PredictedRecipe> = (1..choices.candidates.len())
+        .filter_map(|pick| {
+            let mut alone = Assignment::original(seen.choices);
+            alone.0[index] = pick;
+            let considered = seen.predict(alone)?;
+            let ratios = original.iter().zip(&considered.predicted);
+            let ratios: Vec<f64> = ratios.map(|(before, after)| after / before).collect();
+            Some(PredictedRecipe {
+                recipe: choices.candidates[pick].recipe.to_string(),
+                relative_time: ratios.iter().sum::<f64>() / ratios.len().max(1) as f64,
+            })
+        })
+        .collect();
+    let mut reasons = reasons::of(&choices.material, &recipes, &predicted, decision);
+    // The facts are about every frame of every camera.
+    let needs = |r: &String| {
+        let pick = choices
+            .position(r)
+            .and_then(|at| choices.candidates.get(at));
+        pick.is_some_and(|c| c.plan.contract.given().contains(&Assumption::NoDepthTies))
+    };
+    if choices.depth_ties == Some(0) && recipes.iter().any(needs) {
+        let views = scene.frames().count() as u64;
+        let [width, height] = scene.size.map(u64::from);
+        reasons.push(format!(
+            "it depends on depth ties: no tie seen in {} pixels of {views} view{}",
+            width * height * views,
+            if views == 1 { "" } else { "s" }
+        ));
+    }
+    MaterialDecision {
+        reasons,
+        material: choices.material.clone(),
+        draws: (0..scene.draws.len())
+            .filter(|d| scene.draws[*d].material == index)
+            .collect(),
+        recipes,
+        refused: choices.refused.clone(),
+        predicted,
+    }
+}
