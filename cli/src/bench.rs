@@ -12,7 +12,7 @@ use preshade_draw::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene
 use preshade_lab::measure::{self, Estimate, Session, TimingSettings};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{
-    Attachment, BindingKind, BindingSource, BindingUse, Draws, Phase, Plan, Role, Visibility,
+    Attachment, BindingKind, BindingSource, BindingUse, Draws, Phase, Plan, Role,
 };
 use preshade_plan::reflect;
 use preshade_plan::state::{CompareFunction, CullMode, DepthBias, MaterialState};
@@ -466,21 +466,10 @@ fn handwritten(forward: &Plan, form: &str) -> Result<Plan, Failure> {
                 }
                 .to_owned(),
             );
-            main.bindings.push(BindingUse {
-                layout: None,
-                group: 0,
-                binding: 1,
-                name: "dtex".to_owned(),
-                kind: BindingKind::DepthTexture,
-                visibility: Visibility {
-                    vertex: false,
-                    fragment: true,
-                    ..Visibility::default()
-                },
-                source: BindingSource::Attachment {
-                    name: "prepass-depth".to_owned(),
-                },
-            });
+            let name = "prepass-depth".to_owned();
+            let source = BindingSource::Attachment { name };
+            let depth = BindingUse::new([0, 1], BindingKind::DepthTexture, source);
+            main.bindings.push(depth);
             if let Some(depth) = &mut prepass.depth {
                 depth.attachment = "prepass-depth".to_owned();
             }

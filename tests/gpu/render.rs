@@ -4,9 +4,7 @@
 use glam::{Mat4, Vec3};
 use preshade_draw::render::{self, AdapterChoice, Gpu, SceneInputs, ShaderForm, Variant};
 use preshade_draw::scene::DrawOrder;
-use preshade_plan::plan::{
-    BindingKind, BindingSource, BindingUse, GpuPass, Plan, SCENE_DEPTH, Visibility,
-};
+use preshade_plan::plan::{BindingKind, BindingSource, BindingUse, GpuPass, Plan, SCENE_DEPTH};
 use preshade_plan::state::{
     Blend, ColorTarget, CompareFunction, DepthDirection, DepthFormat, Topology,
 };
@@ -269,21 +267,9 @@ fn reading_depth(plan: &Plan, kind: BindingKind, samples: u32) -> Plan {
     let shader = program(&source);
     let main: &mut GpuPass = &mut plan.passes[1];
     main.program = "reading".to_owned();
-    main.bindings.push(BindingUse {
-        layout: None,
-        group: 2,
-        binding: 3,
-        name: "scene_depth".to_owned(),
-        kind,
-        visibility: Visibility {
-            vertex: false,
-            fragment: true,
-            ..Visibility::default()
-        },
-        source: BindingSource::Attachment {
-            name: SCENE_DEPTH.to_owned(),
-        },
-    });
+    let name = SCENE_DEPTH.to_owned();
+    let source = BindingSource::Attachment { name };
+    main.bindings.push(BindingUse::new([2, 3], kind, source));
     preshade_plan::reflect::fill(main, &shader);
     let depth = main.depth.as_mut().unwrap();
     depth.compare = CompareFunction::LessEqual;

@@ -137,7 +137,7 @@ pub fn scene(text: &str, size: [u32; 2], count: u32) -> Result<Scene, Failure> {
 
 /// A binding of the frozen shaders that is not the scene's.
 fn binding(binding: u32, kind: BindingKind, source: BindingSource) -> BindingUse {
-    BindingUse::added([0, binding], kind, source)
+    BindingUse::new([0, binding], kind, source)
 }
 
 /// A hand-written form as a plan: the frozen entry points, and the state that goes with them.
@@ -236,17 +236,11 @@ pub fn handwritten(forward: &Plan, form: &str) -> Result<Plan, Failure> {
 fn compute(plan: &mut Plan, program: &Program, known: &[BindingUse]) {
     let entry = "cs_resolve";
     let mut pass = ComputePass {
-        program: "main".to_owned(),
-        entry_point: entry.to_owned(),
         when: When::Behind {
             phase: Phase::Resolve,
         },
-        workgroup: 8,
-        draws: Draws::All,
-        geometry: Geometry::FullScreen,
         bindings: known.to_vec(),
-        features: Vec::new(),
-        limits: BTreeMap::new(),
+        ..ComputePass::new("main", entry, 8, Geometry::FullScreen)
     };
     reflect::fill_compute(&mut pass, program);
     plan.compute.push(pass);
@@ -260,14 +254,12 @@ fn cleared(mut plan: Plan, like: GpuPass) -> Result<Plan, Failure> {
 @fragment fn fs() -> @location(0) vec4<f32> { return vec4<f32>(); }";
     let parsed = front::parse(&[Source::new("clear.wgsl", wgsl)], &Options::default())
         .map_err(|e| Failure(e.render(preshade_text::error::Color::Never)))?;
-    let mut pass = GpuPass {
+    let pass = GpuPass {
         program: "clear".to_owned(),
         bindings: Vec::new(),
         geometry: Geometry::FullScreen,
         ..like
     };
-    reflect::fill(&mut pass, &parsed.program);
-    plan.programs.insert("clear".to_owned(), parsed.program);
-    plan.passes.push(pass);
+    plan.add_pass(pass, parsed.program);
     Ok(plan)
 }

@@ -17,8 +17,8 @@ use crate::guard::Guard;
 use crate::pass::{Change, Site};
 use crate::program::Program;
 use crate::state::{
-    AttachmentOps, ColorTarget, CompareFunction, DepthDirection, DepthFormat, DepthState,
-    MaterialState, Multisample, PrimitiveState, StencilState, Topology,
+    ColorTarget, CompareFunction, DepthDirection, DepthFormat, DepthState, MaterialState,
+    Multisample, PrimitiveState, StencilState, Topology,
 };
 
 /// Version of the JSON that [`Plan`] serialises to.
@@ -192,24 +192,29 @@ impl Attachment {
         direction: DepthDirection,
         samples: u32,
     ) -> Self {
+        let clear = ClearValue::Depth(direction.clear_depth());
         Self {
-            name: name.into(),
-            format: AttachmentFormat::Depth(format),
             samples,
-            sampled: false,
-            clear: ClearValue::Depth(direction.clear_depth()),
-            divisor: 1,
+            ..Self::new(name.into(), AttachmentFormat::Depth(format), clear)
         }
     }
 
     /// A colour attachment of one sample that a later pass samples.
     pub fn color(name: impl Into<String>, format: impl Into<String>, clear: [f64; 4]) -> Self {
+        let format = AttachmentFormat::Color(format.into());
         Self {
-            name: name.into(),
-            format: AttachmentFormat::Color(format.into()),
-            samples: 1,
             sampled: true,
-            clear: ClearValue::Color(clear),
+            ..Self::new(name.into(), format, ClearValue::Color(clear))
+        }
+    }
+
+    fn new(name: String, format: AttachmentFormat, clear: ClearValue) -> Self {
+        Self {
+            name,
+            format,
+            samples: 1,
+            sampled: false,
+            clear,
             divisor: 1,
         }
     }
@@ -383,8 +388,8 @@ pub struct BindingUse {
 }
 
 impl BindingUse {
-    /// A binding that is not the author's, at a group and a number. [`fill`](crate::reflect::fill) adds the rest.
-    pub fn added([group, binding]: [u32; 2], kind: BindingKind, source: BindingSource) -> Self {
+    /// A binding at a group and a number. [`fill`](crate::reflect::fill) adds the rest.
+    pub fn new([group, binding]: [u32; 2], kind: BindingKind, source: BindingSource) -> Self {
         Self {
             group,
             binding,
@@ -665,6 +670,29 @@ pub struct ComputePass {
     pub limits: BTreeMap<String, u64>,
 }
 
+impl ComputePass {
+    /// A pass for all draws of each frame, without bindings. `program` and `entry_point` name its
+    /// code.
+    pub fn new(
+        program: impl Into<String>,
+        entry_point: impl Into<String>,
+        workgroup: u32,
+        geometry: Geometry,
+    ) -> Self {
+        Self {
+            program: program.into(),
+            entry_point: entry_point.into(),
+            workgroup,
+            geometry,
+            draws: Draws::All,
+            bindings: Vec::new(),
+            when: When::Frame,
+            features: Vec::new(),
+            limits: BTreeMap::new(),
+        }
+    }
+}
+
 /// An applied step of the recipe.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct Step {
@@ -839,16 +867,13 @@ impl Plan {
             fragment,
             primitive: state.primitive,
             depth: Some(DepthState {
-                attachment: SCENE_DEPTH.to_owned(),
-                compare: state.compare(),
-                write: state.depth_write,
                 bias: state.depth_bias,
-                read_only: false,
-                ops: AttachmentOps::default(),
-                stencil_ops: state
-                    .depth_format
-                    .has_stencil()
-                    .then(AttachmentOps::default),
+                ..DepthState::new(
+                    SCENE_DEPTH,
+                    state.depth_format,
+                    state.compare(),
+                    state.depth_write,
+                )
             }),
             stencil: state.stencil.clone(),
             multisample: state.multisample,
@@ -895,6 +920,20 @@ impl Plan {
             original: Some(Arc::new(plan.clone())),
             ..plan
         }
+    }
+
+    /// Adds a pass and its program, from which the pass takes its bindings and attributes.
+    pub fn add_pass(&mut self, mut pass: GpuPass, program: Program) {
+        crate::reflect::fill(&mut pass, &program);
+        self.programs.insert(pass.program.clone(), program);
+        self.passes.push(pass);
+    }
+
+    /// Adds a compute pass and its program, from which the pass takes its bindings.
+    pub fn add_compute(&mut self, mut pass: ComputePass, program: Program) {
+        crate::reflect::fill_compute(&mut pass, &program);
+        self.programs.insert(pass.program.clone(), program);
+        self.compute.push(pass);
     }
 
     /// Adds a step of the pass `name`, with its promise and a note on what it changed.

@@ -10,7 +10,6 @@ use naga::{
 use crate::features;
 use crate::plan::{
     AttributeUse, BindingKind, BindingLayout, BindingSource, BindingUse, ComputePass, GpuPass,
-    Visibility,
 };
 use crate::program::Program;
 use preshade_ir::interface::{inputs, wgsl_type};
@@ -231,13 +230,9 @@ pub fn bindings(
                 layout = Some(BindingLayout::non_filtering());
             }
             let new = BindingUse {
-                group: at.group,
-                binding: at.binding,
                 name: global.name.clone().unwrap_or_default(),
-                kind,
-                visibility: Visibility::default(),
                 layout,
-                source,
+                ..BindingUse::new([at.group, at.binding], kind, source)
             };
             let i = match bindings.iter().position(|b| here(&b)) {
                 Some(i) => i,

@@ -186,6 +186,26 @@ pub struct DepthState {
     pub stencil_ops: Option<AttachmentOps>,
 }
 
+impl DepthState {
+    /// The use of an attachment of this format, without bias.
+    pub fn new(
+        attachment: impl Into<String>,
+        format: DepthFormat,
+        compare: CompareFunction,
+        write: bool,
+    ) -> Self {
+        Self {
+            attachment: attachment.into(),
+            compare,
+            write,
+            bias: DepthBias::default(),
+            read_only: false,
+            ops: AttachmentOps::default(),
+            stencil_ops: format.has_stencil().then(AttachmentOps::default),
+        }
+    }
+}
+
 /// Stencil operation (`GPUStencilOperation`).
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]

@@ -11,7 +11,7 @@ use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::pass::Refusal;
 use preshade_plan::plan::{Draws, GpuPass, Phase, Plan, Role};
 use preshade_plan::reflect;
-use preshade_plan::state::{AttachmentOps, CompareFunction, DepthBias, DepthFormat, DepthState};
+use preshade_plan::state::{CompareFunction, DepthFormat, DepthState};
 
 /// The material, for a picture of its own that has one sample and no colour of the author's: alpha
 /// to coverage does not apply there.
@@ -45,15 +45,7 @@ pub fn alone<'p>(plan: &'p Plan, name: &'static str) -> Result<Opaque<'p>, Vec<R
 /// The depth of a light's picture, a frame of its own: forward, without the camera's bias, which is in
 /// units of the camera's format and direction. A light needs its own, which the host knows.
 pub fn of_light(attachment: String, format: DepthFormat) -> DepthState {
-    DepthState {
-        attachment,
-        compare: CompareFunction::Less,
-        write: true,
-        bias: DepthBias::default(),
-        read_only: false,
-        ops: AttachmentOps::default(),
-        stencil_ops: format.has_stencil().then(AttachmentOps::default),
-    }
+    DepthState::new(attachment, format, CompareFunction::Less, true)
 }
 
 /// The program of a pre-pass.

@@ -55,9 +55,7 @@ use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::pass::{
     Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use,
 };
-use preshade_plan::plan::{
-    Attachment, BindingKind, BindingSource, BindingUse, Plan, Role, Visibility,
-};
+use preshade_plan::plan::{Attachment, BindingKind, BindingSource, BindingUse, Plan, Role};
 use preshade_plan::program::Program;
 use preshade_plan::self_test;
 use preshade_plan::state::{CompareFunction, DepthDirection, DepthFormat, DepthState};
@@ -553,14 +551,9 @@ fn bind_depth(
                 DepthTexture::Packed => PREPASS_PACKED.to_owned(),
             },
         };
-        pass.bindings.push(BindingUse {
-            name: prologue::TEXTURE.to_owned(),
-            visibility: Visibility {
-                fragment: true,
-                ..Visibility::default()
-            },
-            ..BindingUse::added([group, binding], BindingKind::DepthTexture, source)
-        });
+        let kind = BindingKind::DepthTexture;
+        pass.bindings
+            .push(BindingUse::new([group, binding], kind, source));
         if let (MainAttachment::Readonly, Some(depth)) = (params.attachment, &mut pass.depth) {
             // The nearest fragment ties with the stored depth; the strict comparison would drop it.
             depth.compare = match opaque.direction {

@@ -57,8 +57,8 @@ use preshade_plan::pass::{
     SiteCost, Source, Use,
 };
 use preshade_plan::plan::{
-    BindingKind, BindingSource, BindingUse, ComputePass, DrawBuffer, Draws, GeometryPart, ORIGINAL,
-    Plan, Role, When,
+    BindingKind, BindingSource, BindingUse, ComputePass, DrawBuffer, GeometryPart, ORIGINAL, Plan,
+    Role,
 };
 use preshade_plan::program::Program;
 use preshade_plan::reflect;
@@ -326,20 +326,13 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
     fn outcome(self, plan: &Plan, built: Built, params: &Params) -> Outcome {
         let mut next = plan.clone();
         let values = built.binding();
-        let mut compute = ComputePass {
-            program: COMPUTE.to_owned(),
-            entry_point: built.entry.clone(),
-            workgroup: 1,
-            geometry: Geometry::Draw,
-            draws: Draws::All,
-            bindings: self.stage.pass.bindings.clone(),
-            when: When::Frame,
-            features: Vec::new(),
-            limits: Default::default(),
+        let mut bindings = self.stage.pass.bindings.clone();
+        bindings.push(values.clone());
+        let compute = ComputePass {
+            bindings,
+            ..ComputePass::new(COMPUTE, built.entry, 1, Geometry::Draw)
         };
-        compute.bindings.push(values.clone());
-        reflect::fill_compute(&mut compute, &built.compute);
-        next.compute.push(compute);
+        next.add_compute(compute, built.compute);
         for pass in &mut next.passes {
             pass.bindings.push(values.clone());
             reflect::fill(pass, &built.main);
@@ -350,7 +343,6 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         });
         let program = self.stage.pass.program.clone();
         next.programs.insert(program, built.main);
-        next.programs.insert(COMPUTE.to_owned(), built.compute);
         let mut given = self.given();
         next.assume(self.guard.clone(), &mut given);
         let contract = self.contract(given);
@@ -458,7 +450,7 @@ impl Built {
             buffer: VALUES.to_owned(),
         };
         let source = BindingSource::Geometry { part };
-        BindingUse::added(self.at, BindingKind::Uniform, source)
+        BindingUse::new(self.at, BindingKind::Uniform, source)
     }
 }
 

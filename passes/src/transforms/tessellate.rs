@@ -25,8 +25,6 @@
 //! interpolation, where a point behind the viewer has no place, and half-precision attributes and
 //! varyings, because it would decode and blend them at another precision than the rasteriser.
 
-use std::collections::BTreeMap;
-
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -41,7 +39,7 @@ use preshade_plan::pass::{
     Use,
 };
 use preshade_plan::plan::{
-    BindingKind, BindingSource, BindingUse, ComputePass, Draws, GeometryPart, GpuPass, Plan, Step,
+    BindingKind, BindingSource, BindingUse, ComputePass, GeometryPart, GpuPass, Plan, Step,
     VertexBuffer, When,
 };
 use preshade_plan::program::Program;
@@ -483,12 +481,8 @@ impl DividedMaterial<'_> {
         let form = subdivision.form;
         let mut bindings = self.parts(Slots::free(self.program.module()), form);
         bindings.extend(self.pass.bindings.iter().cloned());
-        let mut pass = ComputePass {
-            program: COMPUTE.to_owned(),
-            entry_point,
-            workgroup: text::WORKGROUP,
-            draws: Draws::All,
-            geometry: Geometry::Subdivided(subdivision.clone()),
+        let geometry = Geometry::Subdivided(subdivision.clone());
+        let pass = ComputePass {
             bindings,
             when: match form {
                 Form::Static => When::Load {
@@ -496,12 +490,9 @@ impl DividedMaterial<'_> {
                 },
                 Form::Pulled | Form::Shared => When::Frame,
             },
-            features: Vec::new(),
-            limits: BTreeMap::new(),
+            ..ComputePass::new(COMPUTE, entry_point, text::WORKGROUP, geometry)
         };
-        reflect::fill_compute(&mut pass, &program);
-        plan.compute.push(pass);
-        plan.programs.insert(COMPUTE.to_owned(), program);
+        plan.add_compute(pass, program);
         plan.vertex_buffers.push(VertexBuffer {
             name: VERTICES.to_owned(),
             stride: layout.words * 4,
@@ -530,7 +521,7 @@ impl DividedMaterial<'_> {
             .map(|(index, part)| {
                 let at = [slots.group, slots.first + index as u32];
                 let source = BindingSource::Geometry { part };
-                BindingUse::added(at, BindingKind::StorageRead, source)
+                BindingUse::new(at, BindingKind::StorageRead, source)
             })
             .collect()
     }

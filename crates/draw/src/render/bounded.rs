@@ -116,7 +116,7 @@ fn bounded_plan(
         let part = GeometryPart::Frame {
             buffer: BUFFER.to_owned(),
         };
-        let flag = BindingUse::added(
+        let flag = BindingUse::new(
             [binding.group, binding.binding],
             BindingKind::StorageReadWrite,
             BindingSource::Geometry { part },

@@ -568,13 +568,8 @@ mod tests {
     fn a_buffer_larger_than_the_adapter_binds_is_told() {
         let limits = wgpu::Limits::default();
         let b = BindingUse {
-            group: 2,
-            binding: 4,
             name: "visibility_stream_0_".to_owned(),
-            kind: BindingKind::StorageRead,
-            visibility: Default::default(),
-            source: BindingSource::Author,
-            layout: None,
+            ..BindingUse::new([2, 4], BindingKind::StorageRead, BindingSource::Author)
         };
         let storage = wgpu::BufferBindingType::Storage { read_only: true };
         // 4,000,000 instances of 16 bytes, then of a matrix each.

@@ -131,7 +131,7 @@ impl Built {
         let all = names.iter().enumerate();
         all.map(|(i, name)| {
             let source = BindingSource::Attachment { name: name.clone() };
-            BindingUse::added([group, first + i as u32], BindingKind::Texture, source)
+            BindingUse::new([group, first + i as u32], BindingKind::Texture, source)
         })
         .collect()
     }

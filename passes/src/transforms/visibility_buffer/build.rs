@@ -1,7 +1,5 @@
 //! The passes of a split material.
 
-use std::collections::BTreeMap;
-
 use naga::{Binding, ShaderStage};
 
 use super::gradients::{self, Failed, Shaded};
@@ -24,8 +22,8 @@ use preshade_plan::plan::{
 };
 use preshade_plan::reflect;
 use preshade_plan::state::{
-    AttachmentOps, ColorTarget, CompareFunction, CullMode, DepthBias, DepthDirection, DepthFormat,
-    DepthState, PrimitiveState, Topology,
+    AttachmentOps, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat, DepthState,
+    PrimitiveState, Topology,
 };
 
 impl SplitMaterial<'_> {
@@ -81,7 +79,7 @@ impl SplitMaterial<'_> {
         };
         let mut bindings = parts(slots, &streams, params.formats);
         bindings.extend(opaque.pass.bindings.iter().cloned());
-        let mut pass = GpuPass {
+        let pass = GpuPass {
             role: Role::Ids,
             phase: Phase::Depth,
             program: Role::Ids.name().to_owned(),
@@ -97,9 +95,7 @@ impl SplitMaterial<'_> {
             geometry,
             ..opaque.pass.clone()
         };
-        reflect::fill(&mut pass, &program);
-        plan.passes.push(pass);
-        plan.programs.insert(Role::Ids.name().to_owned(), program);
+        plan.add_pass(pass, program);
         Ok(())
     }
 
@@ -125,21 +121,19 @@ impl SplitMaterial<'_> {
         let table = BindingSource::Geometry {
             part: GeometryPart::DrawTable,
         };
-        let mut pass = GpuPass {
+        let (format, direction) = (DepthFormat::Depth16unorm, DepthDirection::Forward);
+        let pass = GpuPass {
             role: Role::Classify,
             phase: Phase::Classify,
             program: Role::Classify.name().to_owned(),
             vertex: "vs_classify".to_owned(),
             fragment: Some("fs_classify".to_owned()),
-            depth: Some(DepthState {
-                attachment: DRAWS.to_owned(),
-                compare: CompareFunction::Always,
-                write: true,
-                bias: DepthBias::default(),
-                read_only: false,
-                ops: AttachmentOps::default(),
-                stencil_ops: None,
-            }),
+            depth: Some(DepthState::new(
+                DRAWS,
+                format,
+                CompareFunction::Always,
+                true,
+            )),
             targets: Vec::new(),
             bindings: vec![
                 binding(text::CLASSIFY_IDS, ids),
@@ -148,16 +142,12 @@ impl SplitMaterial<'_> {
             draws: Draws::Once,
             ..self.full_screen()
         };
-        reflect::fill(&mut pass, &program);
-        let direction = DepthDirection::Forward;
         plan.attachments.push(Attachment {
             // Draw numbers start at 1.
             clear: ClearValue::Depth(0.0),
-            ..Attachment::depth(DRAWS, DepthFormat::Depth16unorm, direction, 1)
+            ..Attachment::depth(DRAWS, format, direction, 1)
         });
-        plan.passes.push(pass);
-        plan.programs
-            .insert(Role::Classify.name().to_owned(), program);
+        plan.add_pass(pass, program);
         Ok(())
     }
 
@@ -234,20 +224,13 @@ impl SplitMaterial<'_> {
         let mut bindings = parts(slots, &keeps.attributes, params.formats);
         bindings.push(bound(keeps.attributes.len()));
         bindings.extend(self.opaque.pass.bindings.iter().cloned());
-        let mut pass = ComputePass {
-            program: "vertices".to_owned(),
-            entry_point: kept::ENTRY.to_owned(),
-            when: When::Frame,
-            workgroup: kept::WORKGROUP,
-            geometry: Geometry::Vertices,
+        let geometry = Geometry::Vertices;
+        let pass = ComputePass {
             draws: Draws::Opaque,
             bindings,
-            features: Vec::new(),
-            limits: BTreeMap::new(),
+            ..ComputePass::new("vertices", kept::ENTRY, kept::WORKGROUP, geometry)
         };
-        reflect::fill_compute(&mut pass, &program);
-        plan.compute.push(pass);
-        plan.programs.insert("vertices".to_owned(), program);
+        plan.add_compute(pass, program);
         plan.vertex_buffers.push(VertexBuffer {
             name: kept::BUFFER.to_owned(),
             stride: keeps.words * 4,
@@ -283,28 +266,20 @@ impl SplitMaterial<'_> {
         known.extend((first..).zip(&targets).map(|(binding, target)| {
             let location = target.location;
             let source = BindingSource::SceneColor { location };
-            BindingUse::added([slots.group, binding], BindingKind::StorageTexture, source)
+            BindingUse::new([slots.group, binding], BindingKind::StorageTexture, source)
         }));
         let lists = Lists::of(params);
         known.extend(lists.bindings(slots.group, first + targets.len() as u32));
         known.extend(pass.bindings.iter().cloned());
-        let mut resolve = ComputePass {
-            program: Role::Resolve.name().to_owned(),
-            entry_point: resolve::COMPUTE.to_owned(),
-            when: When::Behind {
-                phase: Phase::Resolve,
-            },
-            workgroup: resolve::WORKGROUP,
-            geometry: lists.geometry(),
+        let (workgroup, phase) = (resolve::WORKGROUP, Phase::Resolve);
+        let name = Role::Resolve.name();
+        let resolve = ComputePass {
+            when: When::Behind { phase },
             draws: Draws::Opaque,
             bindings: known,
-            features: Vec::new(),
-            limits: BTreeMap::new(),
+            ..ComputePass::new(name, resolve::COMPUTE, workgroup, lists.geometry())
         };
-        reflect::fill_compute(&mut resolve, &program);
-        plan.compute.push(resolve);
-        plan.programs
-            .insert(Role::Resolve.name().to_owned(), program);
+        plan.add_compute(resolve, program);
         let locations: Vec<u32> = targets.iter().map(|t| t.location).collect();
         let cleared =
             Linked::new(naga::Module::default(), &text::clear(&locations)).map_err(bug)?;
@@ -326,9 +301,7 @@ impl SplitMaterial<'_> {
         for target in clear.targets.iter_mut().flatten() {
             target.write_mask = 0;
         }
-        reflect::fill(&mut clear, &program);
-        plan.passes.push(clear);
-        plan.programs.insert(Role::Clear.name().to_owned(), program);
+        plan.add_pass(clear, program);
         Ok(())
     }
 
@@ -366,14 +339,9 @@ impl SplitMaterial<'_> {
             program: Role::Resolve.name().to_owned(),
             vertex: resolve::VERTEX.to_owned(),
             fragment: Some(resolve::FRAGMENT.to_owned()),
-            depth: (params.select() == Select::Depth).then(|| DepthState {
-                attachment: DRAWS.to_owned(),
-                compare: CompareFunction::Equal,
-                write: false,
-                bias: DepthBias::default(),
-                read_only: false,
-                ops: AttachmentOps::default(),
-                stencil_ops: None,
+            depth: (params.select() == Select::Depth).then(|| {
+                let format = DepthFormat::Depth16unorm;
+                DepthState::new(DRAWS, format, CompareFunction::Equal, false)
             }),
             bindings,
             draws: Draws::Opaque,
@@ -383,10 +351,7 @@ impl SplitMaterial<'_> {
         for target in pass.targets.iter_mut().flatten() {
             target.ops = AttachmentOps::default();
         }
-        reflect::fill(&mut pass, &program);
-        plan.passes.push(pass);
-        plan.programs
-            .insert(Role::Resolve.name().to_owned(), program);
+        plan.add_pass(pass, program);
         Ok(())
     }
 }

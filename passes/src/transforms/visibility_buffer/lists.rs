@@ -26,7 +26,6 @@ use preshade_plan::plan::{
     GeometryPart, Phase, Plan, When,
 };
 use preshade_plan::program::Program;
-use preshade_plan::reflect;
 
 /// The lists of a resolve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -258,24 +257,16 @@ impl Pass {
             Over::Pixels => (Geometry::FullScreen, Draws::Once, SIDE),
             Over::Instances => (Geometry::Instances, Draws::Opaque, SCANNED),
         };
-        let name = self.program.to_owned();
-        let mut pass = ComputePass {
-            program: name.clone(),
-            entry_point: self.entry.to_owned(),
-            workgroup,
-            geometry,
+        let pass = ComputePass {
             draws,
             bindings: (0..)
                 .zip(sources)
                 .map(|(binding, source)| bound((0, binding), source))
                 .collect(),
             when: When::Behind { phase: self.when },
-            features: Vec::new(),
-            limits: std::collections::BTreeMap::new(),
+            ..ComputePass::new(self.program, self.entry, workgroup, geometry)
         };
-        reflect::fill_compute(&mut pass, &program);
-        plan.compute.push(pass);
-        plan.programs.insert(name, program);
+        plan.add_compute(pass, program);
         Ok(())
     }
 }
@@ -290,7 +281,7 @@ fn of_frame(buffer: &str) -> BindingSource {
 
 /// A read-only buffer or texture of the plan's own.
 pub fn bound((group, binding): (u32, u32), source: BindingSource) -> BindingUse {
-    BindingUse::added([group, binding], BindingKind::StorageRead, source)
+    BindingUse::new([group, binding], BindingKind::StorageRead, source)
 }
 
 /// The ids at 0, the draw table at 1, and `more`.
