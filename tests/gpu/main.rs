@@ -2,7 +2,12 @@
 //! `scripts/setup.sh vulkan gl swiftshader` installs Mesa's, and the second driver. A test fails if it
 //! finds no adapter.
 
-#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::too_many_lines,
+    missing_docs
+)]
 
 #[path = "../support/capture_support.rs"]
 mod capture_support;

@@ -1,6 +1,11 @@
 //! Tests that need no adapter and no tools: `cargo test --all-features --test it`.
 
-#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::too_many_lines,
+    missing_docs
+)]
 
 #[path = "../support/capture_support.rs"]
 mod capture_support;

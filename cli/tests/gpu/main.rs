@@ -2,7 +2,12 @@
 //! npm, `schedulers` GNU parallel, `hyperqueue` its Python package.
 //! `scripts/setup.sh vulkan three swiftshader fleet` installs them. A test fails if something is missing.
 
-#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::too_many_lines,
+    missing_docs
+)]
 
 #[path = "../support/browser_support.rs"]
 mod browser_support;

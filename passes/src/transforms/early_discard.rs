@@ -280,120 +280,92 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
     let name = EarlyDiscard::INFO.name;
     let opaque = Opaque::examine(plan, name)?;
     let mut refusals = Vec::new();
-    let mut refuse = |code: &RefusalInfo, reason: &str, remedy: &str| {
-        refusals.push(Refusal::new(name, code, reason, remedy))
-    };
+    let refuse =
+        |code: &RefusalInfo, reason: &str, remedy: &str| Refusal::new(name, code, reason, remedy);
     if opaque.fragment.is_none() {
-        refuse(
+        refusals.push(refuse(
             &shared::NO_FRAGMENT_STAGE,
             "the material has no fragment stage to leave early",
             "nothing to do",
-        );
+        ));
     }
     if params
         .tolerance
         .is_some_and(|t| !(t >= 0.0 && t.is_finite()))
     {
-        refuse(
+        refusals.push(refuse(
             &refusals::TOLERANCE,
             "the tolerance is not a finite number of at least 0",
             "leave it out to have it derived",
-        );
+        ));
     }
     if params.budget.is_some_and(|b| !(0.0..=1.0).contains(&b)) {
-        refuse(
+        refusals.push(refuse(
             &preshade_plan::refusals::BUDGET,
             "the budget is the largest difference of a channel, which lies between 0 and 1",
             "give budget=0.02, say",
-        );
+        ));
     }
     if is_clamped(&opaque) && facts.narrow_depths.contains(&plan.material) {
-        refuse(
+        refusals.push(refuse(
             &shared::DEPTH_RANGE,
             "a draw sets a depth range other than 0 to 1, to which its depth is clamped, and the \
              prologue clamps it to 0 to 1",
             "take depth-prepass, where the hardware clamps",
-        );
+        ));
     }
     if !opaque.pass.primitive.topology.is_triangles() && params.quad == Quad::Vote {
-        refuse(
+        refusals.push(refuse(
             &shared::VOTE_NEEDS_TRIANGLES,
             "lines and points have no 2x2 quads to vote in",
             "take quad=lane",
-        );
+        ));
     }
     if params.quad == Quad::Lane
         && let Some(fragment) = opaque.fragment
     {
         refusals.extend(quad::refuse_lane(&opaque, fragment, params));
     }
-    let toward_viewer = |bias: f32| bias * opaque.direction.away() < 0.0;
-    let bias = opaque.depth.bias;
-    let biased = (bias.constant as f32, bias.slope_scale);
-    if toward_viewer(biased.0)
-        || toward_viewer(biased.1)
-        || (params.texture == DepthTexture::Packed && biased != (0.0, 0.0))
-    {
-        refusals.push(Refusal::new(
-            name,
+    if is_biased(&opaque, params) {
+        refusals.push(refuse(
             &refusals::DEPTH_BIAS,
             "the material has a depth bias of its own, which a fragment stage does not see on \
              every API: it could take itself for hidden",
             "take depth-prepass, where the hardware compares biased depths with biased depths",
         ));
     }
-    if params.attachment == MainAttachment::Readonly && opaque.decides.depth {
-        refusals.push(Refusal::new(
-            name,
+    let is_read_only = params.attachment == MainAttachment::Readonly;
+    if is_read_only && opaque.decides.depth {
+        refusals.push(refuse(
             &refusals::READONLY_DEPTH_WRITER,
             "the material writes depth, which a read-only attachment cannot take",
             "take attachment=own",
         ));
     }
-    if let Some(fragment) = opaque.fragment.filter(|_| opaque.decides.depth) {
-        let decided = [Criterion::Output(OutputFilter::FragDepth)];
-        let slice = slice::backward(&opaque.graph, fragment, &decided);
-        if let Some(span) = slice.endless_loop(&opaque.graph) {
-            // The prologue would run it a second time, without the discards that may be what ends
-            // it.
-            let refusal = Refusal::new(
-                name,
-                &refusals::DEPTH_LOOP,
-                "the depth that the material writes depends on a loop that may not end, which \
-                 the prologue would run a second time, without the discards that leave it",
-                "count its turns by constants (for i < 32), or take depth-prepass",
-            );
-            refusals.push(refusal.at(opaque.program.sources(), span));
-        }
-    }
-    if params.attachment == MainAttachment::Readonly && params.mode == Mode::Invert {
-        refusals.push(Refusal::new(
-            name,
+    refusals.extend(endless_depth(&opaque));
+    if is_read_only && params.mode == Mode::Invert {
+        refusals.push(refuse(
             &refusals::READONLY_INVERT,
             "under a read-only attachment the hardware rejects what mode=invert would show",
             "take attachment=own",
         ));
     }
-    if params.texture == DepthTexture::Packed {
-        if params.attachment == MainAttachment::Readonly {
-            refusals.push(Refusal::new(
-                name,
-                &refusals::PACKED_READONLY,
-                "a packed depth is a colour, which cannot be attached as depth",
-                "take attachment=own, or texture=float",
-            ));
-        }
-        if opaque.pass.multisample.count > 1 {
-            refusals.push(Refusal::new(
-                name,
-                &refusals::PACKED_MSAA,
-                "under multisampling the fragment stage packs one depth for all samples of a \
-                 pixel, which is not that of each",
-                "take texture=depth or texture=float, which hold every sample's depth",
-            ));
-        }
+    if params.texture == DepthTexture::Packed && is_read_only {
+        refusals.push(refuse(
+            &refusals::PACKED_READONLY,
+            "a packed depth is a colour, which cannot be attached as depth",
+            "take attachment=own, or texture=float",
+        ));
     }
-    if params.attachment == MainAttachment::Readonly && opaque.depth.compare == opaque.strict() {
+    if params.texture == DepthTexture::Packed && opaque.pass.multisample.count > 1 {
+        refusals.push(refuse(
+            &refusals::PACKED_MSAA,
+            "under multisampling the fragment stage packs one depth for all samples of a \
+             pixel, which is not that of each",
+            "take texture=depth or texture=float, which hold every sample's depth",
+        ));
+    }
+    if is_read_only && opaque.depth.compare == opaque.strict() {
         refusals.extend(opaque::refuse_ties(
             name,
             facts,
@@ -405,6 +377,32 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
     } else {
         Err(refusals)
     }
+}
+
+/// Whether the author's depth bias could make a fragment behind its own depth.
+fn is_biased(opaque: &Opaque, params: &Params) -> bool {
+    let bias = opaque.depth.bias;
+    let biases = [bias.constant as f32, bias.slope_scale];
+    let away = opaque.direction.away();
+    biases.iter().any(|bias| bias * away < 0.0)
+        || (params.texture == DepthTexture::Packed && biases != [0.0; 2])
+}
+
+/// A written depth behind a loop that may not end. The prologue would run it a second time, without
+/// the discards that may be what ends it.
+fn endless_depth(opaque: &Opaque) -> Option<Refusal> {
+    let fragment = opaque.fragment.filter(|_| opaque.decides.depth)?;
+    let decided = [Criterion::Output(OutputFilter::FragDepth)];
+    let slice = slice::backward(&opaque.graph, fragment, &decided);
+    let span = slice.endless_loop(&opaque.graph)?;
+    let refusal = Refusal::new(
+        EarlyDiscard::INFO.name,
+        &refusals::DEPTH_LOOP,
+        "the depth that the material writes depends on a loop that may not end, which the prologue \
+         would run a second time, without the discards that leave it",
+        "count its turns by constants (for i < 32), or take depth-prepass",
+    );
+    Some(refusal.at(opaque.program.sources(), span))
 }
 
 fn what(params: &Params, opaque: &Opaque) -> String {

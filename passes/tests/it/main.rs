@@ -1,6 +1,11 @@
 //! Tests of the passes, without an adapter.
 
-#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
+#![allow(
+    clippy::unwrap_used,
+    clippy::panic,
+    clippy::too_many_lines,
+    missing_docs
+)]
 
 mod common;
 mod metamorphic_support;

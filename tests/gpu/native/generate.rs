@@ -542,6 +542,7 @@ impl Maker {
         ["b", "c", "a", "d"].map(|name| vec![name.to_owned()])
     }
 
+    #[allow(clippy::too_many_lines, reason = "a case for each kind of statement")]
     fn statement(&mut self) {
         let names = self.fragment.names.clone();
         let k = self.random.below(10_000);

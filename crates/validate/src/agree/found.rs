@@ -13,6 +13,9 @@ use naga_interp::Value;
 /// Inputs of a class that must agree where every mip level is the same.
 const LEVELS: usize = 8;
 
+/// After a class of difference was found, one in this many inputs more look for another.
+const LONGER: u64 = 4;
+
 /// Examples by class.
 #[derive(Default)]
 pub(super) struct Found {
@@ -32,6 +35,8 @@ pub(super) struct Found {
     pub(super) compared: u64,
     /// Inputs whose numbers were looked at.
     pub(super) traced: u64,
+    /// Number of inputs up to the last that showed a new class, extremes and rounding apart.
+    last_new: Option<u64>,
 }
 
 /// The number of fragments that a program kept, and that a program discarded; and of vertices that
@@ -65,6 +70,30 @@ impl Found {
         self.examples.get(&class).is_none_or(|k| {
             is_plain(inputs) && k.place == TestPoint::Inside && place != TestPoint::Inside
         })
+    }
+
+    /// Keeps an example of a difference.
+    pub(super) fn keep(&mut self, class: Class, example: Example) {
+        let is_new = self.examples.insert(class, example).is_none();
+        if is_new && !matches!(class, Class::Extreme | Class::Rounding) {
+            self.last_new = Some(self.tried);
+        }
+    }
+
+    /// Whether no more of `count` inputs are needed: all classes of `until` were found. If it names
+    /// none, a class was, and others were looked for a while longer.
+    pub(super) fn is_enough(&self, count: u64, until: &[Class]) -> bool {
+        // A tie is found at once, and says nothing of how rare the others are.
+        let is_long_after = |at: u64| {
+            let longer = at + count.div_ceil(LONGER);
+            self.tried >= longer.max(count / 2)
+        };
+        match until {
+            [] => self.last_new.is_some_and(is_long_after),
+            classes => classes
+                .iter()
+                .all(|class| self.examples.contains_key(class)),
+        }
     }
 
     /// Counts a difference.

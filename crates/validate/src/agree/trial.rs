@@ -33,9 +33,6 @@ use preshade_text::source::Language;
 /// by default as many as in [validation](crate).
 const BESIDE: u64 = 16;
 
-/// After a class of difference was found, one in this many inputs more look for another.
-const LONGER: u64 = 4;
-
 /// One in this many inputs should keep a fragment, and one discard it.
 const RARE: u64 = 8;
 
@@ -421,6 +418,15 @@ impl<'a> Two<'a> {
         }
     }
 
+    /// The seed of input `n`. Ordinary numbers come first if there is no time for others.
+    fn next_seed(&self, n: u64, is_expensive: bool) -> u64 {
+        let start = self.effort.seed;
+        match is_expensive {
+            true => start.next_multiple_of(PROFILES) + PROFILES * (n / ORDINARY) + n % ORDINARY,
+            false => start + n,
+        }
+    }
+
     /// Runs both on inputs, until all classes of `until` are found, if it names any.
     fn tried(
         &self,
@@ -437,10 +443,7 @@ impl<'a> Two<'a> {
         let slices = [sliced[0].stages(self.first), sliced[1].stages(self.second)];
         let whole = [self.first, self.second];
         let [read_by_slices, read_by_whole] = [slices, whole].map(|s| draws::read_by(s, rules));
-        let mut last_new = None;
         let discards = OnceCell::new();
-        let start = self.effort.seed;
-        let ordinary = start.next_multiple_of(PROFILES);
         let before = self.budget.left();
         let mut is_expensive = false;
         let solved = match what {
@@ -454,14 +457,7 @@ impl<'a> Two<'a> {
             let depth = solved.as_ref().map_or(0, |solved| solved.depth);
             let point = match &solved {
                 Some(solved) => solved.point.clone(),
-                None => {
-                    let n: u64 = seeds.next().unwrap_or_default();
-                    // Ordinary numbers come first if there is no time for others.
-                    Point::from(match is_expensive {
-                        true => ordinary + PROFILES * (n / ORDINARY) + n % ORDINARY,
-                        false => start + n,
-                    })
-                }
+                None => Point::from(self.next_seed(seeds.next().unwrap_or_default(), is_expensive)),
             };
             let seed = point.seed;
             // If fragments are rarely kept, or rarely discarded, more inputs follow.
@@ -506,24 +502,17 @@ impl<'a> Two<'a> {
                     found.traced += u64::from(!is_plain(&inputs));
                 }
                 match tried {
-                    Ok(None) => {}
-                    Ok(Some((class, output))) => {
-                        if found.wants(class, &inputs, place) {
-                            let rules = rules.to_vec();
-                            let example = Example {
-                                point: point.clone(),
-                                place,
-                                output,
-                                reading,
-                                rules,
-                            };
-                            if found.examples.insert(class, example).is_none()
-                                && !matches!(class, Class::Extreme | Class::Rounding)
-                            {
-                                last_new = Some(found.tried);
-                            }
-                        }
+                    Ok(Some((class, output))) if found.wants(class, &inputs, place) => {
+                        let example = Example {
+                            point: point.clone(),
+                            place,
+                            output,
+                            reading,
+                            rules: rules.to_vec(),
+                        };
+                        found.keep(class, example);
                     }
+                    Ok(_) => {}
                     Err(stuck) => {
                         ended = false;
                         if stuck != Stuck::Steps {
@@ -557,17 +546,7 @@ impl<'a> Two<'a> {
             if found.ended == 0 && found.tried > 24 {
                 break;
             }
-            // They differ. Other classes are looked for a while longer.
-            // A tie is found at once, and says nothing of how rare the others are.
-            let is_enough = |at: u64| {
-                let longer = at + count.div_ceil(LONGER);
-                found.tried >= longer.max(count / 2)
-            };
-            if until.is_empty() && last_new.is_some_and(is_enough) {
-                break;
-            }
-            let mut wanted = until.iter();
-            if !until.is_empty() && wanted.all(|class| found.examples.contains_key(class)) {
+            if found.is_enough(count, until) {
                 break;
             }
         }

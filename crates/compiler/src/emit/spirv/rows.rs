@@ -303,32 +303,7 @@ impl Rows {
                 self.read(module, block, turned, read, result?);
             }
             Op::Load if self.columns.contains_key(&first?) => {
-                let (turned, pointer, column) = self.columns[&first?].clone();
-                // A path into a pointer to the matrix has the author's order: each row's element.
-                let author = self.types.get(&turned.author)?;
-                let Some(Operand::LiteralBit32(columns)) = author.operands.get(1) else {
-                    return None;
-                };
-                let vector = self.types.get(&ids(author).next()?)?;
-                let scalar = ids(vector).next()?;
-                let to_scalar =
-                    module.type_pointer(None, self.class(self.results[&first?])?, scalar);
-                let uint = module.type_int(32, 0);
-                let mut parts = Vec::new();
-                for i in 0..*columns {
-                    let index = Operand::IdRef(module.constant_bit32(uint, i));
-                    let path = vec![Operand::IdRef(pointer), index, column.clone()];
-                    let [at, part] = [module.id(), module.id()];
-                    block.push(Instruction::new(
-                        Op::AccessChain,
-                        Some(to_scalar),
-                        Some(at),
-                        path,
-                    ));
-                    let at = vec![Operand::IdRef(at)];
-                    block.push(Instruction::new(Op::Load, Some(scalar), Some(part), at));
-                    parts.push(Operand::IdRef(part));
-                }
+                let parts = self.read_column(module, block, first?)?;
                 block.push(Instruction::new(Op::CompositeConstruct, ty, result, parts));
             }
             Op::Store if self.matrices.contains_key(&first?) => {
@@ -341,36 +316,7 @@ impl Rows {
                 operands[1] = Operand::IdRef(id);
                 block.push(Instruction::new(Op::Store, None, None, operands));
             }
-            Op::CompositeExtract => {
-                let path: Vec<Option<u32>> = operands[1..]
-                    .iter()
-                    .map(|o| match o {
-                        Operand::LiteralBit32(index) => Some(*index),
-                        _ => None,
-                    })
-                    .collect();
-                let (turned, part) = self.part(*self.results.get(&first?)?, &path)?;
-                let mut operands = operands.clone();
-                match part {
-                    Part::Element => {
-                        let end = operands.len();
-                        operands.swap(end - 1, end - 2);
-                        block.push(Instruction::new(Op::CompositeExtract, ty, result, operands));
-                    }
-                    Part::Matrix => {
-                        let read = Read::new(Op::CompositeExtract, operands);
-                        self.read(module, block, turned, read, result?);
-                    }
-                    Part::Column => {
-                        let column = operands.pop()?;
-                        let read = Read::new(Op::CompositeExtract, operands);
-                        let matrix = module.id();
-                        self.read(module, block, turned, read, matrix);
-                        let operands = vec![Operand::IdRef(matrix), column];
-                        block.push(Instruction::new(Op::CompositeExtract, ty, result, operands));
-                    }
-                }
-            }
+            Op::CompositeExtract => self.extract(module, block, instruction)?,
             op => {
                 // Pointers to such matrices that go elsewhere, and structs that are made of matrices.
                 let goes =
@@ -379,6 +325,81 @@ impl Rows {
                 self.is_strange |=
                     ids(instruction).any(goes) || is_made && ty.is_some_and(|ty| self.has_rows(ty));
                 return None;
+            }
+        }
+        Some(())
+    }
+
+    /// Reads the elements of a column, which the author has in as many columns.
+    fn read_column(
+        &self,
+        module: &mut Builder,
+        block: &mut Vec<Instruction>,
+        column_pointer: u32,
+    ) -> Option<Vec<Operand>> {
+        let (turned, pointer, column) = self.columns[&column_pointer].clone();
+        // A path into a pointer to the matrix has the author's order: each row's element.
+        let author = self.types.get(&turned.author)?;
+        let Some(Operand::LiteralBit32(columns)) = author.operands.get(1) else {
+            return None;
+        };
+        let vector = self.types.get(&ids(author).next()?)?;
+        let scalar = ids(vector).next()?;
+        let to_scalar =
+            module.type_pointer(None, self.class(self.results[&column_pointer])?, scalar);
+        let uint = module.type_int(32, 0);
+        let mut parts = Vec::new();
+        for i in 0..*columns {
+            let index = Operand::IdRef(module.constant_bit32(uint, i));
+            let path = vec![Operand::IdRef(pointer), index, column.clone()];
+            let [at, part] = [module.id(), module.id()];
+            block.push(Instruction::new(
+                Op::AccessChain,
+                Some(to_scalar),
+                Some(at),
+                path,
+            ));
+            let at = vec![Operand::IdRef(at)];
+            block.push(Instruction::new(Op::Load, Some(scalar), Some(part), at));
+            parts.push(Operand::IdRef(part));
+        }
+        Some(parts)
+    }
+
+    /// Extracts a part of a matrix.
+    fn extract(
+        &mut self,
+        module: &mut Builder,
+        block: &mut Vec<Instruction>,
+        instruction: &Instruction,
+    ) -> Option<()> {
+        let (ty, result) = (instruction.result_type, instruction.result_id);
+        let path: Vec<Option<u32>> = instruction.operands[1..]
+            .iter()
+            .map(|o| match o {
+                Operand::LiteralBit32(index) => Some(*index),
+                _ => None,
+            })
+            .collect();
+        let (turned, part) = self.part(*self.results.get(&ids(instruction).next()?)?, &path)?;
+        let mut operands = instruction.operands.clone();
+        match part {
+            Part::Element => {
+                let end = operands.len();
+                operands.swap(end - 1, end - 2);
+                block.push(Instruction::new(Op::CompositeExtract, ty, result, operands));
+            }
+            Part::Matrix => {
+                let read = Read::new(Op::CompositeExtract, operands);
+                self.read(module, block, turned, read, result?);
+            }
+            Part::Column => {
+                let column = operands.pop()?;
+                let read = Read::new(Op::CompositeExtract, operands);
+                let matrix = module.id();
+                self.read(module, block, turned, read, matrix);
+                let operands = vec![Operand::IdRef(matrix), column];
+                block.push(Instruction::new(Op::CompositeExtract, ty, result, operands));
             }
         }
         Some(())
