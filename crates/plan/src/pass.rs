@@ -325,6 +325,14 @@ impl Facts {
         }
     }
 
+    /// The ranges of a material's numbers. `is_rebuilt`: an earlier step may have given its varyings
+    /// other locations than the author's, which these are.
+    pub fn ranges_of(&self, material: &str, is_rebuilt: bool) -> Vec<SourceRange> {
+        let own = self.ranges.iter().filter(|r| r.material == material);
+        let own = own.filter(|r| !is_rebuilt || !matches!(r.source, Source::Varying { .. }));
+        own.cloned().collect()
+    }
+
     /// The values by which the draws of a material took the ways they took.
     pub fn drawn(&self, material: &str) -> Guard {
         let own = self.undrawn.iter().flatten();

@@ -142,11 +142,7 @@ fn fix(
 
 /// Whether a stage writes memory.
 fn stores(stage: Stage<'_>) -> bool {
-    use preshade_passes::graph::effect::Effect;
-    let graph = Graph::build(stage.program);
-    let effects = graph.effects(FunctionId::EntryPoint(stage.entry));
-    let writes = [Effect::Store, Effect::ImageStore, Effect::Atomic];
-    effects.iter().any(|e| writes.contains(e))
+    Graph::build(stage.program).writes_memory(FunctionId::EntryPoint(stage.entry))
 }
 
 /// A slice, independent of its program.

@@ -67,6 +67,12 @@ pub fn items<'v>(
     .collect()
 }
 
+/// What each fragment costs if it is given nothing.
+pub fn uncut(values: &Values<'_, '_>) -> Option<f64> {
+    let items = items(values, |_| None);
+    Some(minimum(&items, &values.roots)?.total(&items))
+}
+
 /// The cheapest choice.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Cut {

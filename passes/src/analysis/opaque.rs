@@ -13,12 +13,12 @@ use crate::analysis::{effects, refusals};
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
 use crate::slice::Slice;
-use preshade_plan::channels;
 use preshade_plan::contract::Assumption;
 use preshade_plan::pass::{Facts, Refusal};
 use preshade_plan::plan::{ClearValue, GpuPass, Phase, Plan, Role};
 use preshade_plan::program::Program;
 use preshade_plan::state::{Blend, CompareFunction, DepthDirection, DepthState};
+use preshade_plan::{channels, reflect};
 use preshade_text::refusals::RefusalInfo;
 
 /// The main pass of a material whose depth may be drawn first, with the properties that the
@@ -258,8 +258,9 @@ impl Examination {
 
     fn stores(&mut self, graph: &Graph, vertex: Option<usize>, fragment: Option<usize>) {
         let program = graph.program();
-        let store =
-            |entry: Option<usize>| effects::find(graph, FunctionId::EntryPoint(entry?), &STORES);
+        let store = |entry: Option<usize>| {
+            effects::find(graph, FunctionId::EntryPoint(entry?), &Effect::WRITES)
+        };
         if let Some(span) = store(vertex) {
             let refusal = (
                 &refusals::VERTEX_STORE,
@@ -303,20 +304,12 @@ impl Examination {
     }
 }
 
-/// Effects that change if a surface is drawn twice, or not at all where it is hidden.
-const STORES: [Effect; 3] = [Effect::Store, Effect::ImageStore, Effect::Atomic];
-
 /// Whether a stage of a pass stores to memory.
 pub fn stores(graph: &Graph, program: &Program, pass: &GpuPass) -> bool {
-    let stages = [
-        (ShaderStage::Vertex, Some(pass.vertex.as_str())),
-        (ShaderStage::Fragment, pass.fragment.as_deref()),
-    ];
-    stages.into_iter().any(|(stage, name)| {
-        let entry = name.and_then(|n| program.entry_point(stage, n));
-        entry.is_some_and(|(index, _)| {
-            effects::find(graph, FunctionId::EntryPoint(index), &STORES).is_some()
-        })
+    let mut stages = reflect::stages(pass).into_iter();
+    stages.any(|(stage, name)| {
+        let entry = program.entry_point(stage, name);
+        entry.is_some_and(|(index, _)| graph.writes_memory(FunctionId::EntryPoint(index)))
     })
 }
 

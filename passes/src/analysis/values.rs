@@ -11,14 +11,16 @@ use std::collections::BTreeMap;
 use std::num::NonZeroU32;
 use std::sync::Arc;
 
-use naga::{Binding, BuiltIn, Expression, Handle, Statement, TypeInner};
+use naga::{Binding, BuiltIn, Expression, Handle, Scalar, Statement, TypeInner};
 use rustc_hash::FxHashMap;
 
+use crate::analysis::refusals;
 use crate::analysis::users::Users;
 use crate::graph::memory::VersionId;
 use crate::graph::rate::{Fact, Rate};
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 use preshade_ir::interface::{self, Io};
+use preshade_plan::pass::Refusal;
 
 pub(crate) mod cycle;
 mod expand;
@@ -110,6 +112,20 @@ const MOST_NAMED: usize = 8 * MOST_VALUES;
 #[error("the fragment stage has more than {MOST_VALUES} values, each call's counted apart")]
 pub struct TooLarge;
 
+/// The refusal of a fragment stage that writes memory, by a pass that follows values.
+pub fn refuse_writes(graph: &Graph<'_>, entry: usize, name: &str) -> Option<Refusal> {
+    graph.writes_memory(FunctionId::EntryPoint(entry)).then(|| {
+        Refusal::new(
+            name,
+            &refusals::FRAGMENT_STORES,
+            format!(
+                "the fragment stage writes memory, and `{name}` does not follow what it writes"
+            ),
+            "move the writes to a pass of their own",
+        )
+    })
+}
+
 impl<'g, 'p> Values<'g, 'p> {
     /// The values behind the outputs and discards of a fragment entry point.
     ///
@@ -176,6 +192,30 @@ impl<'g, 'p> Values<'g, 'p> {
         this.users = Arc::new(Users::new(this.values.len(), operands));
         this.find_facts();
         Ok(this)
+    }
+
+    /// The values of a stage of which the pass `name` moves some.
+    ///
+    /// # Errors
+    /// It writes memory, or it is too large.
+    pub fn examine(graph: &'g Graph<'p>, entry: usize, name: &str) -> Result<Self, Box<Refusal>> {
+        match refuse_writes(graph, entry, name) {
+            Some(refusal) => Err(Box::new(refusal)),
+            None => Self::new(graph, entry).map_err(|e| {
+                let code = &refusals::TOO_LARGE;
+                Box::new(Refusal::new(name, code, e.to_string(), "split the shader"))
+            }),
+        }
+    }
+
+    /// Scalar type and number of components of a value that is a scalar or a vector.
+    pub fn shape(&self, value: ValueId) -> Option<(Scalar, u8)> {
+        let (context, e, _) = self.expression(value)?;
+        match self.function(context).ty(self.graph.module(), e) {
+            TypeInner::Scalar(scalar) => Some((*scalar, 1)),
+            TypeInner::Vector { size, scalar } => Some((*scalar, *size as u8)),
+            _ => None,
+        }
     }
 
     /// The function of a context.

@@ -35,6 +35,9 @@ pub enum Effect {
 }
 
 impl Effect {
+    /// The effects that write memory.
+    pub const WRITES: [Self; 3] = [Self::Store, Self::ImageStore, Self::Atomic];
+
     /// The name in messages and JSON.
     pub const fn name(self) -> &'static str {
         match self {

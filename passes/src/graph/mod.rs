@@ -257,6 +257,12 @@ impl<'p> Graph<'p> {
         &self.reach[self.index(function)].effects
     }
 
+    /// Whether a function, or one that it calls, writes memory.
+    pub fn writes_memory(&self, function: FunctionId) -> bool {
+        let effects = self.effects(function);
+        Effect::WRITES.iter().any(|effect| effects.contains(effect))
+    }
+
     /// The static cost of running a function once, calls included, by the model of [`cost`].
     pub fn cost(&self, function: FunctionId) -> f64 {
         self.reach[self.index(function)].cost

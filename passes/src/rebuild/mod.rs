@@ -10,6 +10,7 @@ pub mod depth_only;
 pub(crate) mod depth_pass;
 pub(crate) mod fetch;
 pub(crate) mod isolate;
+pub(crate) mod moved;
 pub(crate) mod outline;
 pub mod place;
 pub mod quad;

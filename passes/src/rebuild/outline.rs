@@ -13,8 +13,8 @@ use naga::{
     LocalVariable, Module, Span, Statement, StructMember, Type, TypeInner,
 };
 
-use crate::analysis::named;
 use crate::analysis::values::{ContextId, ValueId, Values};
+use crate::analysis::{named, refusals};
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::after::after;
 use crate::rebuild::color::location;
@@ -23,6 +23,7 @@ use crate::rebuild::place::{self, PositionInvariance};
 use crate::slice::{self, Criterion, OutputFilter};
 use naga_operands as operands;
 use preshade_ir::returns;
+use preshade_plan::pass::Refusal;
 use preshade_plan::program::Program;
 
 /// A value to return.
@@ -108,6 +109,21 @@ pub enum Failed {
     /// The result is invalid: a bug.
     #[error("{0}")]
     Built(String),
+}
+
+impl Failed {
+    /// The refusal of the pass `name`.
+    pub fn refusal(self, name: &str) -> Refusal {
+        match self {
+            Self::NotSeparable => Refusal::new(
+                name,
+                &refusals::NOT_SEPARABLE,
+                self.to_string(),
+                "compute it before the branch or return that precedes it",
+            ),
+            Self::NoOutput(_) | Self::Built(_) => Refusal::bug(name, self),
+        }
+    }
 }
 
 impl From<Box<preshade_text::source::Invalid>> for Failed {

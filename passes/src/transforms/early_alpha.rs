@@ -219,13 +219,8 @@ impl Test {
                 "there is no test to move",
             ));
         }
-        let shared = [
-            Effect::Store,
-            Effect::ImageStore,
-            Effect::Atomic,
-            Effect::Barrier,
-        ];
-        if let Some(effect) = shared.iter().find(|e| graph.effects(id).contains(e)) {
+        let mut shared = Effect::WRITES.into_iter().chain([Effect::Barrier]);
+        if let Some(effect) = shared.find(|e| graph.effects(id).contains(e)) {
             return Err(refuse(
                 &DISCARDED_EFFECTS,
                 format!(

@@ -34,15 +34,13 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
-use crate::analysis::loops::LoopEnds;
 use crate::analysis::simplify::{self, FragmentStage};
-use crate::analysis::values::{ValueId, Values};
+use crate::analysis::values::{ValueId, Values, refuse_writes};
 use crate::analysis::{below, refusals as shared};
 use crate::graph::FunctionId;
-use crate::graph::effect::Effect;
-use crate::rebuild::outline::{self, Failed, Wanted};
+use crate::rebuild::moved::MovedValues;
+use crate::rebuild::outline::{self, Wanted};
 use preshade_plan::budget::{Budget, Metric};
-use preshade_plan::guard::Guard;
 use preshade_plan::pass::{Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{CompareFunction, StencilState};
@@ -56,7 +54,7 @@ mod text;
 mod values;
 
 use text::Layout;
-use values::{Choice, Stays};
+use values::{CarriedValues, NotHalved};
 
 /// The pass.
 pub struct HalfRate;
@@ -153,28 +151,25 @@ impl Pass for HalfRate {
 
     fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
         let stage = examine(plan)?;
-        let values = Values::new(&stage.graph, stage.entry)
-            .map_err(|e| refuse(&shared::TOO_LARGE, e.to_string(), "split the shader"))?;
-        let found = Found::new(&stage, &values, params)?;
+        let values = Values::examine(&stage.graph, stage.entry, Self::INFO.name)?;
+        let halved = HalvedValues::new(&stage, &values, params)?;
         let Some(limit) = params.budget else {
-            let refusal = refuse(
+            return Err(halved.moved.refused(*refuse(
                 &shared::NO_BUDGET,
                 "values at half the rate change the picture, and there is no budget",
                 "set budget=0.01 (of flip_mean, or with metric=max_abs)",
-            );
-            return Err((refusal, found.left).into());
+            )));
         };
-        let built = match found.rebuild() {
-            Ok(built) => built,
-            Err(why) => return Err((Box::new(failed(why)), found.left).into()),
-        };
+        let built = halved
+            .rebuild()
+            .map_err(|why| halved.moved.refused(why.refusal(Self::INFO.name)))?;
         let inputs = ImplicitInputs::new(plan, stage.pass, &stage.graph).replaced_by(&built.main);
         inputs.examine(Self::INFO.name, &[PassEffect::RemovesInputs])?;
         let budget = Budget {
             metric: params.metric,
             limit,
         };
-        Ok(found.outcome(plan, built, params, budget))
+        Ok(halved.outcome(plan, built, params, budget))
     }
 }
 
@@ -184,20 +179,6 @@ fn refuse(
     remedy: impl Into<String>,
 ) -> Box<Refusal> {
     Box::new(Refusal::new(HalfRate::INFO.name, code, reason, remedy))
-}
-
-/// A rebuild that failed.
-fn failed(why: Failed) -> Refusal {
-    let name = HalfRate::INFO.name;
-    match why {
-        Failed::NotSeparable => Refusal::new(
-            name,
-            &shared::NOT_SEPARABLE,
-            why.to_string(),
-            "compute it before the branch or return that precedes it",
-        ),
-        Failed::NoOutput(_) | Failed::Built(_) => Refusal::bug(name, why),
-    }
 }
 
 /// The stage of a draw whose values may come from another pass of the same geometry.
@@ -250,27 +231,16 @@ fn examine(plan: &Plan) -> Result<FragmentStage<'_>, Refused> {
         .graph
         .program()
         .entry_point(ShaderStage::Vertex, &pass.vertex);
-    let writes = [Effect::Store, Effect::ImageStore, Effect::Atomic];
-    let stores = |entry| {
-        let effects = stage.graph.effects(FunctionId::EntryPoint(entry));
-        effects.iter().any(|e| writes.contains(e))
-    };
-    if stores(stage.entry) {
-        let reason =
-            "the fragment stage writes memory, and `half-rate` does not follow what it writes";
-        told(
-            &shared::FRAGMENT_STORES,
-            reason,
-            "move the writes to a pass of their own",
-        );
-    }
-    if vertex.is_some_and(|(entry, _)| stores(entry)) {
+    found.extend(refuse_writes(
+        &stage.graph,
+        stage.entry,
+        HalfRate::INFO.name,
+    ));
+    let writes = |entry| stage.graph.writes_memory(FunctionId::EntryPoint(entry));
+    if vertex.is_some_and(|(entry, _)| writes(entry)) {
         let reason = "the vertex stage writes memory, and it would run twice";
-        told(
-            &shared::VERTEX_STORE,
-            reason,
-            "move the writes to a compute pass",
-        );
+        let remedy = "move the writes to a compute pass";
+        found.push(*refuse(&shared::VERTEX_STORE, reason, remedy));
     }
     match found.is_empty() {
         true => Ok(stage),
@@ -283,21 +253,17 @@ struct Carried {
     width: u8,
 }
 
-/// Values that pay.
-struct Found<'v, 'g, 'p> {
+/// The values that are computed at half the rate.
+struct HalvedValues<'v, 'g, 'p> {
     stage: &'v FragmentStage<'p>,
-    values: &'v Values<'g, 'p>,
-    choice: Choice,
-    wanted: Vec<Wanted>,
+    moved: MovedValues<'v, 'g, 'p>,
+    choice: CarriedValues,
     guides: Vec<Wanted>,
     layout: Layout,
     edges: Edges,
-    left: Vec<Left>,
-    /// The guard under which its loops end.
-    guard: Option<Guard>,
 }
 
-impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
+impl<'v, 'g, 'p> HalvedValues<'v, 'g, 'p> {
     fn new(
         stage: &'v FragmentStage<'p>,
         values: &'v Values<'g, 'p>,
@@ -311,7 +277,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         let choice = values::choose(values, &verdicts, params.least, &is_guide);
         let left = below::left(values, MOST_LEFT, |id| match verdicts[id] {
             Ok(()) => Some("it saves too little".to_owned()),
-            Err(Stays::Uniform | Stays::Shape | Stays::Cheap) => None,
+            Err(NotHalved::Uniform | NotHalved::Shape | NotHalved::Cheap) => None,
             Err(stays) => Some(stays.to_string()),
         });
         let Some(choice) = choice else {
@@ -339,21 +305,16 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             };
             return Err((refuse(&refusals::NO_GUIDE, reason, remedy), left));
         }
-        let wanted = outline::wanted(values, choice.moved.iter().copied(), "carried");
         let guides = outline::wanted(values, choice.guides.iter().copied(), "guide");
         let carried = |ids: &[ValueId]| -> Vec<Carried> {
             let widths = ids.iter().filter_map(|id| values::width(values, *id));
             widths.map(|width| Carried { width }).collect()
         };
         let layout = Layout::of(&carried(&choice.moved), &carried(&choice.guides));
-        let is_moved = |l: &Left| wanted.iter().any(|w| w.name == l.name);
         Ok(Self {
             stage,
-            values,
-            left: left.into_iter().filter(|l| !is_moved(l)).collect(),
-            guard: LoopEnds::new(values).guard(values, &choice.moved),
+            moved: MovedValues::new(values, choice.moved.clone(), "carried", left),
             choice,
-            wanted,
             guides,
             layout,
             edges: params.edges,

@@ -37,21 +37,17 @@
 use naga::ShaderStage;
 
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
-use crate::analysis::loops::LoopEnds;
-use crate::analysis::named::span;
 use crate::analysis::{below, refusals as shared, rounding, values};
-use crate::graph::effect::Effect;
-use crate::graph::{FunctionId, Graph};
+use crate::graph::Graph;
+use crate::rebuild::moved::MovedValues;
 use crate::rebuild::{outline, place};
-use crate::slice::Termination;
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::{Assumption, Contract};
-use preshade_plan::guard::Guard;
 use preshade_plan::pass::{
-    Change, Example, Expected, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Site,
-    SiteCost, Source, Use,
+    Change, Example, Expected, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost,
+    Use,
 };
-use preshade_plan::plan::{GpuPass, HOIST, Plan, Role};
+use preshade_plan::plan::{GpuPass, HOIST, Plan};
 use preshade_plan::program::Program;
 use preshade_plan::{reflect, self_test};
 use preshade_text::refusals::RefusalInfo;
@@ -76,10 +72,10 @@ pub use rounding::{MOST as MOST_ROUNDING, STEEPEST_SRGB};
 pub use single::{Candidates, Computed, HoistStages, alone, computed};
 
 use advice::Advice;
-use choose::Choice;
-use movable::{Class, Judged, Missed, Precision};
-use outline::{Failed, Wanted};
-use values::{ValueId, Values};
+use choose::CarriedValues;
+use movable::{Class, Judged, NotHoisted, Precision};
+use outline::Failed;
+use values::Values;
 
 /// The pass.
 pub struct Hoist;
@@ -189,11 +185,10 @@ impl Pass for Hoist {
         let material = HoistMaterial::examine(plan, params)?;
         let graph = Graph::build(material.program);
         let values = material.values(&graph)?;
-        let found = Found::new(&values, &material, params, facts)?;
-        let program = match found.rebuild(&material) {
-            Ok(program) => program,
-            Err(why) => return Err((Box::new(refuse(why)), found.left).into()),
-        };
+        let hoisted = HoistedValues::new(&values, &material, params, facts)?;
+        let program = hoisted
+            .rebuild(&material)
+            .map_err(|why| hoisted.moved.refused(refuse(why)))?;
         let effects = [
             PassEffect::EditsVertexStage,
             PassEffect::EditsFragmentStage,
@@ -201,11 +196,7 @@ impl Pass for Hoist {
         ];
         let inputs = ImplicitInputs::new(plan, material.pass, &graph).replaced_by(&program);
         let given = inputs.examine(Self::INFO.name, &effects)?;
-        Ok(Outcome {
-            plan: found.plan(plan, &material, program, params, given),
-            change: found.change(&material),
-            left: found.left,
-        })
+        Ok(hoisted.outcome(plan, &material, program, params, given))
     }
 }
 
@@ -268,58 +259,27 @@ impl<'a> HoistMaterial<'a> {
 
     /// The required precision of the targets, and the known ranges.
     fn precision(&self, facts: &Facts) -> Precision {
-        let ranges = facts.ranges.iter();
         Precision {
-            ranges: ranges
-                .filter(|r| r.material == self.name)
-                // Locations are the author's; an earlier hoist may have reassigned them.
-                .filter(|r| !self.is_rebuilt || !matches!(r.source, Source::Varying { .. }))
-                .cloned()
-                .collect(),
+            ranges: facts.ranges_of(self.name, self.is_rebuilt),
             most: rounding::most(self.pass),
         }
     }
 
     fn values<'g>(&self, graph: &'g Graph<'a>) -> Result<Values<'g, 'a>, Box<Refusal>> {
-        let name = Hoist::INFO.name;
-        let id = FunctionId::EntryPoint(self.fragment);
-        let writes = [Effect::Store, Effect::ImageStore, Effect::Atomic];
-        if graph.effects(id).iter().any(|e| writes.contains(e)) {
-            return Err(Box::new(Refusal::new(
-                name,
-                &shared::FRAGMENT_STORES,
-                "the fragment stage writes memory, and `hoist` does not follow what it writes",
-                "move the writes to a pass of their own",
-            )));
-        }
-        Values::new(graph, self.fragment).map_err(|e| {
-            Box::new(Refusal::new(
-                name,
-                &shared::TOO_LARGE,
-                e.to_string(),
-                "split the shader",
-            ))
-        })
+        Values::examine(graph, self.fragment, Hoist::INFO.name)
     }
 }
 
 /// A rebuild that failed.
 fn refuse(why: Failed) -> Refusal {
-    let name = Hoist::INFO.name;
     match why {
-        Failed::NotSeparable => Refusal::new(
-            name,
-            &shared::NOT_SEPARABLE,
-            why.to_string(),
-            "compute it before the branch or return that precedes it",
-        ),
         Failed::NoOutput(_) => Refusal::new(
-            name,
+            Hoist::INFO.name,
             &refusals::INTERFACE,
             why.to_string(),
             "let the vertex stage write every input of the fragment stage",
         ),
-        Failed::Built(_) => Refusal::bug(name, why),
+        other => other.refusal(Hoist::INFO.name),
     }
 }
 
@@ -342,22 +302,17 @@ fn unknown_values(unknown: &[String]) -> Refusal {
     )
 }
 
-/// A cut that pays.
-struct Found<'v, 'g, 'p> {
-    values: &'v Values<'g, 'p>,
-    choice: Choice,
-    wanted: Vec<Wanted>,
-    left: Vec<Left>,
+/// The values that the vertex stage computes.
+struct HoistedValues<'v, 'g, 'p> {
+    moved: MovedValues<'v, 'g, 'p>,
+    choice: CarriedValues,
     /// Assumptions by which rounding errors stay small.
     given: Vec<Assumption>,
     /// Ids of an earlier choice that no value has.
     unknown: Vec<String>,
-    /// The guard under which its loops end.
-    guard: Option<Guard>,
-    key: Site,
 }
 
-impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
+impl<'v, 'g, 'p> HoistedValues<'v, 'g, 'p> {
     fn new(
         values: &'v Values<'g, 'p>,
         material: &HoistMaterial<'p>,
@@ -380,7 +335,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
                     },
                 ],
                 unknown: judged.unknown,
-                ..Self::of(values, choice, left, material)
+                ..Self::of(values, choice, left)
             }),
             None if !judged.unknown.is_empty()
                 && !judged.verdicts.iter().any(candidates::is_smooth) =>
@@ -398,53 +353,23 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         }
     }
 
-    fn of(
-        values: &'v Values<'g, 'p>,
-        choice: Choice,
-        left: Vec<Left>,
-        material: &HoistMaterial<'p>,
-    ) -> Self {
-        let carried = || choice.carried.iter().map(|(id, _)| *id);
-        let ids: Vec<ValueId> = carried().collect();
-        let guard = LoopEnds::new(values).guard(values, &ids);
-        let wanted = outline::wanted(values, carried(), "carried");
-        let key = Site {
-            role: Role::Main,
-            entry_point: material.pass.fragment.clone().unwrap_or_default(),
-            slice: outline::hash(values, carried()),
-        };
-        let left = left
-            .into_iter()
-            .filter(|l| !wanted.iter().any(|w| w.name == l.name))
-            .collect();
+    fn of(values: &'v Values<'g, 'p>, choice: CarriedValues, left: Vec<Left>) -> Self {
+        let ids = choice.carried.iter().map(|(id, _)| *id).collect();
         Self {
-            values,
+            moved: MovedValues::new(values, ids, "carried", left),
             choice,
-            wanted,
-            left,
             given: Vec::new(),
             unknown: Vec::new(),
-            guard,
-            key,
         }
     }
 
-    fn change(&self, material: &HoistMaterial<'_>) -> Change {
-        let first = self
-            .choice
-            .carried
-            .iter()
-            .filter_map(|(id, _)| span(self.values, *id))
-            .find_map(|s| material.program.sources().locate(s));
-        Change {
-            key: self.key.clone(),
-            what: self.describe(),
-            location: first,
-            cost: SiteCost {
-                slice: self.choice.before - self.choice.after,
-                whole: self.values.graph.entry_cost(self.values.entry),
-            },
-        }
+    fn change(&self, pass: &GpuPass) -> Change {
+        let values = self.moved.values;
+        let cost = SiteCost {
+            slice: self.choice.before - self.choice.after,
+            whole: values.graph.entry_cost(values.entry),
+        };
+        self.moved.change(pass, &self.describe(), cost)
     }
 
     /// A message: the hoisted values, their interpolation, and the change in static cost.
@@ -453,9 +378,9 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             .choice
             .carried
             .iter()
-            .zip(&self.wanted)
+            .zip(&self.moved.wanted)
             .map(|((id, carriage), wanted)| {
-                let width = choose::shape(self.values, *id).map_or(1, |(_, w)| w);
+                let width = self.moved.values.shape(*id).map_or(1, |(_, w)| w);
                 let class = match carriage.class {
                     Class::Exact => "exact",
                     Class::Affine => "affine, rounding",
@@ -465,9 +390,8 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             })
             .collect();
         format!(
-            "{}carries {}; a fragment costs {:.0} ops less, its interpolation counted, and a vertex \
+            "carries {}; a fragment costs {:.0} ops less, its interpolation counted, and a vertex \
              {:.0} more",
-            Guard::condition(self.guard.as_ref()),
             carried.join(", "),
             self.choice.before - self.choice.after,
             self.choice.vertex
@@ -475,18 +399,12 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
     }
 
     fn rebuild(&self, material: &HoistMaterial<'_>) -> Result<Program, Failed> {
-        let hoisted = outline::add(material.program, self.values, &self.wanted)?;
-        let remainder = remainder::rebuild(
-            material.program,
-            &hoisted.module,
-            self.values,
-            &self.wanted,
-            &self.choice.slots,
-            Termination::under(self.guard.as_ref()),
-        )?;
+        let MovedValues { values, wanted, .. } = &self.moved;
+        let hoisted = outline::add(material.program, values, wanted)?;
+        let remainder = remainder::rebuild(&hoisted.module, &self.moved, &self.choice.slots)?;
         let outputs = vertex::Outputs {
             kept: &remainder.kept,
-            wanted: &self.wanted,
+            wanted,
             slots: &self.choice.slots,
             locations: &remainder.locations,
         };
@@ -497,29 +415,18 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             &hoisted,
             &outputs,
         )?;
-        let entries: Vec<(ShaderStage, &str)> = [
-            Some((ShaderStage::Vertex, material.pass.vertex.as_str())),
-            material
-                .pass
-                .fragment
-                .as_deref()
-                .map(|f| (ShaderStage::Fragment, f)),
-        ]
-        .into_iter()
-        .flatten()
-        .collect();
-        let module = place::retain(&module, &entries);
+        let module = place::retain(&module, &reflect::stages(material.pass));
         material.program.with_module(module).map_err(Failed::from)
     }
 
-    fn plan(
-        &self,
+    fn outcome(
+        self,
         plan: &Plan,
         material: &HoistMaterial<'_>,
         program: Program,
         params: &Params,
-        mut given: Vec<Assumption>,
-    ) -> Plan {
+        given: Vec<Assumption>,
+    ) -> Outcome {
         let mut next = plan.clone();
         let mut moved = None;
         for pass in &mut next.passes {
@@ -531,46 +438,43 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
             }
         }
         next.programs.insert(material.pass.program.clone(), program);
-        let budget = Budget {
-            metric: params.metric,
-            limit: params.budget.unwrap_or_default(),
-        };
         if given.contains(&Assumption::UnchangedPosition) {
             next.self_test = self_test::same_position(&next);
         }
-        next.assume(self.guard.clone(), &mut given);
-        let contract = match self.choice.class() {
+        let (change, k) = (self.change(material.pass), self.roundings());
+        let contract = |mut given: Vec<Assumption>| match self.choice.class() {
             None | Some(Class::Exact) => {
                 given.push(Assumption::StagesAgree);
                 given.sort();
                 Contract::Exact { given }
             }
             Some(Class::Affine) => {
-                given.extend(self.given.iter().cloned());
+                given.extend(self.given);
                 given.sort();
-                Contract::Rounding {
-                    k: self.roundings(),
-                    turned: None,
-                    given,
-                }
+                let turned = None;
+                Contract::Rounding { k, turned, given }
             }
-            Some(Class::Smooth) => Contract::Approximate { budget, given },
+            Some(Class::Smooth) => Contract::Approximate {
+                budget: Budget {
+                    metric: params.metric,
+                    limit: params.budget.unwrap_or_default(),
+                },
+                given,
+            },
         };
-        let change = self.change(material);
-        next.add_step(Hoist::INFO.name, params, &change, contract);
-        next.fallback = Some("original".to_owned());
-        next.notes.extend(moved);
-        if !self.unknown.is_empty() {
-            next.notes.push(not_here(&self.unknown));
-        }
-        next
+        let step = (Hoist::INFO.name, params);
+        let mut outcome = self.moved.outcome(next, step, change, given, contract);
+        let notes = &mut outcome.plan.notes;
+        notes.extend(moved);
+        notes.extend((!self.unknown.is_empty()).then(|| not_here(&self.unknown)));
+        outcome
     }
 
     /// Number of operations that may round differently: those of the hoisted values, and those that
     /// stay without a reader beside them.
     fn roundings(&self) -> u32 {
         let of = self.choice.carried.iter().map(|(id, _)| *id);
-        below::below(self.values, of).0.ceil() as u32 + self.choice.rounded_anew.len() as u32
+        below::below(self.moved.values, of).0.ceil() as u32 + self.choice.rounded_anew.len() as u32
     }
 }
 
@@ -589,7 +493,7 @@ fn left(values: &Values<'_, '_>, judged: &Judged, weakest: Class) -> Vec<Left> {
             _ => "hoisted, its rounding may change an output without bound".to_owned(),
         }),
         Ok(_) => Some("interpolating it is an approximation, and there is no budget".to_owned()),
-        Err(Missed::NotCarried | Missed::Varying) => None,
-        Err(missed) => Some(missed.to_string()),
+        Err(NotHoisted::NotCarried | NotHoisted::Varying) => None,
+        Err(why) => Some(why.to_string()),
     })
 }

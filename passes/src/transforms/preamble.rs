@@ -38,27 +38,23 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
-use crate::analysis::loops::LoopEnds;
-use crate::analysis::named::span;
 use crate::analysis::simplify::{self, FragmentStage};
 use crate::analysis::values::{ValueId, Values};
 use crate::analysis::{below, refusals as shared, rounding};
 use crate::graph::FunctionId;
-use crate::graph::effect::Effect;
+use crate::rebuild::moved::MovedValues;
 use crate::rebuild::outline::{self, Extracted, Failed, Names, Wanted};
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
-use crate::rebuild::remainder::{self, Given};
+use crate::rebuild::remainder::Given;
 use crate::slice::Termination;
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::geometry::Geometry;
-use preshade_plan::guard::Guard;
 use preshade_plan::pass::{
-    Change, Example, Facts, Left, MaterialTexture, Outcome, Pass, PassInfo, Refusal, Refused, Site,
-    SiteCost, Source, Use,
+    Change, Example, Facts, Left, MaterialTexture, Outcome, Pass, PassInfo, Refusal, Refused,
+    SiteCost, Use,
 };
 use preshade_plan::plan::{
-    BindingKind, BindingSource, BindingUse, ComputePass, DrawBuffer, GeometryPart, ORIGINAL, Plan,
-    Role,
+    BindingKind, BindingSource, BindingUse, ComputePass, DrawBuffer, GeometryPart, Plan,
 };
 use preshade_plan::program::Program;
 use preshade_plan::reflect;
@@ -66,7 +62,7 @@ use preshade_text::refusals::RefusalInfo;
 
 mod values;
 
-use values::{Choice, Class, Judged, Stays, Terms};
+use values::{Class, Judged, NotOncePerDraw, StoredValues, Terms};
 
 /// The pass.
 pub struct Preamble;
@@ -159,48 +155,14 @@ impl Pass for Preamble {
              that change its fragment stage",
             "there is nothing to compute ahead",
         )?;
-        let id = FunctionId::EntryPoint(stage.entry);
-        let writes = [Effect::Store, Effect::ImageStore, Effect::Atomic];
-        if stage.graph.effects(id).iter().any(|e| writes.contains(e)) {
-            return Err(refuse(
-                &shared::FRAGMENT_STORES,
-                "the fragment stage writes memory, and `preamble` does not follow what it writes",
-                "move the writes to a pass of their own",
-            )
-            .into());
-        }
-        let values = Values::new(&stage.graph, stage.entry)
-            .map_err(|e| refuse(&shared::TOO_LARGE, e.to_string(), "split the shader"))?;
-        let found = Found::new(plan, &stage, &values, facts, params)?;
-        let built = match found.rebuild() {
-            Ok(built) => built,
-            Err(why) => return Err((Box::new(failed(why)), found.left).into()),
-        };
+        let values = Values::examine(&stage.graph, stage.entry, Self::INFO.name)?;
+        let constants = DrawConstants::new(plan, &stage, &values, facts, params)?;
+        let built = constants
+            .rebuild()
+            .map_err(|why| constants.moved.refused(why.refusal(Self::INFO.name)))?;
         let inputs = ImplicitInputs::new(plan, stage.pass, &stage.graph).replaced_by(&built.main);
         inputs.examine(Self::INFO.name, &[PassEffect::RemovesInputs])?;
-        Ok(found.outcome(plan, built, params))
-    }
-}
-
-fn refuse(
-    code: &RefusalInfo,
-    reason: impl Into<String>,
-    remedy: impl Into<String>,
-) -> Box<Refusal> {
-    Box::new(Refusal::new(Preamble::INFO.name, code, reason, remedy))
-}
-
-/// A rebuild that failed.
-fn failed(why: Failed) -> Refusal {
-    let name = Preamble::INFO.name;
-    match why {
-        Failed::NotSeparable => Refusal::new(
-            name,
-            &shared::NOT_SEPARABLE,
-            why.to_string(),
-            "compute it before the branch or return that precedes it",
-        ),
-        Failed::NoOutput(_) | Failed::Built(_) => Refusal::bug(name, why),
+        Ok(constants.outcome(plan, built, params))
     }
 }
 
@@ -217,20 +179,16 @@ impl Params {
     }
 }
 
-/// Values that pay.
-struct Found<'v, 'g, 'p> {
+/// The values that are computed once a draw.
+struct DrawConstants<'v, 'g, 'p> {
     stage: &'v FragmentStage<'p>,
-    values: &'v Values<'g, 'p>,
-    choice: Choice,
-    wanted: Vec<Wanted>,
-    left: Vec<Left>,
+    moved: MovedValues<'v, 'g, 'p>,
+    choice: StoredValues,
     /// Whether the ranges of the values' sources are those of a scene.
     has_ranges: bool,
-    /// The guard under which its loops end.
-    guard: Option<Guard>,
 }
 
-impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
+impl<'v, 'g, 'p> DrawConstants<'v, 'g, 'p> {
     fn new(
         plan: &Plan,
         stage: &'v FragmentStage<'p>,
@@ -238,15 +196,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         facts: &Facts,
         params: &Params,
     ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
-        // Locations and bindings are the author's; an earlier step may have reassigned locations.
-        let is_rebuilt = !plan.steps.is_empty();
-        let known: Vec<_> = facts
-            .ranges
-            .iter()
-            .filter(|r| r.material == plan.material)
-            .filter(|r| !is_rebuilt || !matches!(r.source, Source::Varying { .. }))
-            .cloned()
-            .collect();
+        let known = facts.ranges_of(&plan.material, !plan.steps.is_empty());
         let is_steady = |at: &ResourceBinding| {
             let is_it = |s: &MaterialTexture| {
                 s.material == plan.material && (s.group, s.binding) == (at.group, at.binding)
@@ -259,24 +209,19 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         let Some(choice) = values::choose(values, &judged, &params.terms()) else {
             return Err((nothing(values, &judged, params), left));
         };
-        let wanted = outline::wanted(values, choice.moved.iter().copied(), "constant");
-        let is_moved = |l: &Left| wanted.iter().any(|w| w.name == l.name);
         Ok(Self {
             stage,
-            values,
-            left: left.into_iter().filter(|l| !is_moved(l)).collect(),
-            guard: LoopEnds::new(values).guard(values, &choice.moved),
+            moved: MovedValues::new(values, choice.moved.clone(), "constant", left),
             choice,
-            wanted,
             has_ranges: !known.is_empty(),
         })
     }
 
     fn rebuild(&self) -> Result<Built, Failed> {
-        let program = self.stage.graph.program();
+        let (program, wanted) = (self.stage.graph.program(), &self.moved.wanted);
         let pass = self.stage.pass;
         let fragment = pass.fragment.as_deref().unwrap_or_default();
-        let extracted = outline::extract(program, self.values, &self.wanted, &NAMES)?;
+        let extracted = outline::extract(program, self.moved.values, wanted, &NAMES)?;
         // The slice reads what the values do not depend on: a decision of the fragment stage.
         if !extracted.arguments.is_empty() {
             return Err(Failed::NotSeparable);
@@ -299,7 +244,7 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
                 init: None,
                 memory_decorations: Default::default(),
             },
-            members: self.wanted.len() as u32,
+            members: wanted.len() as u32,
         };
         let entry = format!("{fragment}_preamble");
         let compute = stored.computed(module.clone(), function, &entry);
@@ -307,15 +252,11 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         let global = module
             .global_variables
             .append(stored.variable.clone(), Span::UNDEFINED);
-        let read = &mut |build: &mut CodeBuilder<'_>| stored.read(build, global, &self.wanted);
-        let kept = Termination::under(self.guard.as_ref());
-        let main = remainder::rebuild(program, &module, self.values, &self.wanted, kept, read)?;
-        let entries = [
-            (ShaderStage::Vertex, pass.vertex.as_str()),
-            (ShaderStage::Fragment, fragment),
-        ];
+        let read = &mut |build: &mut CodeBuilder<'_>| stored.read(build, global, wanted);
+        let loops = Termination::under(self.moved.guard.as_ref());
+        let main = self.moved.remainder(&module, loops, read)?;
         Ok(Built {
-            main: program.with_module(place::retain(&main, &entries))?,
+            main: program.with_module(place::retain(&main, &reflect::stages(pass)))?,
             compute: program.with_module(compute)?,
             entry,
             at: [group, binding],
@@ -343,30 +284,27 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         });
         let program = self.stage.pass.program.clone();
         next.programs.insert(program, built.main);
-        let mut given = self.given();
-        next.assume(self.guard.clone(), &mut given);
-        let contract = self.contract(given);
+        let textures = values::textures(self.moved.values, &self.choice.moved);
+        let given = self.given(!textures.is_empty());
         let change = self.change();
-        next.add_step(Preamble::INFO.name, params, &change, contract);
-        for name in values::textures(self.values, &self.choice.moved) {
-            next.notes.push(format!(
-                "`{name}` is read at the start of the frame: if a pass writes it before the draw, take the original"
-            ));
-        }
-        next.fallback = Some(ORIGINAL.to_owned());
-        Outcome {
-            plan: next,
-            change,
-            left: self.left,
-        }
+        let choice = self.choice;
+        let step = (Preamble::INFO.name, params);
+        let mut outcome = self
+            .moved
+            .outcome(next, step, change, given, |given| choice.contract(given));
+        outcome.plan.notes.extend(textures.iter().map(|name| {
+            format!(
+                "`{name}` is read at the start of the frame: if a pass writes it before the draw, \
+                 take the original"
+            )
+        }));
+        outcome
     }
 
-    fn given(&self) -> Vec<Assumption> {
+    fn given(&self, reads_textures: bool) -> Vec<Assumption> {
         let mut given = self.stage.given.clone();
         given.push(Assumption::StagesAgree);
-        if !values::textures(self.values, &self.choice.moved).is_empty() {
-            given.push(Assumption::SteadyTextures);
-        }
+        given.extend(reads_textures.then_some(Assumption::SteadyTextures));
         if self.choice.class == Class::Rounded {
             given.push(match self.has_ranges {
                 true => Assumption::NumbersOfTheScene,
@@ -376,45 +314,31 @@ impl<'v, 'g, 'p> Found<'v, 'g, 'p> {
         given
     }
 
+    fn change(&self) -> Change {
+        let choice = &self.choice;
+        let what = format!(
+            "computes {} once a draw ({:.0} ops); a fragment costs {:.0} ops instead of {:.0}",
+            self.moved.names(),
+            choice.once,
+            choice.after,
+            choice.before
+        );
+        let cost = SiteCost {
+            slice: choice.before - choice.after,
+            whole: choice.before,
+        };
+        self.moved.change(self.stage.pass, &what, cost)
+    }
+}
+
+impl StoredValues {
     fn contract(&self, given: Vec<Assumption>) -> Contract {
-        match self.choice.class {
+        match self.class {
             Class::Exact => Contract::Exact { given },
             Class::Rounded => Contract::Rounding {
-                k: self.choice.roundings,
+                k: self.roundings,
                 turned: None,
                 given,
-            },
-        }
-    }
-
-    fn change(&self) -> Change {
-        let moved = || self.choice.moved.iter().copied();
-        let sources = self.stage.graph.program().sources();
-        let names: Vec<String> = self
-            .wanted
-            .iter()
-            .map(|w| format!("`{}`", w.name))
-            .collect();
-        Change {
-            key: Site {
-                role: Role::Main,
-                entry_point: self.stage.pass.fragment.clone().unwrap_or_default(),
-                slice: outline::hash(self.values, moved()),
-            },
-            what: format!(
-                "{}computes {} once a draw ({:.0} ops); a fragment costs {:.0} ops instead of {:.0}",
-                Guard::condition(self.guard.as_ref()),
-                names.join(", "),
-                self.choice.once,
-                self.choice.after,
-                self.choice.before
-            ),
-            location: moved()
-                .filter_map(|id| span(self.values, id))
-                .find_map(|span| sources.locate(span)),
-            cost: SiteCost {
-                slice: self.choice.before - self.choice.after,
-                whole: self.choice.before,
             },
         }
     }
@@ -559,14 +483,12 @@ fn nothing(values: &Values<'_, '_>, judged: &Judged, params: &Params) -> Box<Ref
         () if pays(&all) => "give `least=1`, and `allow=rounding` if that alone does not help",
         () => "leave it as it is",
     };
-    refuse(
-        &shared::NOTHING_PAYS,
-        format!(
-            "no value of the fragment stage that only the draw decides saves {} ops",
-            params.least
-        ),
-        remedy,
-    )
+    let reason = format!(
+        "no value of the fragment stage that only the draw decides saves {} ops",
+        params.least
+    );
+    let (name, code) = (Preamble::INFO.name, &shared::NOTHING_PAYS);
+    Box::new(Refusal::new(name, code, reason, remedy))
 }
 
 /// Why a value that only the draw decides is not moved; `None`: something else decides it, or it is
@@ -577,7 +499,7 @@ fn why(judged: &Judged, weakest: Class, id: ValueId) -> Option<String> {
         Ok(_) => {
             Some("a compiler may fuse it into what reads it: `allow=rounding` moves it".to_owned())
         }
-        Err(Stays::NotOfDraw | Stays::NotWorth) => None,
+        Err(NotOncePerDraw::NotOfDraw | NotOncePerDraw::NotWorth) => None,
         Err(stays) => Some(stays.to_string()),
     }
 }

@@ -473,14 +473,9 @@ fn folded(
     params: &Params,
 ) -> Folded {
     let (program, module) = (graph.program(), graph.module());
-    let entries = [
-        (ShaderStage::Vertex, Some(pass.vertex.as_str())),
-        (ShaderStage::Fragment, pass.fragment.as_deref()),
-    ];
-    let entries = entries
-        .into_iter()
-        .filter(|_| params.fold == Fold::Rounding);
-    let entries = entries.filter_map(|(stage, name)| program.entry_point(stage, name?));
+    let entries = reflect::stages(pass).into_iter();
+    let entries = entries.filter(|_| params.fold == Fold::Rounding);
+    let entries = entries.filter_map(|(stage, name)| program.entry_point(stage, name));
     let values = entries.map(|(entry, _)| Values::new(graph, entry));
     // In a stage that is too large, nobody knows what tells zeros apart.
     let values: Option<Vec<Values<'_, '_>>> = values.map(Result::ok).collect();

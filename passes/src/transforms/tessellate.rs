@@ -340,14 +340,6 @@ impl DividedMaterial<'_> {
             .map_err(|e| e.to_string())
     }
 
-    /// The two stages of the main pass.
-    fn entries(&self) -> Vec<(ShaderStage, &str)> {
-        let fragment = self.pass.fragment.as_deref();
-        std::iter::once((ShaderStage::Vertex, self.pass.vertex.as_str()))
-            .chain(fragment.map(|f| (ShaderStage::Fragment, f)))
-            .collect()
-    }
-
     fn pulled(&self, slots: Slots, subdivision: &Subdivision) -> Result<Program, String> {
         if let Some(edge_pixels) = subdivision.edge_pixels {
             let module = adaptive::adaptive(
@@ -369,7 +361,7 @@ impl DividedMaterial<'_> {
                     order: Order::ByPosition,
                 },
             )?;
-            return self.program(&module, &self.entries());
+            return self.program(&module, &reflect::stages(self.pass));
         }
         let functions = self.functions(&Text {
             attributes: &self.pass.attributes,
@@ -383,7 +375,10 @@ impl DividedMaterial<'_> {
             points: None,
             order: Order::ByPosition,
         })?;
-        self.program(&build::pulled(&functions, self.vertex), &self.entries())
+        self.program(
+            &build::pulled(&functions, self.vertex),
+            &reflect::stages(self.pass),
+        )
     }
 
     /// Adds the compute pass to `plan`. The main program reads its result.
@@ -401,7 +396,7 @@ impl DividedMaterial<'_> {
         let compute = self.program(&compute, &[(ShaderStage::Compute, &entry)])?;
         self.add_compute(plan, (compute, entry), subdivision, &layout);
         let main = stored::loaded(self.program.module().clone(), self.vertex, slots, &layout)?;
-        self.program(&main, &self.entries())
+        self.program(&main, &reflect::stages(self.pass))
     }
 
     /// Adds the compute pass at load to `plan`. The main program reads its result.
@@ -417,7 +412,7 @@ impl DividedMaterial<'_> {
         let functions = self.recorded(slots, subdivision, points, Order::ByPosition)?;
         let origins = self.origins()?;
         let main = fixed::read(&functions, self.vertex, &origins, &layout)?;
-        self.program(&main, &self.entries())
+        self.program(&main, &reflect::stages(self.pass))
     }
 
     /// The program that computes only the hoisted values, its entry point, and the storage layout.

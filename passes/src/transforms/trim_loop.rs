@@ -35,7 +35,6 @@ use crate::analysis::coverage::Decides;
 use crate::analysis::refusals as shared;
 use crate::analysis::simplify::{self, FragmentStage, Simplified};
 use crate::graph::counted::Counted;
-use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph, StmtId};
 use crate::rebuild::place::{Replacement, Rewrite, rewritten};
 use naga_operands as operands;
@@ -264,8 +263,7 @@ fn found(
     for id in meant {
         let f = graph.function(*id);
         let uses = uses(f.function);
-        let stores = [Effect::Store, Effect::ImageStore, Effect::Atomic];
-        let writes = graph.effects(*id).iter().any(|e| stores.contains(e));
+        let writes = graph.writes_memory(*id);
         let is_shared = others.iter().any(|entry| graph.reaches(*entry, *id));
         for (at, node) in f.statements.iter() {
             let is_loop = matches!(node.statement, Statement::Loop { .. });

@@ -19,8 +19,6 @@
 //! own interpolation; gradients as differences between pixels of the quad on the same triangle;
 //! facing from a bit of the id.
 
-use naga::ShaderStage;
-
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::Opaque;
 use crate::analysis::{refusals as shared, subnormal};
@@ -35,7 +33,7 @@ use preshade_plan::pass::{
 };
 use preshade_plan::plan::{Attachment, GpuPass, Plan, Role};
 use preshade_plan::rasterizer::Rasterizer;
-use preshade_plan::self_test;
+use preshade_plan::{reflect, self_test};
 use preshade_text::refusals::RefusalInfo;
 
 mod build;
@@ -213,15 +211,7 @@ fn alone(plan: &Plan) -> Plan {
     else {
         return plan;
     };
-    let stages = [
-        (ShaderStage::Vertex, Some(pass.vertex.as_str())),
-        (ShaderStage::Fragment, pass.fragment.as_deref()),
-    ];
-    let kept: Vec<(ShaderStage, &str)> = stages
-        .into_iter()
-        .filter_map(|(stage, name)| Some((stage, name?)))
-        .collect();
-    let mut module = place::retain(program.module(), &kept);
+    let mut module = place::retain(program.module(), &reflect::stages(&pass));
     names::without_ours(&mut module);
     // Removing items keeps a program valid.
     if let Ok(program) = program.with_module(module) {

@@ -10,6 +10,7 @@ use naga::ShaderStage;
 use preshade_ir::declared::Depth;
 use preshade_plan::plan::{GpuPass, Plan};
 use preshade_plan::program::Program;
+use preshade_plan::reflect;
 use preshade_plan::state::MaterialState;
 use preshade_text::source::Language;
 use preshade_validate::Effort;
@@ -90,17 +91,12 @@ impl Texts<'_> {
 
     /// The files of a pass. `None` if it is said already that one was not read.
     fn files(&self, pass: &GpuPass) -> Option<Vec<usize>> {
-        let fragment = pass.fragment.as_deref();
-        let stages = [
-            Some((ShaderStage::Vertex, pass.vertex.as_str())),
-            fragment.map(|name| (ShaderStage::Fragment, name)),
-        ];
         let at = |(stage, name): (ShaderStage, &str)| {
             let key = written_key(stage, name);
             let mut all = self.emitted.iter();
             all.position(|(_, stages)| stages.iter().any(|(k, _)| *k == key))
         };
-        let mut files: Vec<usize> = stages.into_iter().flatten().filter_map(at).collect();
+        let mut files: Vec<usize> = reflect::stages(pass).into_iter().filter_map(at).collect();
         files.dedup();
         let is_unread = |i: &usize| self.emitted[*i].1.iter().any(|(_, s)| s.unread.is_some());
         (!files.iter().any(is_unread)).then_some(files)

@@ -5,12 +5,12 @@ use naga::{
     Statement, TypeInner, UnaryOperator, VectorSize,
 };
 
-use super::{Edges, Found, derivatives, text};
+use super::{Edges, HalvedValues, derivatives, text};
 use crate::graph::FunctionId;
 use crate::rebuild::color;
 use crate::rebuild::outline::{self, Extracted, Failed, Names};
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
-use crate::rebuild::remainder::{self, Given};
+use crate::rebuild::remainder::Given;
 use crate::rebuild::snippet::{Linked, ours};
 use crate::slice::Termination;
 use preshade_plan::program::Program;
@@ -37,7 +37,7 @@ pub(super) struct Built {
     pub edges: Edges,
 }
 
-impl Found<'_, '_, '_> {
+impl HalvedValues<'_, '_, '_> {
     /// The programs of both passes.
     ///
     /// # Errors
@@ -48,8 +48,8 @@ impl Found<'_, '_, '_> {
         let fragment = pass.fragment.as_deref().unwrap_or_default();
         let computed = Called::new(outline::extract(
             program,
-            self.values,
-            &self.wanted,
+            self.moved.values,
+            &self.moved.wanted,
             &NAMES,
         )?);
         let mut module = computed.module;
@@ -57,7 +57,12 @@ impl Found<'_, '_, '_> {
         let mut guide = None;
         if !self.guides.is_empty() {
             let with = program.with_module(module)?;
-            let found = Called::new(outline::extract(&with, self.values, &self.guides, &GUIDE)?);
+            let found = Called::new(outline::extract(
+                &with,
+                self.moved.values,
+                &self.guides,
+                &GUIDE,
+            )?);
             module = found.module;
             guide = Some(found.part);
         }
@@ -85,13 +90,9 @@ impl Found<'_, '_, '_> {
         let read = &mut |build: &mut CodeBuilder<'_>| {
             self.read(build, read, &computed, guide.as_ref(), edges)
         };
-        let main = remainder::rebuild(program, &module, self.values, &self.wanted, loops, read)?;
-        let entries = [
-            (ShaderStage::Vertex, pass.vertex.as_str()),
-            (ShaderStage::Fragment, fragment),
-        ];
+        let main = self.moved.remainder(&module, loops, read)?;
         Ok(Built {
-            main: program.with_module(place::retain(&main, &entries))?,
+            main: program.with_module(place::retain(&main, &reflect::stages(pass)))?,
             half: program.with_module(half)?,
             entry,
             at,
@@ -123,7 +124,7 @@ impl Found<'_, '_, '_> {
         let id = FunctionId::EntryPoint(module.entry_points.len() - 1);
         Ok(place::rewritten(&module, id, |build| {
             let mut at = None;
-            let mut values = computed.called(build, self.wanted.len(), Some(pixel), &mut at);
+            let mut values = computed.called(build, self.moved.wanted.len(), Some(pixel), &mut at);
             if let Some(guide) = guide {
                 values.extend(guide.called(build, self.guides.len(), Some(pixel), &mut at));
             }
@@ -156,9 +157,9 @@ impl Found<'_, '_, '_> {
                 index: index as u32,
             })
         };
-        let count = self.wanted.len();
+        let count = self.moved.wanted.len();
         if edges == Edges::Blended {
-            return (self.wanted.iter().enumerate())
+            return (self.moved.wanted.iter().enumerate())
                 .map(|(i, wanted)| {
                     let value = member(build, i);
                     build.name(value, &wanted.name);
@@ -167,7 +168,7 @@ impl Found<'_, '_, '_> {
                 .collect();
         }
         let mut pointers = Vec::new();
-        for (i, wanted) in self.wanted.iter().enumerate() {
+        for (i, wanted) in self.moved.wanted.iter().enumerate() {
             let ty = build.ty(wanted.inner.clone());
             let pointer = build.local(&format!("half_rate_{}", wanted.name), ty);
             let value = member(build, i);
@@ -188,7 +189,7 @@ impl Found<'_, '_, '_> {
                 });
             }
         });
-        let loaded = pointers.iter().zip(&self.wanted).enumerate();
+        let loaded = pointers.iter().zip(&self.moved.wanted).enumerate();
         loaded
             .map(|(i, (pointer, wanted))| {
                 let value = build.named(&wanted.name, Expression::Load { pointer: *pointer });

@@ -1,15 +1,12 @@
 //! The plan with both passes, and the words for it.
 
 use super::build::Built;
-use super::{Edges, Found, HalfRate, Params, values};
-use crate::analysis::named::span;
-use crate::rebuild::outline;
+use super::{Edges, HalfRate, HalvedValues, Params, values};
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::Contract;
-use preshade_plan::guard::Guard;
-use preshade_plan::pass::{Change, Outcome, Pass, Site, SiteCost};
+use preshade_plan::pass::{Change, Outcome, Pass, SiteCost};
 use preshade_plan::plan::{
-    Attachment, BindingKind, BindingSource, BindingUse, Draws, GpuPass, ORIGINAL, Phase, Plan, Role,
+    Attachment, BindingKind, BindingSource, BindingUse, Draws, GpuPass, Phase, Plan, Role,
 };
 use preshade_plan::reflect;
 use preshade_plan::state::ColorTarget;
@@ -17,7 +14,7 @@ use preshade_plan::state::ColorTarget;
 /// Format of the targets: words, which no driver rounds.
 const FORMAT: &str = "rgba32uint";
 
-impl Found<'_, '_, '_> {
+impl HalvedValues<'_, '_, '_> {
     pub(super) fn outcome(
         self,
         plan: &Plan,
@@ -65,27 +62,16 @@ impl Found<'_, '_, '_> {
         next.programs.insert(main.program.clone(), built.main);
         next.programs
             .insert(Role::HalfRate.name().to_owned(), built.half);
-        let mut given = self.stage.given.clone();
-        next.assume(self.guard.clone(), &mut given);
-        let contract = Contract::Approximate { budget, given };
-        let change = self.change(built.edges);
-        next.add_step(HalfRate::INFO.name, params, &change, contract);
-        next.fallback = Some(ORIGINAL.to_owned());
-        Outcome {
-            plan: next,
-            change,
-            left: self.left,
-        }
+        let (given, change) = (self.stage.given.clone(), self.change(built.edges));
+        let step = (HalfRate::INFO.name, params);
+        let contract = |given| Contract::Approximate { budget, given };
+        self.moved.outcome(next, step, change, given, contract)
     }
 
     fn change(&self, edges: Edges) -> Change {
-        let moved = || self.choice.moved.iter().copied();
-        let sources = self.stage.graph.program().sources();
-        let names = self.wanted.iter().map(|w| format!("`{}`", w.name));
-        let names: Vec<String> = names.collect();
         let guides = self.choice.guides.iter();
         let guides: Vec<String> = guides
-            .map(|id| format!("`{}`", values::guide_name(self.values, *id)))
+            .map(|id| format!("`{}`", values::guide_name(self.moved.values, *id)))
             .collect();
         let guided = match guides.is_empty() {
             true => "no value tells edges".to_owned(),
@@ -98,29 +84,20 @@ impl Found<'_, '_, '_> {
                 "a pixel unlike its neighbours takes their mean, for they need derivatives"
             }
         };
-        Change {
-            key: Site {
-                role: Role::Main,
-                entry_point: self.stage.pass.fragment.clone().unwrap_or_default(),
-                slice: outline::hash(self.values, moved()),
-            },
-            what: format!(
-                "{}computes {} for one pixel of each 2x2 ({:.0} ops); {guided}, and {alone}; a \
-                 pixel costs {:.0} ops instead of {:.0}",
-                Guard::condition(self.guard.as_ref()),
-                names.join(", "),
-                self.choice.half,
-                self.choice.after,
-                self.choice.before
-            ),
-            location: moved()
-                .filter_map(|id| span(self.values, id))
-                .find_map(|span| sources.locate(span)),
-            cost: SiteCost {
-                slice: self.choice.before - self.choice.after,
-                whole: self.choice.before,
-            },
-        }
+        let choice = &self.choice;
+        let what = format!(
+            "computes {} for one pixel of each 2x2 ({:.0} ops); {guided}, and {alone}; a pixel \
+             costs {:.0} ops instead of {:.0}",
+            self.moved.names(),
+            choice.half,
+            choice.after,
+            choice.before
+        );
+        let cost = SiteCost {
+            slice: choice.saved(),
+            whole: choice.before,
+        };
+        self.moved.change(self.stage.pass, &what, cost)
     }
 }
 

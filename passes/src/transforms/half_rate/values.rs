@@ -11,7 +11,7 @@
 //! differ too. What only chooses the coordinates of other loads is no guide: a rotation of taps by a
 //! texture of noise differs from pixel to pixel, and says nothing about the surface.
 
-use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, Statement, TypeInner};
+use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, Statement};
 
 use crate::analysis::below::{below, is_cheap};
 use crate::analysis::cut::{self, Cut, Item};
@@ -52,7 +52,7 @@ const MOST_GUIDE: f64 = 64.0;
 
 /// Why a value stays in each pixel's stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stays {
+pub enum NotHalved {
     /// Larger areas than a few pixels share it.
     Uniform,
     /// It is no float, or vector of at most four.
@@ -72,7 +72,7 @@ pub enum Stays {
     Fine,
 }
 
-impl std::fmt::Display for Stays {
+impl std::fmt::Display for NotHalved {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::Uniform => "the draw decides it",
@@ -88,20 +88,20 @@ impl std::fmt::Display for Stays {
 }
 
 /// The verdicts on a stage's values, by value.
-pub fn judge(values: &Values<'_, '_>) -> Vec<Result<(), Stays>> {
+pub fn judge(values: &Values<'_, '_>) -> Vec<Result<(), NotHalved>> {
     let coverage = with_operands(values, values.coverage.clone());
     let (ends, iterated) = (LoopEnds::new(values), iterated(values));
     (0..values.values.len())
         .map(|id| {
-            let width = width(values, id).ok_or(Stays::Shape)?;
-            let (context, _, at) = values.expression(id).ok_or(Stays::Shape)?;
+            let width = width(values, id).ok_or(NotHalved::Shape)?;
+            let (context, _, at) = values.expression(id).ok_or(NotHalved::Shape)?;
             match () {
-                () if values.values[id].fact.rate <= Rate::Draw => Err(Stays::Uniform),
-                () if is_cheap(values, id, READ * f64::from(width)) => Err(Stays::Cheap),
-                () if coverage[id] => Err(Stays::Coverage),
-                () if !ends.may_end(id) => Err(Stays::MayNotEnd),
-                () if iterated[id] => Err(Stays::InLoop),
-                () if !is_always_run(values, context, at) => Err(Stays::Conditional),
+                () if values.values[id].fact.rate <= Rate::Draw => Err(NotHalved::Uniform),
+                () if is_cheap(values, id, READ * f64::from(width)) => Err(NotHalved::Cheap),
+                () if coverage[id] => Err(NotHalved::Coverage),
+                () if !ends.may_end(id) => Err(NotHalved::MayNotEnd),
+                () if iterated[id] => Err(NotHalved::InLoop),
+                () if !is_always_run(values, context, at) => Err(NotHalved::Conditional),
                 () => Ok(()),
             }
         })
@@ -130,18 +130,13 @@ fn is_always_run(values: &Values<'_, '_>, mut context: ContextId, mut at: StmtId
 
 /// Number of components of a value of 32-bit floats.
 pub fn width(values: &Values<'_, '_>, id: ValueId) -> Option<u8> {
-    let (context, e, _) = values.expression(id)?;
-    let (scalar, width) = match values.function(context).ty(values.graph.module(), e) {
-        TypeInner::Scalar(scalar) => (scalar, 1),
-        TypeInner::Vector { size, scalar } => (scalar, *size as u8),
-        _ => return None,
-    };
+    let (scalar, width) = values.shape(id)?;
     (scalar.width == 4 && scalar.kind == ScalarKind::Float).then_some(width)
 }
 
 /// What to compute at half rate.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Choice {
+pub struct CarriedValues {
     /// The carried values.
     pub moved: Vec<ValueId>,
     /// The guides.
@@ -154,7 +149,7 @@ pub struct Choice {
     pub half: f64,
 }
 
-impl Choice {
+impl CarriedValues {
     /// Static cost that a pixel saves.
     pub fn saved(&self) -> f64 {
         self.before - self.after
@@ -168,10 +163,10 @@ impl Choice {
 /// much: then it keeps its detail, and guides nothing.
 pub fn choose(
     values: &Values<'_, '_>,
-    verdicts: &[Result<(), Stays>],
+    verdicts: &[Result<(), NotHalved>],
     least: f64,
     guide: &dyn Fn(ValueId) -> bool,
-) -> Option<Choice> {
+) -> Option<CarriedValues> {
     let mut best = cheapest(values, verdicts, least, guide)?;
     let enough = ENOUGH * best.saved();
     let mut verdicts = verdicts.to_vec();
@@ -179,7 +174,7 @@ pub fn choose(
         let mut apart = verdicts.clone();
         for (verdict, depends) in apart.iter_mut().zip(with_users(values, vec![texel])) {
             if depends {
-                *verdict = Err(Stays::Fine);
+                *verdict = Err(NotHalved::Fine);
             }
         }
         let choice = cheapest(values, &apart, least, guide);
@@ -192,33 +187,30 @@ pub fn choose(
 
 fn cheapest(
     values: &Values<'_, '_>,
-    verdicts: &[Result<(), Stays>],
+    verdicts: &[Result<(), NotHalved>],
     least: f64,
     guide: &dyn Fn(ValueId) -> bool,
-) -> Option<Choice> {
-    let before = {
-        let items = cut::items(values, |_| None);
-        cut::minimum(&items, &values.roots)?.total(&items)
-    };
+) -> Option<CarriedValues> {
+    let before = cut::uncut(values)?;
     let items = cut::items(values, |id| price(values, verdicts, id));
     let cuts = cut::sweep(&items, &values.roots, &SWEEP)?;
     let choices = cuts.iter().filter_map(|cut| {
         let choice = choice(values, verdicts, &items, cut, before, guide)?;
         (choice.saved() >= least.max(1.0)).then_some(choice)
     });
-    let choices: Vec<Choice> = choices.collect();
-    let most = choices.iter().map(Choice::saved).fold(0.0, f64::max);
+    let choices: Vec<CarriedValues> = choices.collect();
+    let most = choices.iter().map(CarriedValues::saved).fold(0.0, f64::max);
     choices.into_iter().rfind(|c| c.saved() >= ENOUGH * most)
 }
 
 fn choice(
     values: &Values<'_, '_>,
-    verdicts: &[Result<(), Stays>],
+    verdicts: &[Result<(), NotHalved>],
     items: &[Item<'_>],
     cut: &Cut,
     before: f64,
     guide: &dyn Fn(ValueId) -> bool,
-) -> Option<Choice> {
+) -> Option<CarriedValues> {
     let mut moved = cut.carried.clone();
     moved.retain(|id| verdicts[*id].is_ok());
     let carried: u8 = moved.iter().filter_map(|id| width(values, *id)).sum();
@@ -238,7 +230,7 @@ fn choice(
     let targets = words(carried, widths.into_iter()).div_ceil(4);
     let half = below(values, moved.iter().chain(&guides).copied()).0;
     let read = LOADS * f64::from(targets) + WEIGHTS + COMPARED * guides.len() as f64;
-    Some(Choice {
+    Some(CarriedValues {
         after: cut.total(items) + below(values, guides.iter().copied()).0 + read + half / 4.0,
         moved,
         guides,
@@ -279,7 +271,7 @@ pub fn guide_name(values: &Values<'_, '_>, id: ValueId) -> String {
 }
 
 /// What giving a value costs each pixel; `None`: it must not move.
-fn price(values: &Values<'_, '_>, verdicts: &[Result<(), Stays>], id: ValueId) -> Option<f64> {
+fn price(values: &Values<'_, '_>, verdicts: &[Result<(), NotHalved>], id: ValueId) -> Option<f64> {
     let width = width(values, id).filter(|_| verdicts[id].is_ok())?;
     Some(READ * f64::from(width))
 }

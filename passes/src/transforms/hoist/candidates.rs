@@ -2,7 +2,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use super::movable::{self, Assumed, Class, Judged, Missed, Precision, Verdict};
+use super::movable::{self, Assumed, Class, Judged, NotHoisted, Precision, Verdict};
 use super::single::{Candidates, HoistStages};
 use super::{HoistMaterial, Params, choose};
 use crate::analysis::below;
@@ -65,7 +65,7 @@ fn as_chosen(
         if chosen.contains_key(&v) {
             *verdict = all.verdicts[v].clone();
         } else if is_smooth(verdict) {
-            *verdict = Err(Missed::NotChosen);
+            *verdict = Err(NotHoisted::NotChosen);
         }
     }
     let found: BTreeSet<&str> = chosen.values().map(String::as_str).collect();
@@ -92,15 +92,15 @@ fn as_measured(
             continue;
         }
         match ids.get(&v).and_then(|id| measured.get(id.as_str())) {
-            Some(f) if !f.is_finite() => *verdict = Err(Missed::MeasuredNotFinite),
+            Some(f) if !f.is_finite() => *verdict = Err(NotHoisted::MeasuredNotFinite),
             // A NaN exceeds every threshold.
             Some(f) if params.metric.of(f) <= threshold => {}
             Some(f) => {
-                *verdict = Err(Missed::Measured {
+                *verdict = Err(NotHoisted::Measured {
                     error: format!("{:.4}", params.metric.of(f)),
                 });
             }
-            None => *verdict = Err(Missed::NotMeasured),
+            None => *verdict = Err(NotHoisted::NotMeasured),
         }
     }
     verdicts
@@ -166,7 +166,7 @@ pub(super) fn describe(
 
 /// At most `most` approximable values, most expensive first, with their costs.
 fn dearest(values: &Values<'_, '_>, verdicts: &[Verdict], most: usize) -> Vec<(ValueId, f64)> {
-    let width = |v| choose::shape(values, v).map(|(_, w)| w);
+    let width = |v| values.shape(v).map(|(_, w)| w);
     let users = values.users();
     let smooth: Vec<ValueId> = (0..values.values.len())
         .filter(|v| is_smooth(&verdicts[*v]))

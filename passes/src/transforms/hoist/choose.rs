@@ -37,7 +37,7 @@ pub struct Terms {
 
 /// The values to hoist.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Choice {
+pub struct CarriedValues {
     /// Values to compute in the vertex stage.
     pub carried: Vec<(ValueId, Carriage)>,
     /// Their varyings; parts index `carried`.
@@ -56,7 +56,7 @@ pub struct Choice {
     pub rounded_anew: Vec<ValueId>,
 }
 
-impl Choice {
+impl CarriedValues {
     /// The weakest class among the moved values, and of the operations that stay.
     pub fn class(&self) -> Option<Class> {
         let moved = self.carried.iter().map(|(_, c)| c.class).max();
@@ -71,7 +71,7 @@ pub fn choose(
     judged: &Judged,
     most: f64,
     terms: &Terms,
-) -> Option<Choice> {
+) -> Option<CarriedValues> {
     let verdicts = &judged.verdicts;
     let before = {
         let items = items(values, verdicts, |_| false);
@@ -82,7 +82,7 @@ pub fn choose(
     cuts.dedup_by(|a, b| a.computed == b.computed && a.carried == b.carried);
     let pruned = Pruned::new(values);
     let decides = with_operands(values, values.coverage.clone());
-    let mut best: Option<(f64, Choice)> = None;
+    let mut best: Option<(f64, CarriedValues)> = None;
     for cut in &cuts {
         let Some(mut choice) = cut_at(values, verdicts, &items, cut, before) else {
             continue;
@@ -116,7 +116,7 @@ pub fn choose(
 }
 
 /// Moves one value whether or not it pays; `None` if it does not fit.
-pub fn one(values: &Values<'_, '_>, verdicts: &[Verdict], id: ValueId) -> Option<Choice> {
+pub fn one(values: &Values<'_, '_>, verdicts: &[Verdict], id: ValueId) -> Option<CarriedValues> {
     let mut items = items(values, verdicts, |_| false);
     let before = cut::minimum(&items, &values.roots)?.total(&items);
     // As with an incoming varying, the fragment stage cannot compute it.
@@ -136,7 +136,7 @@ fn cut_at(
     items: &[Item<'_>],
     cut: &Cut,
     before: f64,
-) -> Option<Choice> {
+) -> Option<CarriedValues> {
     let reserved = values.inputs.iter().filter(|io| {
         matches!(
             io.binding,
@@ -161,17 +161,17 @@ fn cut_at(
     let loads: Vec<Load> = carried
         .iter()
         .filter_map(|(id, carriage)| {
-            let (kind, width) = shape(values, *id)?;
+            let (scalar, width) = values.shape(*id)?;
             Some(Load {
                 width,
-                kind,
+                kind: scalar.kind,
                 carriage: *carriage,
             })
         })
         .collect();
     let slots = pack::pack(&loads, kept.len(), limit)?;
     let (vertex, read) = below(values, carried.iter().map(|(id, _)| *id));
-    Some(Choice {
+    Some(CarriedValues {
         after: cut.total(items),
         carried,
         slots,
@@ -198,7 +198,7 @@ fn items<'v>(
         }
         _ => {
             let carriage = verdicts[id].as_ref().ok().filter(|c| allowed(c))?;
-            let (_, width) = shape(values, id)?;
+            let (_, width) = values.shape(id)?;
             let flat = carriage.interpolated == Interpolated::Flat;
             Some(price(f64::from(width), flat))
         }
@@ -220,15 +220,5 @@ fn components(ty: &TypeInner) -> f64 {
     match ty {
         TypeInner::Vector { size, .. } => f64::from(*size as u8),
         _ => 1.0,
-    }
-}
-
-/// Scalar kind and number of components of a scalar or vector value.
-pub fn shape(values: &Values<'_, '_>, id: ValueId) -> Option<(naga::ScalarKind, u8)> {
-    let (context, e, _) = values.expression(id)?;
-    match values.function(context).ty(values.graph.module(), e) {
-        TypeInner::Scalar(s) => Some((s.kind, 1)),
-        TypeInner::Vector { size, scalar } => Some((scalar.kind, *size as u8)),
-        _ => None,
     }
 }

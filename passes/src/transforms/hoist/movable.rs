@@ -3,7 +3,7 @@
 use std::collections::VecDeque;
 use std::sync::Arc;
 
-use naga::{ScalarKind, TypeInner};
+use naga::ScalarKind;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -51,7 +51,7 @@ pub struct Carriage {
     Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
 )]
 #[serde(rename_all = "kebab-case", tag = "kind")]
-pub enum Missed {
+pub enum NotHoisted {
     /// No varying can hold it: a pointer, a struct, an array; or it is the same for every draw; or
     /// to compute it once costs a fragment no more than to read a varying.
     NotCarried,
@@ -108,7 +108,7 @@ pub enum Missed {
     },
 }
 
-impl From<discontinuity::Discontinuity> for Missed {
+impl From<discontinuity::Discontinuity> for NotHoisted {
     fn from(discontinuity: discontinuity::Discontinuity) -> Self {
         match discontinuity {
             discontinuity::Discontinuity::Own(operation) => Self::Discontinuous {
@@ -121,7 +121,7 @@ impl From<discontinuity::Discontinuity> for Missed {
     }
 }
 
-impl std::fmt::Display for Missed {
+impl std::fmt::Display for NotHoisted {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         match self {
             Self::NotCarried => f.write_str("a varying cannot hold its type"),
@@ -211,7 +211,7 @@ impl Assumed {
 }
 
 /// How a value may move, or why it must not.
-pub type Verdict = Result<Carriage, Missed>;
+pub type Verdict = Result<Carriage, NotHoisted>;
 
 /// The verdicts of a fragment stage's values.
 #[derive(Clone, Debug)]
@@ -251,7 +251,7 @@ pub(super) fn held_back(
     all: &[Verdict],
 ) -> Vec<Verdict> {
     let mut verdicts = all.to_vec();
-    let mut hold = |reasons: Vec<Option<Missed>>, holds: fn(&Carriage) -> bool| {
+    let mut hold = |reasons: Vec<Option<NotHoisted>>, holds: fn(&Carriage) -> bool| {
         for (verdict, reason) in verdicts.iter_mut().zip(reasons) {
             if let (Ok(carriage), Some(reason)) = (&*verdict, reason)
                 && carriage.class == Class::Smooth
@@ -268,7 +268,7 @@ pub(super) fn held_back(
     let ranges = AllRanges::new(values, values.cycles(), known, hazard::LARGEST_INPUT);
     if assumed.jumps == Jumps::Stay {
         let reached = discontinuity::reached(values, &ranges).into_iter();
-        hold(reached.map(|d| d.map(Missed::from)).collect(), |_| true);
+        hold(reached.map(|d| d.map(NotHoisted::from)).collect(), |_| true);
     }
     if assumed.finite == Finite::Proved {
         // A flat value is what every fragment computed, NaN or not.
@@ -301,23 +301,23 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
     let verdicts = (0..values.values.len())
         .map(|id| {
             let scalar = carried_scalar(values, id)?;
-            let (context, e, at) = values.expression(id).ok_or(Missed::NotCarried)?;
+            let (context, e, at) = values.expression(id).ok_or(NotHoisted::NotCarried)?;
             let fact = values.values[id].fact;
             if !fact.stages.vertex {
                 let because = what_pins(values, pins[id]);
-                return Err(Missed::Fragment { because });
+                return Err(NotHoisted::Fragment { because });
             }
             if subnormal[id] {
-                return Err(Missed::Subnormal);
+                return Err(NotHoisted::Subnormal);
             }
             if !ends.may_end(id) {
-                return Err(Missed::MayNotEnd);
+                return Err(NotHoisted::MayNotEnd);
             }
             if iterated[id] {
-                return Err(Missed::InLoop);
+                return Err(NotHoisted::InLoop);
             }
             if values.control_rate(context, at) > Rate::Draw {
-                return Err(Missed::Conditional);
+                return Err(NotHoisted::Conditional);
             }
             let carriage = |class, interpolated, at| Carriage {
                 class,
@@ -325,16 +325,16 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
                 at,
             };
             let (interpolated, at) = match fact.rate {
-                Rate::Const => return Err(Missed::NotCarried),
+                Rate::Const => return Err(NotHoisted::NotCarried),
                 Rate::Draw | Rate::Instance | Rate::Varying(Interpolated::Flat, _) => {
                     if fact.rate == Rate::Draw && is_cheap(values, id) {
-                        return Err(Missed::NotCarried);
+                        return Err(NotHoisted::NotCarried);
                     }
                     // A compiler that fuses it into its reader rounds otherwise than one that does
                     // not see both.
                     let class = match unsteady[id] {
                         false => Class::Exact,
-                        true if coverage[id] => return Err(Missed::Coverage),
+                        true if coverage[id] => return Err(NotHoisted::Coverage),
                         true if roundings.of(id) <= precision.most => Class::Affine,
                         true => Class::Smooth,
                     };
@@ -342,22 +342,24 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
                 }
                 Rate::Varying(interpolated, at) => (interpolated, at),
                 Rate::Mixed => (Interpolated::Perspective, At::Center),
-                Rate::Vertex | Rate::Fragment | Rate::Sample => return Err(Missed::FlatAndSmooth),
+                Rate::Vertex | Rate::Fragment | Rate::Sample => {
+                    return Err(NotHoisted::FlatAndSmooth);
+                }
             };
             if scalar != ScalarKind::Float {
-                return Err(Missed::Discontinuous {
+                return Err(NotHoisted::Discontinuous {
                     operation: "an integer".to_owned(),
                 });
             }
             // In two varyings, a compiler no longer sees that two names are one component.
             if forms[id] == Form::Part && is_twin(id) {
-                return Err(Missed::NotCarried);
+                return Err(NotHoisted::NotCarried);
             }
             if forms[id] == Form::Part {
                 return Ok(carriage(Class::Exact, interpolated, at));
             }
             if coverage[id] {
-                return Err(Missed::Coverage);
+                return Err(NotHoisted::Coverage);
             }
             if forms[id] == Form::Affine && roundings.of(id) <= precision.most {
                 return Ok(carriage(Class::Affine, interpolated, at));
@@ -365,7 +367,7 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
             let expression = &values.function(context).function.expressions[e];
             if let Some(found) = operations::discontinuity(expression) {
                 let operation = found.name.to_owned();
-                return Err(Missed::Discontinuous { operation });
+                return Err(NotHoisted::Discontinuous { operation });
             }
             Ok(carriage(Class::Smooth, interpolated, at))
         })
@@ -381,27 +383,18 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
 /// Whether a constant of the draw costs a fragment no more to compute once than to read from a flat
 /// varying.
 fn is_cheap(values: &Values<'_, '_>, id: ValueId) -> bool {
-    let shape = choose::shape(values, id);
+    let shape = values.shape(id);
     shape.is_some_and(|(_, width)| {
         below::is_cheap(values, id, choose::FLAT_PRICE * f64::from(width))
     })
 }
 
 /// Scalar type of a value that a varying can hold: 32-bit scalars and vectors.
-fn carried_scalar(values: &Values<'_, '_>, id: ValueId) -> Result<ScalarKind, Missed> {
-    let Some((context, e, _)) = values.expression(id) else {
-        return Err(match values.values[id].node {
-            Node::Input(_) => Missed::Varying,
-            _ => Missed::NotCarried,
-        });
-    };
-    match values.function(context).ty(values.graph.module(), e) {
-        TypeInner::Scalar(s) | TypeInner::Vector { scalar: s, .. }
-            if s.width == 4 && s.kind != ScalarKind::Bool =>
-        {
-            Ok(s.kind)
-        }
-        _ => Err(Missed::NotCarried),
+fn carried_scalar(values: &Values<'_, '_>, id: ValueId) -> Result<ScalarKind, NotHoisted> {
+    match values.shape(id) {
+        Some((s, _)) if s.width == 4 && s.kind != ScalarKind::Bool => Ok(s.kind),
+        _ if matches!(values.values[id].node, Node::Input(_)) => Err(NotHoisted::Varying),
+        _ => Err(NotHoisted::NotCarried),
     }
 }
 
@@ -469,24 +462,25 @@ fn what_pins(values: &Values<'_, '_>, pin: Option<ValueId>) -> String {
 }
 
 /// For each value, an operation in its computation whose result may be NaN or infinite.
-fn hazards(values: &Values<'_, '_>, ranges: &AllRanges) -> Vec<Option<Missed>> {
+fn hazards(values: &Values<'_, '_>, ranges: &AllRanges) -> Vec<Option<NotHoisted>> {
     let computed = AllRanges::computed(values, values.cycles());
     let users = values.users();
     let hazard = |id: ValueId| {
         let (context, e, _) = values.expression(id)?;
         let undefined = hazard::undefined(values, &computed, context, e);
-        let undefined = undefined.map(|operation| Missed::MayNotBeFinite {
+        let undefined = undefined.map(|operation| NotHoisted::MayNotBeFinite {
             operation: operation.to_owned(),
         });
         undefined.or_else(|| {
-            hazard::overflow(values, ranges, id).map(|operation| Missed::MayOverflow {
+            hazard::overflow(values, ranges, id).map(|operation| NotHoisted::MayOverflow {
                 operation: operation.to_owned(),
             })
         })
     };
-    let mut hazards: Vec<Option<Missed>> = (0..values.values.len()).map(hazard).collect();
+    let mut hazards: Vec<Option<NotHoisted>> = (0..values.values.len()).map(hazard).collect();
     // An undefined result explains more than the overflow it causes.
-    let is_undefined = |h: &Option<Missed>| matches!(h, Some(Missed::MayNotBeFinite { .. }));
+    let is_undefined =
+        |h: &Option<NotHoisted>| matches!(h, Some(NotHoisted::MayNotBeFinite { .. }));
     let (undefined, rest): (Vec<ValueId>, Vec<ValueId>) = (0..hazards.len())
         .filter(|id| hazards[*id].is_some())
         .partition(|id| is_undefined(&hazards[*id]));

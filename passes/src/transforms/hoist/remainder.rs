@@ -10,14 +10,12 @@ use naga::{
 
 use super::pack::{self, VaryingSlot};
 use crate::analysis::named;
-use crate::analysis::values::Values;
 use crate::graph::rate::{At, Interpolated};
+use crate::rebuild::moved::MovedValues;
 use crate::rebuild::outline::{Failed, Wanted};
 use crate::rebuild::place::CodeBuilder;
-use crate::rebuild::remainder;
 use crate::slice::Termination;
 use preshade_ir::interface;
-use preshade_plan::program::Program;
 
 /// The remaining fragment stage in its module.
 #[derive(Clone, Debug)]
@@ -30,24 +28,20 @@ pub struct Remainder {
     pub locations: Vec<u32>,
 }
 
-/// The module with unchanged author's functions, and the fragment entry point of `values` reading
-/// `wanted` from `slots`. `termination` is of the loops that decide nothing more.
+/// The module with unchanged author's functions, and the fragment entry point that reads the moved
+/// values from `slots`.
 ///
 /// # Errors
 /// [`Failed`].
 pub fn rebuild(
-    program: &Program,
     module: &Module,
-    values: &Values<'_, '_>,
-    wanted: &[Wanted],
+    moved: &MovedValues<'_, '_, '_>,
     slots: &[VaryingSlot],
-    termination: Termination,
 ) -> Result<Remainder, Failed> {
-    let entry = values.entry;
-    let mut module =
-        remainder::rebuild(program, module, values, wanted, termination, &mut |build| {
-            from_varyings(build, wanted, slots)
-        })?;
+    let entry = moved.values.entry;
+    let loops = Termination::under(moved.guard.as_ref());
+    let read = &mut |build: &mut CodeBuilder<'_>| from_varyings(build, &moved.wanted, slots);
+    let mut module = moved.remainder(module, loops, read)?;
     let placed = &module.entry_points[entry].function;
     let kept: BTreeSet<u32> = interface::inputs(&module, placed)
         .iter()

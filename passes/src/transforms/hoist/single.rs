@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::candidates::{self, Candidate};
 use super::movable::{self, Class, Precision, Verdict};
-use super::{Found, Hoist, HoistMaterial, Params, choose, refusals, refuse};
+use super::{Hoist, HoistMaterial, HoistedValues, Params, choose, refusals, refuse};
 use crate::analysis::values::{ValueId, Values};
 use crate::graph::Graph;
 use crate::rebuild::outline;
@@ -94,7 +94,8 @@ impl<'a, 'p> Candidates<'a, 'p> {
         let program = found
             .rebuild(material)
             .map_err(|why| Box::new(refuse(why)))?;
-        Ok(found.plan(self.stages.plan, material, program, &params, Vec::new()))
+        let outcome = found.outcome(self.stages.plan, material, program, &params, Vec::new());
+        Ok(outcome.plan)
     }
 
     /// The function that computes one value. `id` is [`Candidate::id`].
@@ -104,7 +105,7 @@ impl<'a, 'p> Candidates<'a, 'p> {
     pub fn computed(&self, id: &str) -> Result<Computed, Box<Refusal>> {
         let material = &self.stages.material;
         let found = self.one(id)?;
-        let hoisted = outline::add(material.program, &self.values, &found.wanted);
+        let hoisted = outline::add(material.program, &self.values, &found.moved.wanted);
         let hoisted = hoisted.map_err(|why| Box::new(refuse(why)))?;
         Ok(Computed {
             module: hoisted.module,
@@ -114,7 +115,7 @@ impl<'a, 'p> Candidates<'a, 'p> {
         })
     }
 
-    fn one(&self, id: &str) -> Result<Found<'_, 'a, 'p>, Box<Refusal>> {
+    fn one(&self, id: &str) -> Result<HoistedValues<'_, 'a, 'p>, Box<Refusal>> {
         let (values, verdicts) = (&self.values, &self.verdicts);
         let candidate = self.found.iter().find(|(_, c)| c.id == id).map(|(v, _)| *v);
         let value = candidate.or_else(|| {
@@ -131,8 +132,7 @@ impl<'a, 'p> Candidates<'a, 'p> {
                 "use one that `preshade explain --scene` lists",
             )));
         };
-        let material = &self.stages.material;
-        Ok(Found::of(values, choice, Vec::new(), material))
+        Ok(HoistedValues::of(values, choice, Vec::new()))
     }
 }
 

@@ -7,7 +7,7 @@
 
 use std::collections::BTreeSet;
 
-use naga::{AddressSpace, Expression, Handle, ResourceBinding, ScalarKind, TypeInner};
+use naga::{AddressSpace, Expression, Handle, ResourceBinding, ScalarKind};
 
 use crate::analysis::below::{below, is_cheap};
 use crate::analysis::contraction::{self, Pruned};
@@ -40,7 +40,7 @@ pub enum Class {
 
 /// Why a value that only the draw decides stays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Stays {
+pub enum NotOncePerDraw {
     /// It changes more often, or never.
     NotOfDraw,
     /// It is no whole 32-bit scalar or vector, or costs no more than reading it.
@@ -69,7 +69,7 @@ pub enum Stays {
     RoundsFar,
 }
 
-impl std::fmt::Display for Stays {
+impl std::fmt::Display for NotOncePerDraw {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
         f.write_str(match self {
             Self::NotOfDraw => "the draw alone does not decide it",
@@ -105,7 +105,7 @@ impl std::fmt::Display for Stays {
 #[derive(Clone, Debug)]
 pub struct Judged {
     /// By value.
-    pub verdicts: Vec<Result<Class, Stays>>,
+    pub verdicts: Vec<Result<Class, NotOncePerDraw>>,
     roundings: Roundings,
     most: f64,
 }
@@ -129,24 +129,26 @@ pub fn judge(
     let verdicts = (0..values.values.len())
         .map(|id| {
             if !is_of_draw(id) {
-                return Err(Stays::NotOfDraw);
+                return Err(NotOncePerDraw::NotOfDraw);
             }
-            let width = shape(values, id).ok_or(Stays::NotWorth)?;
-            let (context, _, at) = values.expression(id).ok_or(Stays::NotWorth)?;
+            let width = shape(values, id).ok_or(NotOncePerDraw::NotWorth)?;
+            let (context, _, at) = values.expression(id).ok_or(NotOncePerDraw::NotWorth)?;
             if is_cheap(values, id, READ * f64::from(width)) {
-                return Err(Stays::NotWorth);
+                return Err(NotOncePerDraw::NotWorth);
             }
             match foreign[id] {
                 Some(stays) => Err(stays),
-                None if subnormal[id] => Err(Stays::Subnormal),
+                None if subnormal[id] => Err(NotOncePerDraw::Subnormal),
                 // The compute pass runs for draws that cover nothing, too.
-                None if !ends.may_end(id) => Err(Stays::MayNotEnd),
-                None if iterated[id] => Err(Stays::InLoop),
-                None if values.control_rate(context, at) > Rate::Draw => Err(Stays::Conditional),
+                None if !ends.may_end(id) => Err(NotOncePerDraw::MayNotEnd),
+                None if iterated[id] => Err(NotOncePerDraw::InLoop),
+                None if values.control_rate(context, at) > Rate::Draw => {
+                    Err(NotOncePerDraw::Conditional)
+                }
                 None if !unsteady[id] => Ok(Class::Exact),
-                None if coverage[id] => Err(Stays::Coverage),
+                None if coverage[id] => Err(NotOncePerDraw::Coverage),
                 None if roundings.of(id) <= most => Ok(Class::Rounded),
-                None => Err(Stays::RoundsFar),
+                None => Err(NotOncePerDraw::RoundsFar),
             }
         })
         .collect();
@@ -161,21 +163,21 @@ pub fn judge(
 fn foreign(
     values: &Values<'_, '_>,
     is_steady: &dyn Fn(&ResourceBinding) -> bool,
-) -> Vec<Option<Stays>> {
+) -> Vec<Option<NotOncePerDraw>> {
     let module = values.graph.module();
     let own = |id: ValueId| match values.values[id].node {
-        Node::Input(_) => Some(Stays::Input),
+        Node::Input(_) => Some(NotOncePerDraw::Input),
         Node::Expression(context, e, _) => {
             let f = values.function(context);
             match &f.function.expressions[e] {
                 read if texture(read).is_some() => {
                     let at = texture(read).and_then(|image| binding(values, context, image));
-                    (!at.is_some_and(is_steady)).then_some(Stays::Texture)
+                    (!at.is_some_and(is_steady)).then_some(NotOncePerDraw::Texture)
                 }
-                Expression::Override(_) => Some(Stays::Override),
+                Expression::Override(_) => Some(NotOncePerDraw::Override),
                 Expression::Load { pointer } => match f.ty(module, *pointer).pointer_space() {
-                    Some(AddressSpace::Immediate) => Some(Stays::Immediate),
-                    Some(AddressSpace::Storage { .. }) => Some(Stays::Buffer),
+                    Some(AddressSpace::Immediate) => Some(NotOncePerDraw::Immediate),
+                    Some(AddressSpace::Storage { .. }) => Some(NotOncePerDraw::Buffer),
                     _ => None,
                 },
                 _ => None,
@@ -185,11 +187,11 @@ fn foreign(
     };
     let mut found = vec![None; values.values.len()];
     for stays in [
-        Stays::Input,
-        Stays::Texture,
-        Stays::Buffer,
-        Stays::Immediate,
-        Stays::Override,
+        NotOncePerDraw::Input,
+        NotOncePerDraw::Texture,
+        NotOncePerDraw::Buffer,
+        NotOncePerDraw::Immediate,
+        NotOncePerDraw::Override,
     ] {
         let all = 0..values.values.len();
         let from = all.filter(|id| own(*id) == Some(stays)).collect();
@@ -199,7 +201,7 @@ fn foreign(
     }
     let of_draw = |id: &ValueId| values.values[*id].fact.rate <= Rate::Draw;
     let conditions = (0..found.len()).map(|id| found[values.condition(id).filter(of_draw)?]);
-    let conditions: Vec<Option<Stays>> = conditions.collect();
+    let conditions: Vec<Option<NotOncePerDraw>> = conditions.collect();
     for (known, condition) in found.iter_mut().zip(conditions) {
         *known = known.or(condition);
     }
@@ -251,13 +253,7 @@ pub fn textures(values: &Values<'_, '_>, ids: &[ValueId]) -> BTreeSet<String> {
 
 /// Number of components of a 32-bit scalar or vector of numbers.
 fn shape(values: &Values<'_, '_>, id: ValueId) -> Option<u8> {
-    let (context, e, _) = values.expression(id)?;
-    let f = values.function(context);
-    let (scalar, width) = match f.ty(values.graph.module(), e) {
-        TypeInner::Scalar(scalar) => (scalar, 1),
-        TypeInner::Vector { size, scalar } => (scalar, *size as u8),
-        _ => return None,
-    };
+    let (scalar, width) = values.shape(id)?;
     (scalar.width == 4 && scalar.kind != ScalarKind::Bool).then_some(width)
 }
 
@@ -274,7 +270,7 @@ pub struct Terms {
 
 /// The values to compute once a draw.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Choice {
+pub struct StoredValues {
     /// The values, in the order in which they are stored.
     pub moved: Vec<ValueId>,
     /// What moving them may change.
@@ -290,15 +286,12 @@ pub struct Choice {
 }
 
 /// The choice that saves an invocation most; `None` if none saves enough.
-pub fn choose(values: &Values<'_, '_>, judged: &Judged, terms: &Terms) -> Option<Choice> {
-    let before = {
-        let items = cut::items(values, |_| None);
-        cut::minimum(&items, &values.roots)?.total(&items)
-    };
+pub fn choose(values: &Values<'_, '_>, judged: &Judged, terms: &Terms) -> Option<StoredValues> {
+    let before = cut::uncut(values)?;
     let items = cut::items(values, |id| price(values, judged, terms.weakest, id));
     let pruned = Pruned::new(values);
     let decides = with_operands(values, values.coverage.clone());
-    let mut best: Option<Choice> = None;
+    let mut best: Option<StoredValues> = None;
     for cut in cut::sweep(&items, &values.roots, &SWEEP)? {
         let anew = pruned.rounded_anew(|id| cut.computed[id], |_| true);
         if anew.iter().any(|id| decides[*id]) {
@@ -324,7 +317,7 @@ fn choice(
     cut: &Cut,
     anew: &[ValueId],
     [before, after]: [f64; 2],
-) -> Option<Choice> {
+) -> Option<StoredValues> {
     let class_of = |id: &ValueId| judged.verdicts[*id].as_ref().ok();
     let mut moved = cut.carried.clone();
     moved.retain(|id| class_of(id).is_some());
@@ -337,7 +330,7 @@ fn choice(
         return None;
     }
     let roundings = below(values, rounded.iter().copied()).0.ceil() as u32 + anew.len() as u32;
-    Some(Choice {
+    Some(StoredValues {
         moved: stored(values, moved.clone()),
         class: match is_exact {
             true => Class::Exact,

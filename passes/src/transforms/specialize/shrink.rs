@@ -5,7 +5,6 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Binding, Module, ShaderStage};
 
-use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::place::{self, PositionInvariance};
 use crate::slice::{self, Criterion, OutputFilter, Termination};
@@ -88,9 +87,7 @@ fn sliced(
     criteria: &[Criterion],
 ) -> Result<Option<(Program, String)>, Box<Invalid>> {
     let graph = Graph::build(program);
-    let writes = [Effect::Store, Effect::ImageStore, Effect::Atomic];
-    let effects = graph.effects(FunctionId::EntryPoint(entry));
-    if effects.iter().any(|e| writes.contains(e)) {
+    if graph.writes_memory(FunctionId::EntryPoint(entry)) {
         return Ok(None);
     }
     let slice = slice::backward_with(&graph, entry, criteria, Termination::Preserved);

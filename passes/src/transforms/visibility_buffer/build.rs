@@ -20,7 +20,6 @@ use preshade_plan::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, ClearValue, ComputePass, Draws,
     GeometryPart, GpuPass, Phase, Plan, Role, VertexBuffer, When,
 };
-use preshade_plan::reflect;
 use preshade_plan::state::{
     AttachmentOps, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat, DepthState,
     PrimitiveState, Topology,

@@ -6,6 +6,7 @@ use std::collections::BTreeSet;
 use naga::{BinaryOperator, Expression, Handle, Literal, MathFunction, TypeInner};
 
 use super::{At, Changes, Instead, Reads, Stage};
+use naga_operands as operands;
 
 /// What a value is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -106,13 +107,13 @@ impl Search<'_, '_, '_> {
         let module = self.stage.values.graph.module();
         let here = |e| (context, e);
         match &f.function.expressions[e] {
-            Expression::Unary { expr, .. }
-            | Expression::As { expr, .. }
-            | Expression::Splat { value: expr, .. }
-            | Expression::Derivative { expr, .. } => self.in_place(at, &[here(*expr)]),
-            Expression::Compose { components, .. } => {
-                let all: Vec<At> = components.iter().copied().map(here).collect();
-                self.in_place(at, &all)
+            expression @ (Expression::Unary { .. }
+            | Expression::As { .. }
+            | Expression::Splat { .. }
+            | Expression::Derivative { .. }
+            | Expression::Compose { .. }) => {
+                let all = operands::of_expression(expression).into_iter().map(here);
+                self.in_place(at, &all.collect::<Vec<_>>())
             }
             Expression::Swizzle {
                 size,
