@@ -70,6 +70,16 @@ impl<'a> Opaque<'a> {
         implicit_inputs::has_invariant_position(self.program, self.vertex)
     }
 
+    /// Whether what decides coverage or depth reads the rasteriser's depth
+    /// ([`coverage::reads_rasterised_depth`]).
+    pub fn reads_rasterised_depth(&self) -> bool {
+        let deciding = self.fragment.filter(|_| self.decides.anything());
+        deciding.is_some_and(|fragment| {
+            let slice = self.decides.slice(&self.graph, fragment);
+            coverage::reads_rasterised_depth(self.program, &slice)
+        })
+    }
+
     /// The strict comparison for the depth direction.
     pub fn strict(&self) -> CompareFunction {
         match self.direction {

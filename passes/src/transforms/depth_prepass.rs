@@ -39,7 +39,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::{self, Opaque};
-use crate::analysis::{coverage, effects, refusals as shared};
+use crate::analysis::{effects, refusals as shared};
 use crate::graph::FunctionId;
 use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
 use crate::rebuild::depth_pass::{self, PrepassProgram};
@@ -307,11 +307,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
 /// than the main pass. If the stage writes depth, the rasteriser has no bias and there is no
 /// conflict.
 fn reads_biased_depth(opaque: &Opaque) -> Option<Refusal> {
-    let fragment = opaque
-        .fragment
-        .filter(|_| opaque.decides.anything() && !opaque.decides.depth)?;
-    let slice = opaque.decides.slice(&opaque.graph, fragment);
-    coverage::reads_rasterised_depth(opaque.program, &slice).then(|| {
+    (!opaque.decides.depth && opaque.reads_rasterised_depth()).then(|| {
         Refusal::new(
             DepthPrepass::INFO.name,
             &shared::BIASED_POSITION,

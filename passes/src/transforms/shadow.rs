@@ -18,7 +18,6 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::analysis::coverage;
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::view::{self, Said};
 use crate::rebuild::depth_only::{self, VertexStage};
@@ -101,11 +100,7 @@ impl Pass for Shadow {
         });
         let step = slice.step(&opaque, Self::INFO.name, params, Contract::exact());
         next.steps.push(step);
-        let decided = opaque.fragment.filter(|_| opaque.decides.anything());
-        if decided.is_some_and(|fragment| {
-            let slice = opaque.decides.slice(&opaque.graph, fragment);
-            coverage::reads_rasterised_depth(opaque.program, &slice)
-        }) {
+        if opaque.reads_rasterised_depth() {
             next.notes.push(
                 "what the shadow pass discards, or writes as depth, depends on the z of \
                  @builtin(position): there that is the light's depth, on some APIs with the bias \

@@ -136,6 +136,20 @@ impl<'m> CodeBuilder<'m> {
         self.writer.statement(statement, Span::UNDEFINED);
     }
 
+    /// Calls a function with new inputs of its arguments' names, types and bindings.
+    pub fn call_with_inputs(
+        &mut self,
+        function: Handle<Function>,
+        arguments: &[FunctionArgument],
+    ) -> Option<Handle<Expression>> {
+        let inputs = arguments.iter().map(|a| {
+            let name = a.name.as_deref().unwrap_or("input");
+            self.argument(name, a.ty, a.binding.clone())
+        });
+        let inputs = inputs.collect();
+        self.call(function, inputs)
+    }
+
     /// Calls a function; returns its result, if it has one.
     pub fn call(
         &mut self,

@@ -95,14 +95,7 @@ pub fn rebuild(
         &module,
         crate::graph::FunctionId::EntryPoint(vertex),
         |build| {
-            let passed = inputs
-                .iter()
-                .map(|a| {
-                    let name = a.name.as_deref().unwrap_or("input");
-                    build.argument(name, a.ty, a.binding.clone())
-                })
-                .collect();
-            let Some(from_author) = build.call(author, passed) else {
+            let Some(from_author) = build.call_with_inputs(author, &inputs) else {
                 failed = Some(Failed::Built("the vertex stage gives nothing".to_owned()));
                 return Rewrite::default();
             };

@@ -198,15 +198,7 @@ fn corner(module: &Module, entry: usize, split: &Split) -> Module {
         ..naga::Function::default()
     };
     place::rewritten(&module, FunctionId::EntryPoint(entry), |build| {
-        let passed = split
-            .inputs
-            .iter()
-            .map(|a| {
-                let name = a.name.as_deref().unwrap_or("input");
-                build.argument(name, a.ty, a.binding.clone())
-            })
-            .collect();
-        let value = build.call(split.author, passed);
+        let value = build.call_with_inputs(split.author, &split.inputs);
         build.statement(Statement::Return { value });
         Rewrite::default()
     })

@@ -94,15 +94,7 @@ impl IdStage {
     }
 
     fn call(&self, build: &mut CodeBuilder<'_>) -> Option<Handle<Expression>> {
-        let passed = self
-            .arguments
-            .iter()
-            .map(|a| {
-                let name = a.name.as_deref().unwrap_or("input");
-                build.argument(name, a.ty, a.binding.clone())
-            })
-            .collect();
-        build.call(self.function, passed)
+        build.call_with_inputs(self.function, &self.arguments)
     }
 }
 
