@@ -2,9 +2,6 @@
 //! hosts in C, and cargo on the example host. `scripts/setup.sh accept three native` installs them. A
 //! test fails if its program is missing.
 
-<<<<<<< HEAD
-#![allow(clippy::unwrap_used, clippy::panic, missing_docs)]
-=======
 #![cfg(all(feature = "glsl", feature = "spirv"))]
 #![allow(
     clippy::unwrap_used,
@@ -12,7 +9,6 @@
     clippy::too_many_lines,
     missing_docs
 )]
->>>>>>> 87e74672 (Clippy warns of functions over 120 lines)
 
 mod accept;
 #[path = "../support/fixtures_support.rs"]
