@@ -9,7 +9,7 @@ fn main() -> Result<(), Box<dyn Error>> {
     let [file, folder] = &arguments[..] else {
         return Err("expected FILE.wgsl FOLDER".into());
     };
-    let built = preshade::configure()
+    let built = preshade_compiler::build_script::configure()
         .pass("depth-prepass:form=biased")
         .variant("early_discard", ["early-discard:quad=vote"])
         .out_dir(folder)

@@ -18,7 +18,7 @@ use std::path::{Path, PathBuf};
 
 use preshade_compiler::recipe::Recipe;
 use preshade_lab::measure;
-use preshade_lab::measure::truth::{Nearer, Points, Spread, truth};
+use preshade_lab::measure::reference::{Nearer, Points, Spread, truth};
 use preshade_passes::examples;
 use preshade_plan::pass::Use;
 

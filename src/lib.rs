@@ -32,6 +32,7 @@
 //!   returns a `Report` of errors and times.
 //!
 //! The crates below this one are preshade's own: they may change in any release.
+#![warn(missing_docs)]
 
 #[cfg(feature = "compiler")]
 pub use preshade_compiler::build_script::{self, compile, configure};

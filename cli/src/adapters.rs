@@ -22,7 +22,6 @@ struct Listing<'a> {
     adapters: &'a [render::AdapterReport],
 }
 
-/// Lists the adapters.
 pub fn run(args: &AdaptersArgs) -> Result<Ending, Failure> {
     let adapters = render::adapters();
     match args.format {

@@ -16,9 +16,9 @@ use preshade_validate::Effort;
 use preshade_validate::agree::{self, Agreement, Question, Relation};
 use rayon::prelude::*;
 
-use crate::beside::SceneArgs;
+use crate::agree_inputs::{self, Asked};
+use crate::agree_scene::SceneArgs;
 use crate::input::{Clip, ShaderArgs, is_stdin};
-use crate::pairs::{self, Asked};
 use crate::trees::{self, Tree};
 use crate::{Ending, Failure, output};
 
@@ -166,7 +166,7 @@ impl AgreeArgs {
             };
             let tree = Tree::open(folder)?;
             return Ok(Everything {
-                pairs: pairs::read(file, tree.path(), &self.shader)?,
+                pairs: agree_inputs::read(file, tree.path(), &self.shader)?,
                 trees: vec![tree],
                 ..Everything::default()
             });
@@ -227,9 +227,9 @@ impl AgreeArgs {
 /// Runs the command.
 pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
     let waivers = match &args.waivers {
-        Some(path) => pairs::waivers(path)?,
+        Some(path) => agree_inputs::waivers(path)?,
         None => match &args.pairs {
-            Some(path) => pairs::waivers_beside(path)?,
+            Some(path) => agree_inputs::waivers_beside(path)?,
             None => Vec::new(),
         },
     };

@@ -17,7 +17,7 @@ use preshade_text::files;
 use crate::evaluate::{self, Settings};
 use crate::input::ShaderArgs;
 use crate::jobs::{self, Input};
-use crate::many::Job;
+use crate::materials::Job;
 use crate::plan::{self, PlanArgs};
 use crate::verify::command;
 use crate::{Cli, Ending, Failure, Table, flags, merge, output, worker};

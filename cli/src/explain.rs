@@ -17,7 +17,7 @@ use preshade_plan::plan::Plan;
 
 use crate::input::{Materials, ShaderArgs};
 use crate::view::ViewArgs;
-use crate::{Ending, Failure, Format, guesses, many, output};
+use crate::{Ending, Failure, Format, guesses, materials, output};
 
 /// Arguments of `explain`.
 #[derive(clap::Args)]
@@ -106,7 +106,7 @@ pub fn run(args: &ExplainArgs) -> Result<Ending, Failure> {
             "error: --camera and --size are for --scene: nothing else is drawn".to_owned(),
         ));
     }
-    let stages = many::between(&args.shader.files);
+    let stages = materials::between(&args.shader.files);
     stages.iter().for_each(|note| output::message(note));
     if scene.is_none() {
         let depth_alone = plans.iter().filter_map(draws_depth_alone);

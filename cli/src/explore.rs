@@ -22,7 +22,7 @@ use crate::verify::{
     FormArg, OrderArg, check_budget, check_folder, command, grouped, parse_seconds,
 };
 use crate::view::ViewArgs;
-use crate::{Ending, Failure, Table, evaluate, flags, guesses, many, output, results, worker};
+use crate::{Ending, Failure, Table, evaluate, flags, guesses, materials, output, results, worker};
 
 /// Arguments of `explore`.
 #[derive(clap::Args)]
@@ -128,12 +128,17 @@ pub fn run(args: &ExploreArgs) -> Result<Ending, Failure> {
             format: args.format,
             out: args.out.as_deref(),
         };
-        return results::explore(file, &many::drawn(args.shader.clone())?, args.budget, &to);
+        return results::explore(
+            file,
+            &materials::drawn(args.shader.clone())?,
+            args.budget,
+            &to,
+        );
     }
     if !args.shader.files.iter().any(|f| f.is_dir()) {
         return one(args, &args.shader, args.out.as_deref());
     }
-    let scenes = many::scenes(&args.shader.files)?;
+    let scenes = materials::scenes(&args.shader.files)?;
     if scenes.len() > 1 && args.format != Table::Human {
         return Err(Failure(
             "error: --format json and csv are of one scene; of several --out keeps one each"
@@ -141,7 +146,7 @@ pub fn run(args: &ExploreArgs) -> Result<Ending, Failure> {
         ));
     }
     if args.out.is_some() {
-        many::told_apart(&scenes)?;
+        materials::told_apart(&scenes)?;
     }
     let count = scenes.len();
     let ended = match args.workers {
@@ -182,7 +187,10 @@ fn in_order(args: &ExploreArgs, scenes: Vec<PathBuf>) -> Vec<Ended> {
     let mut all = Vec::new();
     for scene in scenes {
         let name = scene.display().to_string();
-        let out = args.out.as_ref().map(|out| many::folder_of(out, &scene));
+        let out = args
+            .out
+            .as_ref()
+            .map(|out| materials::folder_of(out, &scene));
         let shader = ShaderArgs {
             files: vec![scene],
             ..args.shader.clone()
@@ -217,7 +225,10 @@ fn side_by_side(
                 while INTERRUPTS.load(Ordering::Relaxed) == 0 {
                     let scene = next.lock().unwrap_or_else(PoisonError::into_inner).next();
                     let Some(scene) = scene else { break };
-                    let out = args.out.as_ref().map(|out| many::folder_of(out, &scene));
+                    let out = args
+                        .out
+                        .as_ref()
+                        .map(|out| materials::folder_of(out, &scene));
                     let ended = elsewhere(model, &words, &scene, (out.as_deref(), args.seconds));
                     let name = scene.display().to_string();
                     let mut all = all.lock().unwrap_or_else(PoisonError::into_inner);

@@ -25,7 +25,7 @@ use preshade_text::{options, regular};
 
 use crate::limits::LimitArgs;
 use crate::state::StateArgs;
-use crate::{Failure, many, output, worker};
+use crate::{Failure, materials, output, worker};
 
 /// A shader and its pipeline state, or a scene.
 #[derive(Clone, Default, clap::Args)]
@@ -180,7 +180,6 @@ fn captured(file: &Path) -> Option<&Path> {
 
 /// The parsed input.
 pub enum Input {
-    /// One material and its state.
     Shader(front::Parsed, MaterialState),
     /// A scene, with the requested depth format, direction and sample count.
     Scene(Box<Scene>),
@@ -434,7 +433,7 @@ impl ShaderArgs {
         if parsed.fragment.is_some() || !is_glsl || !writes_varyings {
             return Ok(());
         }
-        let its = match many::fragment_beside(file) {
+        let its = match materials::fragment_beside(file) {
             Some(beside) => beside.display().to_string(),
             None => "its .frag".to_owned(),
         };
@@ -591,7 +590,7 @@ impl ShaderArgs {
         front::parse(&self.sources()?, &self.options()?).map_err(|e| {
             let mut told = e.render(color());
             // Two stages by their names are one material.
-            let two_materials = !self.files.iter().all(|f| many::is_stage(f))
+            let two_materials = !self.files.iter().all(|f| materials::is_stage(f))
                 && matches!(
                     e.code(),
                     preshade_text::error::Code::Link

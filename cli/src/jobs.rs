@@ -13,7 +13,7 @@ use preshade_plan::pass::Pass;
 use preshade_plan::plan::Plan;
 
 use crate::input::{self, ShaderArgs};
-use crate::many::{Chosen, Job};
+use crate::materials::{Chosen, Job};
 use crate::verify::{self, TimeArg, VerifyArgs};
 use crate::{Ending, Failure, exhaustive, flags, output, promises};
 

@@ -50,7 +50,6 @@ pub struct MergeArgs {
     format: Table,
 }
 
-/// Merges.
 pub fn run(args: &MergeArgs) -> Result<Ending, Failure> {
     let outcomes = outcomes(&args.results)?;
     let machines = match args.adapters {
@@ -195,7 +194,6 @@ fn files(path: &Path, extension: &str) -> Result<Vec<PathBuf>, Failure> {
     Ok(found)
 }
 
-/// Reads one result.
 pub fn read(file: &Path) -> Result<Outcome, Failure> {
     let outcome: Outcome = parsed(file)?;
     checked(file, &outcome.schema, OUTCOME_SCHEMA)?;

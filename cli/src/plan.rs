@@ -21,16 +21,15 @@ use preshade_passes::transforms::specialize;
 use preshade_plan::budget::Budget;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
-use preshade_text::files;
-use preshade_text::regular;
+use preshade_text::{files, regular};
 
 use crate::input::{self, FrameArgs, ShaderArgs, unread};
-use crate::kept::{KeptScenes, reopened};
 use crate::limits::LimitArgs;
 use crate::lock::{self, Locks};
-use crate::many::{self, Job};
+use crate::materials::{self, Job};
 use crate::output::{self, ProgressLine};
 use crate::rewrite::check_name;
+use crate::scenes::{KeptScenes, reopened};
 use crate::verify::{OrderArg, check_budget, check_folder, parse_frames, parse_seconds};
 use crate::view::ViewArgs;
 use crate::{Ending, Failure, Table, exhaustive, guesses, results, worker};
@@ -171,7 +170,7 @@ impl PlanArgs {
 
     /// The scenes and the bare shaders.
     fn jobs(&self) -> Result<Vec<Job>, Failure> {
-        many::drawn(ShaderArgs {
+        materials::drawn(ShaderArgs {
             files: self.scenes.clone(),
             set: self.set.clone(),
             capture: self.capture.clone(),
@@ -201,7 +200,7 @@ pub fn run(args: &PlanArgs) -> Result<Ending, Failure> {
     let scenes: Vec<PathBuf> = jobs.iter().map(path_of).collect();
     if let Some(out) = &args.out {
         check_folder(out)?;
-        many::told_apart(&scenes)?;
+        materials::told_apart(&scenes)?;
     }
     if let Some(file) = &args.results {
         let to = results::To {
@@ -310,7 +309,7 @@ fn each(
         bar.reset();
         let name = path.display().to_string();
         let out = match (&args.out, count) {
-            (Some(out), 2..) => Some(many::folder_of(out, path)),
+            (Some(out), 2..) => Some(materials::folder_of(out, path)),
             (out, _) => out.clone(),
         };
         let planned = scene.and_then(|scene| {

@@ -23,7 +23,7 @@ use preshade_plan::pass::{Facts, Pass};
 use preshade_plan::plan::Plan;
 use serde::{Deserialize, Serialize};
 
-use crate::many::{Chosen, Job};
+use crate::materials::{Chosen, Job};
 use crate::verify::{self, VerifyArgs};
 use crate::{Ending, Failure, Table, flags, output, worker};
 

@@ -16,7 +16,7 @@ use preshade_text::files;
 use preshade_text::nearest::unknown;
 
 use crate::input::{self, ShaderArgs};
-use crate::many::{self, Job};
+use crate::materials::{self, Job};
 use crate::{Ending, Failure, Table, output};
 
 /// Where and how to print.
@@ -55,7 +55,9 @@ pub fn plan(file: &Path, inputs: &[Job], to: &To<'_>) -> Result<Ending, Failure>
         let out = match (to.out, inputs.len()) {
             (None, _) => break,
             (Some(out), 1) => out.to_owned(),
-            (Some(out), _) => many::folder_of(out, shader.files.first().unwrap_or(&PathBuf::new())),
+            (Some(out), _) => {
+                materials::folder_of(out, shader.files.first().unwrap_or(&PathBuf::new()))
+            }
         };
         write(shader, decision, &out)?;
     }

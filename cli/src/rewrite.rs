@@ -22,7 +22,7 @@ use preshade_validate::{By, Effort, validate_by};
 use rayon::prelude::*;
 
 use crate::input::{Materials, ShaderArgs};
-use crate::many::{self, Chosen, Job, Sum};
+use crate::materials::{self, Chosen, Job, Sum};
 use crate::rewritten::{Made, Times};
 use crate::watch::Reads;
 use crate::{Ending, Failure, Format, depfile, output};
@@ -102,7 +102,7 @@ impl RewriteArgs {
 
     fn jobs(&self) -> Result<Vec<Job>, Failure> {
         match &self.out_dir {
-            Some(out) => many::jobs(&self.shader, out),
+            Some(out) => materials::jobs(&self.shader, out),
             None => Ok(vec![Job {
                 shader: self.shader.clone(),
                 folder: self.out.clone(),
@@ -232,7 +232,7 @@ impl<'a> Run<'a> {
     fn add(&mut self, job: &'a Job, made: Result<Made, Failure>) -> Result<(), Failure> {
         if made.is_err() && job.chosen == Chosen::Found && job.shader.is_no_material() {
             self.sum.no_material += 1;
-            output::message(&many::of_files(
+            output::message(&materials::of_files(
                 "note: no material: there is no entry point of a stage that one needs",
                 job,
             ));
@@ -299,7 +299,7 @@ impl<'a> Run<'a> {
     fn named(&self, message: &str, job: &Job) -> String {
         match self.jobs {
             1 => message.to_owned(),
-            _ => many::of_files(message, job),
+            _ => materials::of_files(message, job),
         }
     }
 
@@ -422,7 +422,7 @@ fn make(
     targets: &[Target],
 ) -> Result<Made, Failure> {
     let mut made = Made::default();
-    made.messages.extend(many::between(&job.shader.files));
+    made.messages.extend(materials::between(&job.shader.files));
     let materials = made
         .times
         .took(0, "parse", || job.shader.plans_by_draws(recipe))?;

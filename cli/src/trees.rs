@@ -5,10 +5,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use crate::Failure;
+use crate::agree_inputs::Asked;
 use crate::input::ShaderArgs;
-use crate::many;
-use crate::pairs::Asked;
+use crate::{Failure, materials};
 
 /// A file or folder to compare.
 pub struct Tree {
@@ -89,7 +88,7 @@ impl Tree {
         }
         let names = git(&list).map_err(|e| failed(&e))?;
         for name in names.split('\0').filter(|n| !n.is_empty()) {
-            if !many::is_shader(Path::new(name)) {
+            if !materials::is_shader(Path::new(name)) {
                 continue;
             }
             let bytes = git_bytes(&["cat-file", "blob", &format!("{revision}:{name}")]);
@@ -159,7 +158,7 @@ pub fn pairs(
     }
     let materials = |tree: &Tree, shader: &ShaderArgs| {
         let shader = of(shader, vec![tree.path.clone()]);
-        let jobs = many::jobs(&shader, Path::new(""))?;
+        let jobs = materials::jobs(&shader, Path::new(""))?;
         let named = jobs.into_iter().map(|job| {
             let names = job.shader.files.iter().map(|f| {
                 let below = f.strip_prefix(&tree.path).unwrap_or(f);

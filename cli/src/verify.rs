@@ -20,12 +20,12 @@ use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
 
-use crate::apart::{apart, resumed};
 use crate::explain::largest_saving;
 use crate::input::ShaderArgs;
-use crate::keeper::Keeper;
-use crate::many::{self, Job};
+use crate::isolated::{apart, resumed};
+use crate::materials::{self, Job};
 use crate::output::{self, ProgressLine};
+use crate::saved_results::Keeper;
 use crate::share::share;
 use crate::variable::Axis;
 use crate::variants::VariantArgs;
@@ -175,13 +175,13 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
 impl VerifyArgs {
     /// The inputs, if each gets one line. `None`: one input, with its own report.
     pub fn jobs(&self) -> Result<Option<Vec<Job>>, Failure> {
-        let several = many::inputs(&self.shader)?;
+        let several = materials::inputs(&self.shader)?;
         Ok(several.or_else(|| {
             self.every_pass.then(|| {
                 vec![Job {
                     shader: self.shader.clone(),
                     folder: None,
-                    chosen: many::Chosen::Given,
+                    chosen: materials::Chosen::Given,
                 }]
             })
         }))
@@ -258,7 +258,7 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
     if let Some(dir) = &args.out {
         args.shader.on(args.adapter.as_deref()).write_frame(dir)?;
     }
-    let between = many::between(&args.shader.files);
+    let between = materials::between(&args.shader.files);
     between.iter().for_each(|note| output::message(note));
     for material in &first.materials {
         for note in material.plan().notes {

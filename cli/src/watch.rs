@@ -11,7 +11,7 @@ use notify_debouncer_full::notify::{self, EventKind, RecursiveMode};
 use same_file::Handle;
 
 use crate::output::{self, count};
-use crate::{Ending, Failure, config, many};
+use crate::{Ending, Failure, config, materials};
 
 /// Changes within this time are one change.
 const QUIET: Duration = Duration::from_millis(80);
@@ -98,7 +98,8 @@ impl Awaited {
             // A missing file may have appeared.
             Last::Failed => is_below(&self.trees) || is_below(&self.includes) || is_beside(),
             Last::Fine => {
-                let is_found = many::is_shader(&path) || many::is_scene(&path) || path.is_dir();
+                let is_found =
+                    materials::is_shader(&path) || materials::is_scene(&path) || path.is_dir();
                 is_below(&self.trees) && is_found
             }
         }

@@ -33,7 +33,6 @@ pub use naga;
 
 pub use transforms::{PASSES, examples, refusals};
 
-/// The pass of that name.
 pub fn pass_named(name: &str) -> Option<&'static dyn preshade_plan::pass::AnyPass> {
     PASSES.iter().copied().find(|p| p.info().name == name)
 }

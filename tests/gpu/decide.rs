@@ -9,13 +9,13 @@ use preshade_lab::measure::{Session, TimingSettings};
 use preshade_lab::search::plan::assign::{Assignment, FramePredictor, Taken};
 use preshade_lab::search::plan::choose::WORTHWHILE;
 use preshade_lab::search::plan::count::FragmentCounter;
+use preshade_lab::search::plan::frame_work::{Counted, DrawCounts, Fragments, drawn};
 use preshade_lab::search::plan::layers::Layers;
 use preshade_lab::search::plan::model::Model;
 use preshade_lab::search::plan::policy::{Hold, Rule};
 use preshade_lab::search::plan::terms::{Term, Work};
-use preshade_lab::search::plan::work::{Counted, DrawCounts, Fragments, drawn};
 use preshade_lab::search::plan::{
-    Choices, Settings, Timed, ahead, choices, decide, recipes, sorting,
+    Choices, Settings, Timed, choices, decide, partial_prepass, recipes, sorting,
 };
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Facts;
@@ -358,10 +358,10 @@ fn a_prepass_has_the_draws_that_hide_most() {
             let frame = &scene.cameras[0].frames[0];
             session.inputs().set_frame(frame).unwrap();
             let layers = Layers::draw(&session, frame, &Facts::default()).unwrap();
-            let choices = weighed(scene, &[ahead::RECIPE]);
-            let plans = with(&choices, ahead::RECIPE).plans(&choices);
+            let choices = weighed(scene, &[partial_prepass::RECIPE]);
+            let plans = with(&choices, partial_prepass::RECIPE).plans(&choices);
             let timing = settings(&Model::nominal(), Timed::Yes).timing;
-            ahead::measured(
+            partial_prepass::measured(
                 &session,
                 frame,
                 (&layers, &plans),

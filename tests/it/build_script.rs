@@ -6,7 +6,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
-use preshade::build_script::{BuildConfig, BuildError, Built, configure};
+use preshade_compiler::build_script::{BuildConfig, BuildError, Built, configure};
 use preshade_compiler::emit::Target;
 use preshade_compiler::front::{Source, parse};
 use preshade_compiler::lock::{Inputs, Lock, Locked};

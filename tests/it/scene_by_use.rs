@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glam::Mat4;
 use preshade_compiler::front::{self, Source};
-use preshade_draw::scene::bind::{self, DrawBindings, unplaced};
+use preshade_draw::scene::bind::{self, DrawBindings, overlapping_draws};
 use preshade_draw::scene::{self, Scene};
 use preshade_plan::state::MaterialState;
 use preshade_text::options::Options;
@@ -112,7 +112,7 @@ fn a_matrix_with_an_odd_name_places_each_draw() {
                 bound.buffers[0].is_invented(&(0..64))
             );
         }
-        assert_eq!(unplaced(&scene), []);
+        assert_eq!(overlapping_draws(&scene), []);
     }
 }
 
@@ -141,12 +141,12 @@ fn draws_whose_transforms_nothing_reads_are_named() {
     let shader = lit("vp: mat4x4f, tint: vec4f", "u.vp * vec4f(va0, 1)");
     let scene = two_draws("unplaced", &shader, "");
     let draws = [0, 1].map(|i| scene.draws[i].name.as_str());
-    assert_eq!(unplaced(&scene), [("m", draws)]);
+    assert_eq!(overlapping_draws(&scene), [("m", draws)]);
     // The second draw has a value of its own.
     let mut scene = scene.clone();
     let tint = scene::Value::Numbers(vec![0.5; 4]);
     scene.draws[1].values.insert("u.tint".to_owned(), tint);
-    assert_eq!(unplaced(&scene), []);
+    assert_eq!(overlapping_draws(&scene), []);
 }
 
 /// A skinned vertex stage: the declaration of the joints at binding 1, and `p`, the skinned position.

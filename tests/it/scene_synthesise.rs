@@ -555,7 +555,7 @@ fn a_removed_discard_is_reported_with_its_values() {
     use preshade_compiler::command::rewrite::removed_discard;
     let plan = written(&[("nameless.wgsl", NAMELESS)]).materials[0].plan();
     let apply = |recipe: &str| {
-        let recipe = preshade::Recipe::parse_list(recipe).unwrap();
+        let recipe = preshade_compiler::recipe::Recipe::parse_list(recipe).unwrap();
         recipe.apply(&plan, &preshade_plan::pass::Facts::default())
     };
     let bare = apply("specialize");

@@ -3,7 +3,10 @@
 use std::fs;
 use std::path::Path;
 
-use preshade::{Recipe, Shader, Source, Target, rewrite};
+use preshade_compiler::emit::Target;
+use preshade_compiler::front::Source;
+use preshade_compiler::pipeline::{Shader, rewrite};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::state::MaterialState;
 use preshade_text::options::Options;

@@ -14,7 +14,7 @@ use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::{SceneInputs, ShaderForm, Variant as Host};
 use preshade_draw::scene::{Draw, Scene, Value};
 use preshade_lab::measure;
-use preshade_lab::measure::truth::{Points, Spread, Truth, truth_beyond};
+use preshade_lab::measure::reference::{Points, Spread, Truth, truth_beyond};
 
 use super::case::{Red, Stage, load};
 use super::render_support::gpu;

@@ -2,7 +2,6 @@
 //! hosts in C, and cargo on the example host. `scripts/setup.sh accept three native` installs them. A
 //! test fails if its program is missing.
 
-#![cfg(all(feature = "glsl", feature = "spirv"))]
 #![allow(
     clippy::unwrap_used,
     clippy::panic,

@@ -47,15 +47,19 @@ fn a_decision_is_kept_for_builds() {
     let names: Vec<&String> = lock.materials.keys().collect();
     assert_eq!(names, ["leaves", "stone"]);
     assert!(lock.materials["stone"].measured.is_some());
-    let build = |builder: preshade::build_script::BuildConfig| {
+    let build = |builder: preshade_compiler::build_script::BuildConfig| {
         let builder = builder.name("stone").out_dir(tree.join("out"));
         builder
             .build(&[&tree.join("shaders/textured.wgsl")])
             .unwrap()
     };
-    let built = build(preshade::configure().define("FOG", "1").vertex("vs_main"));
+    let built = build(
+        preshade_compiler::build_script::configure()
+            .define("FOG", "1")
+            .vertex("vs_main"),
+    );
     assert_eq!(built.warnings, [""; 0]);
-    let otherwise = build(preshade::configure());
+    let otherwise = build(preshade_compiler::build_script::configure());
     assert!(otherwise.warnings[0].contains("other definitions (FOG)"));
     assert_eq!(built.read.last(), Some(&path));
     let predicted = run(&tree, &[&args[..], &["--time", "no"]].concat());
@@ -137,7 +141,7 @@ fn a_decision_is_kept_beside_its_own_shader() {
         let kept: Vec<&String> = lock.materials.keys().collect();
         assert_eq!(kept, names, "{folder}");
     }
-    let builder = preshade::configure()
+    let builder = preshade_compiler::build_script::configure()
         .name("oiled")
         .out_dir(tree.join("out"));
     let built = builder.build(&[&tree.join("oil/oiled.wgsl")]).unwrap();

@@ -47,7 +47,6 @@ pub struct Range {
     /// The least.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub minimum: Option<f64>,
-    /// All are above this.
     #[serde(rename = "exclusiveMinimum", skip_serializing_if = "Option::is_none")]
     pub above: Option<f64>,
     /// The greatest.

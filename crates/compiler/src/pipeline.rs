@@ -75,7 +75,6 @@ impl Parsed {
 pub struct Skipped {
     /// Name of the material that refused it.
     pub material: String,
-    /// The step.
     pub step: Step,
     /// Why, and what would lift the refusal.
     pub refusal: Box<Refusal>,
@@ -95,7 +94,7 @@ pub type Applied = Result<Plan, Box<Refusal>>;
 
 /// Sees each result, with the step and the plan before it. Returns whether a new plan is taken: a
 /// caller that has conditions of its own skips the step with `false`, and reports it.
-pub type Inspect<'f> = dyn FnMut(&Step, &Plan, &Applied) -> bool + 'f;
+pub(crate) type Inspect<'f> = dyn FnMut(&Step, &Plan, &Applied) -> bool + 'f;
 
 /// Applies `recipe` to one material on its own.
 pub fn apply(original: &Plan, recipe: &Recipe, facts: &Facts) -> (Plan, Vec<Skipped>) {

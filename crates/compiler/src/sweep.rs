@@ -11,7 +11,7 @@ use crate::parameters::{Parameter, parameters};
 use crate::recipe::{self, Recipe, RecipeError};
 
 /// Most recipes one sweep may stand for.
-pub const MOST: usize = 256;
+pub(crate) const MOST: usize = 256;
 
 /// A recipe with ranges.
 #[derive(Clone, Debug, PartialEq)]
@@ -27,9 +27,7 @@ pub struct Sweep {
 /// A parameter that varies.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Axis {
-    /// The pass.
     pub pass: String,
-    /// Its parameter.
     pub parameter: String,
     /// The kind of its values.
     pub kind: AxisKind,
@@ -40,7 +38,6 @@ pub struct Axis {
 pub enum AxisKind {
     /// Whole numbers, which can be the axis of a plot.
     Range,
-    /// Words.
     Words,
 }
 
@@ -49,7 +46,6 @@ pub enum AxisKind {
 pub struct Point {
     /// The value on each axis.
     pub values: Vec<String>,
-    /// The recipe.
     pub recipe: Recipe,
 }
 

@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize};
 use preshade_text::options::ClipSpace;
 
 /// Version of the file.
-pub const SCHEMA: &str = "preshade.frames.v1";
+pub(crate) const SCHEMA: &str = "preshade.frames.v1";
 
 /// A file in `data`: the hash of its content, 32 hexadecimal digits.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Deserialize, Serialize)]

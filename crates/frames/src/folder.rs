@@ -14,7 +14,7 @@ use preshade_text::limits::Limits;
 use preshade_text::regular;
 
 /// The file that makes a folder a frame folder.
-pub const FILE: &str = "frame.json";
+pub(crate) const FILE: &str = "frame.json";
 
 /// The same file, compressed by gzip.
 pub(super) const PACKED: &str = "frame.json.gz";

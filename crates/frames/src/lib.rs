@@ -4,6 +4,7 @@
 //! 2. [`folder`] reads it with the files that it names, and checks sizes;
 //! 3. [`pass`] finds the render passes and their draws;
 //! 4. [`contents`] is what buffers and textures hold at a command, as far as the queue alone decides.
+#![warn(missing_docs)]
 
 #[cfg(feature = "record")]
 pub mod browser;

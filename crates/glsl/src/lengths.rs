@@ -13,7 +13,7 @@ use naga::{
 use preshade_ir::declared::LengthConstant;
 
 /// A constant that may give lengths, and its default.
-pub(super) type Candidate = (LengthConstant, u32);
+pub type Candidate = (LengthConstant, u32);
 
 /// A candidate, with the modules of the lowering in which its default is larger.
 pub(super) type Raised = (Candidate, Vec<Module>);

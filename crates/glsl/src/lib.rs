@@ -10,6 +10,7 @@
 //! `map_spans` applies that map to the module. `member_loads` narrows what naga loads.
 //! `placeholders`, `atomics`, `binding_arrays`, `built_ins` and `lengths` add to the IR what naga's
 //! front end lacks.
+#![warn(missing_docs)]
 
 mod atomics;
 mod built_ins;
@@ -54,10 +55,10 @@ use self::version::Dialect;
 use preshade_ir::{
     beyond_wgsl, binding_arrays, killed_loops, lengths as length_constants, map_spans, wrapped_main,
 };
-use preshade_text::absent;
 use preshade_text::error::{Code, Error};
 use preshade_text::options::{ClipSpace, Options};
 use preshade_text::tokens::without_comments;
+use preshade_text::unsupported;
 
 /// One stage's text.
 pub struct Text<'a> {
@@ -376,7 +377,7 @@ fn read_by_naga(texts: &[Text<'_>]) -> Option<Vec<Module>> {
             // naga reads some that no language has, and others wrongly.
             let is_lost = |w: &str| {
                 matches!(w, "sample" | "centroid")
-                    || absent::absent(w).is_some()
+                    || unsupported::absent(w).is_some()
                     || built_ins::variable(w, text.stage).is_some()
             };
             if es

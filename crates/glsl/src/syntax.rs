@@ -21,11 +21,11 @@ use super::preprocess::{Preprocessed, Task, preprocess};
 use super::ty::Ty;
 use super::type_names::TypeNames;
 use super::version::Dialect;
-use preshade_text::absent::{self, Absent, Word};
 use preshade_text::error::{Code, Error};
 use preshade_text::nesting;
 use preshade_text::options::{ClipSpace, Options};
 use preshade_text::source::Language;
+use preshade_text::unsupported::{self, Absent, Word};
 
 /// Maximum tokens of a stage after macro expansion.
 const TOKENS: usize = 1 << 20;
@@ -292,7 +292,7 @@ impl<'a> Numbered<'a> {
         };
         if !self.names.contains(name.as_str()) {
             self.names.insert(name.to_string());
-            let entry = absent::absent(name);
+            let entry = unsupported::absent(name);
             let word = entry.map(Absent::word);
             if word == Some(Word::Type) || is_type_of_extension(name) {
                 self.types.insert(name.to_string());
@@ -343,7 +343,7 @@ impl Iterator for Numbered<'_> {
         let word = self.word(start, end);
         self.type_names.settle(&mut token, word);
         if matches!(token, Token::Subroutine) {
-            self.stopped = absent::absent("subroutine").map(|a| (a, "subroutine".to_owned()));
+            self.stopped = unsupported::absent("subroutine").map(|a| (a, "subroutine".to_owned()));
         }
         if self.stopped.is_some() {
             return None;

@@ -17,11 +17,11 @@ pub struct Accuracy {
 /// roundings of `f64`, which the arithmetic itself makes.
 const ULP: f64 = 1.000_001 * f32::EPSILON as f64;
 /// Least normal `f32`: what is below it may be flushed.
-pub const SMALLEST: f64 = f32::MIN_POSITIVE as f64;
+pub(crate) const SMALLEST: f64 = f32::MIN_POSITIVE as f64;
 /// From this magnitude of its argument on, the quotient that defines `tanh` may overflow.
 pub const LARGEST_TANH: f64 = 88.0;
 /// Largest `f32`.
-pub const LARGEST: f64 = f32::MAX as f64;
+pub(crate) const LARGEST: f64 = f32::MAX as f64;
 
 impl Accuracy {
     /// The exact number, if it can be one: `floor`, `abs`, `max`.

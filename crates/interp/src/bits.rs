@@ -11,7 +11,7 @@ use super::value::{Scalar, Value};
 /// # Errors
 ///
 /// On arguments of other types, and on numbers that stand for several values.
-pub fn call<F: Number>(
+pub(crate) fn call<F: Number>(
     fun: MathFunction,
     arguments: &[&Value<F>],
 ) -> Option<Result<Value<F>, Stuck>> {
@@ -57,7 +57,7 @@ pub fn call<F: Number>(
 }
 
 /// Bit functions of each integer; `None` for other functions or types.
-pub fn of_integers<F>(fun: MathFunction, s: &[Scalar<F>]) -> Option<Scalar<F>> {
+pub(crate) fn of_integers<F>(fun: MathFunction, s: &[Scalar<F>]) -> Option<Scalar<F>> {
     use MathFunction as M;
     use Scalar::{I32, U32};
     Some(match (fun, s) {
@@ -200,7 +200,7 @@ fn normalized<F: Number>(field: f32, of: f32) -> Result<Scalar<F>, Stuck> {
 }
 
 /// A 16-bit float (IEEE 754 binary16).
-pub fn half(bits: u32) -> f32 {
+pub(crate) fn half(bits: u32) -> f32 {
     let sign = if bits & 0x8000 == 0 { 1.0 } else { -1.0 };
     let (exponent, fraction) = ((bits >> 10) & 31, (bits & 1023) as f32 / 1024.0);
     sign * match exponent {

@@ -456,7 +456,7 @@ fn halved<F: Number>(size: &Value<F>, level: usize) -> Result<Value<F>, Stuck> {
 }
 
 /// The name of an expression's kind.
-pub fn kind(expression: &Expression) -> &'static str {
+pub(crate) fn kind(expression: &Expression) -> &'static str {
     match expression {
         Expression::Compose { .. } => "Compose",
         Expression::Access { .. } => "Access",

@@ -8,7 +8,11 @@ use super::value::{Scalar, Value};
 
 /// The number of components of `decided` that differ if `expression` is evaluated on its operands'
 /// references ([`Number::truth`]). 0 if it makes no decision or they have none.
-pub fn of<F: Number>(expression: &Expression, operands: &[&Value<F>], decided: &Value<F>) -> u64 {
+pub(crate) fn of<F: Number>(
+    expression: &Expression,
+    operands: &[&Value<F>],
+    decided: &Value<F>,
+) -> u64 {
     use BinaryOperator as B;
     use MathFunction as M;
     let is_decision = match expression {

@@ -8,6 +8,7 @@
 //! `discard` is a demotion, as in WGSL: the invocation is marked and continues. A dynamic index out
 //! of bounds is clamped. Atomics and subgroup operations are not supported, because one invocation
 //! alone gives them no meaning. The caller provides texels and derivatives as inputs.
+#![warn(missing_docs)]
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;

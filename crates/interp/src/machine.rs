@@ -24,7 +24,7 @@ const MOST_VALUES: usize = 1 << 20;
 const FREE: usize = 16;
 
 /// An interpreter during a run.
-pub struct Machine<'a, F: Number> {
+pub(crate) struct Machine<'a, F: Number> {
     pub(super) module: &'a Module,
     pub environment: &'a Environment<'a, F>,
     /// Variables: the module's by index, then those of the running functions.
@@ -481,7 +481,7 @@ fn target<F: Number>(pointer: &Value<F>) -> Result<(usize, &[usize]), Stuck> {
 }
 
 /// A part of a composite; the index is clamped.
-pub fn part<F: Number>(of: &Value<F>, index: usize) -> Result<&Value<F>, Stuck> {
+pub(crate) fn part<F: Number>(of: &Value<F>, index: usize) -> Result<&Value<F>, Stuck> {
     let Value::Composite(parts) = of else {
         return Err(Stuck::Type("a path into a scalar".to_owned()));
     };

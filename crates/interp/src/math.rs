@@ -13,7 +13,7 @@ fn mismatch<F: Number>(what: &str, scalars: &[Scalar<F>]) -> Stuck {
 }
 
 /// A unary operator.
-pub fn unary<F: Number>(op: UnaryOperator, value: &Value<F>) -> Result<Value<F>, Stuck> {
+pub(crate) fn unary<F: Number>(op: UnaryOperator, value: &Value<F>) -> Result<Value<F>, Stuck> {
     value.map(&mut |s| {
         Ok(match (op, s) {
             (UnaryOperator::Negate, Scalar::F32(v)) => Scalar::F32(v.negated()),
@@ -163,8 +163,10 @@ fn compare<F: Number>(op: BinaryOperator, a: Scalar<F>, b: Scalar<F>) -> Result<
     }))
 }
 
-/// A relational function.
-pub fn relational<F: Number>(fun: RelationalFunction, value: &Value<F>) -> Result<Value<F>, Stuck> {
+pub(crate) fn relational<F: Number>(
+    fun: RelationalFunction,
+    value: &Value<F>,
+) -> Result<Value<F>, Stuck> {
     let truths = || -> Result<Vec<bool>, Stuck> {
         match value {
             Value::Composite(parts) => parts.iter().map(Value::truth).collect(),
@@ -192,7 +194,7 @@ pub fn relational<F: Number>(fun: RelationalFunction, value: &Value<F>) -> Resul
 }
 
 /// An operation on the values of its operands.
-pub fn operation<F: Number>(
+pub(crate) fn operation<F: Number>(
     operation: &Expression,
     operands: &[&Value<F>],
 ) -> Result<Value<F>, Stuck> {
@@ -207,7 +209,7 @@ pub fn operation<F: Number>(
 }
 
 /// A conversion, or a bit cast if it has no width.
-pub fn cast<F: Number>(
+pub(crate) fn cast<F: Number>(
     kind: ScalarKind,
     convert: Option<u8>,
     value: &Value<F>,
@@ -252,7 +254,10 @@ fn rounded<F: Number>(upper: f32, word: u32) -> Result<F, Stuck> {
 }
 
 /// A built-in function.
-pub fn call<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Value<F>, Stuck> {
+pub(crate) fn call<F: Number>(
+    fun: MathFunction,
+    arguments: &[&Value<F>],
+) -> Result<Value<F>, Stuck> {
     use MathFunction as M;
     if let Some(done) = bits::call(fun, arguments) {
         return done;
@@ -405,7 +410,10 @@ fn beyond_total<F: Number>(along: F, ratio: F) -> Result<F, Stuck> {
 
 /// The decision of a function of whole vectors that its result's components don't show, if it makes
 /// one.
-pub fn turns<F: Number>(fun: MathFunction, arguments: &[&Value<F>]) -> Result<Option<bool>, Stuck> {
+pub(crate) fn turns<F: Number>(
+    fun: MathFunction,
+    arguments: &[&Value<F>],
+) -> Result<Option<bool>, Stuck> {
     let turned_on = match fun {
         MathFunction::Refract => {
             let [incident, normal, ratio] = three(arguments)?;

@@ -22,7 +22,7 @@ fn of<F: Number>(op: B, a: F, b: F) -> Result<F, Stuck> {
 }
 
 /// The determinant, along the first column.
-pub fn determinant<F: Number>(matrix: &Value<F>) -> Result<F, Stuck> {
+pub(crate) fn determinant<F: Number>(matrix: &Value<F>) -> Result<F, Stuck> {
     determinant_of(&columns(matrix)?)
 }
 
@@ -53,7 +53,7 @@ fn minor<F: Number>(m: &Columns<F>, column: usize, row: usize) -> Columns<F> {
 }
 
 /// The inverse: cofactors times the reciprocal of the determinant, as naga writes it in WGSL.
-pub fn inverse<F: Number>(matrix: &Value<F>) -> Result<Value<F>, Stuck> {
+pub(crate) fn inverse<F: Number>(matrix: &Value<F>) -> Result<Value<F>, Stuck> {
     let m = columns(matrix)?;
     let whole = of(B::Divide, F::of(1.0), determinant_of(&m)?)?;
     let size = m.len();

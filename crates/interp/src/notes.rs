@@ -14,7 +14,7 @@ use naga_operands as operands;
 const DEPTH: usize = 6;
 
 /// Notes a comparison of scalars, or of each component of two vectors.
-pub fn comparison<F: Number>(
+pub(crate) fn comparison<F: Number>(
     function: &Function,
     e: Handle<Expression>,
     op: BinaryOperator,
@@ -42,7 +42,7 @@ pub fn comparison<F: Number>(
 }
 
 /// Notes that a selector was compared with each case.
-pub fn cases<F: Number>(
+pub(crate) fn cases<F: Number>(
     function: &Function,
     e: Handle<Expression>,
     selector: Scalar<F>,
@@ -60,7 +60,7 @@ pub fn cases<F: Number>(
 }
 
 /// Notes the scalars of a value at the end of a way into a buffer.
-pub fn read<F: Number>(at: (u32, u32), way: &mut Vec<usize>, value: &Value<F>) {
+pub(crate) fn read<F: Number>(at: (u32, u32), way: &mut Vec<usize>, value: &Value<F>) {
     match value {
         Value::Scalar(scalar) => F::read(at, way, *scalar),
         Value::Composite(parts) => {

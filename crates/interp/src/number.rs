@@ -83,7 +83,7 @@ pub trait Number: Copy + Debug {
 /// # Errors
 ///
 /// If it stands for several values.
-pub fn single<F: Number>(number: F) -> Result<f32, Stuck> {
+pub(crate) fn single<F: Number>(number: F) -> Result<f32, Stuck> {
     number
         .single()
         .ok_or_else(|| Stuck::Undecided(format!("{number:?}")))
@@ -94,7 +94,7 @@ pub fn single<F: Number>(number: F) -> Result<f32, Stuck> {
 /// # Errors
 ///
 /// If it stands for several values.
-pub fn truncated<F: Number>(number: F) -> Result<f64, Stuck> {
+pub(crate) fn truncated<F: Number>(number: F) -> Result<f64, Stuck> {
     number
         .truncated()
         .ok_or_else(|| Stuck::Undecided(format!("{number:?}")))

@@ -32,7 +32,7 @@ impl fmt::Display for Undefined {
 }
 
 /// What GLSL leaves undefined of an operation on its operands.
-pub fn of<F: Number>(operation: &Expression, operands: &[&Value<F>]) -> Option<Undefined> {
+pub(crate) fn of<F: Number>(operation: &Expression, operands: &[&Value<F>]) -> Option<Undefined> {
     match (operation, operands) {
         (Expression::Binary { op, .. }, [a, b]) => {
             use BinaryOperator as B;

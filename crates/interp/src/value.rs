@@ -7,7 +7,7 @@ pub use super::scalar::Scalar;
 use super::{Stuck, math};
 
 /// A function of scalars, of one component each.
-pub type ScalarFunction<'f, F> = dyn FnMut(&[Scalar<F>]) -> Result<Scalar<F>, Stuck> + 'f;
+pub(crate) type ScalarFunction<'f, F> = dyn FnMut(&[Scalar<F>]) -> Result<Scalar<F>, Stuck> + 'f;
 
 /// Bitwise: a NaN equals itself, and 0.0 is not -0.0.
 impl<F: Number> PartialEq for Scalar<F> {
@@ -360,7 +360,11 @@ pub fn default_constant<F: Number>(
 }
 
 /// Composes a value: a vector may be given in pieces.
-pub fn compose<F: Number>(module: &Module, ty: Handle<Type>, parts: Vec<Value<F>>) -> Value<F> {
+pub(crate) fn compose<F: Number>(
+    module: &Module,
+    ty: Handle<Type>,
+    parts: Vec<Value<F>>,
+) -> Value<F> {
     if let TypeInner::Vector { .. } = module.types[ty].inner {
         let flat = parts
             .into_iter()

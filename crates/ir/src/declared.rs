@@ -161,7 +161,6 @@ pub enum Depth {
 /// The precisions that a stage's text gives to floats.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StagePrecision {
-    /// The stage.
     pub stage: naga::ShaderStage,
     /// That of `precision mediump float;`, or `highp`.
     pub default: Precision,
@@ -193,9 +192,7 @@ impl std::fmt::Display for Precision {
 /// A name and its type.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Declaration {
-    /// Name.
     pub name: String,
-    /// Type.
     pub ty: Type,
     /// `layout(location = ..)` of a loose uniform, if present (OpenGL 4.3).
     pub location: Option<u32>,
@@ -237,7 +234,6 @@ pub struct CombinedSampler {
 /// A uniform or storage block.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Block {
-    /// Its binding.
     pub binding: ResourceBinding,
     /// The block's name.
     pub name: String,

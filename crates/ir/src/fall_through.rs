@@ -9,7 +9,7 @@ use naga_operands as operands;
 use super::missing_returns;
 
 /// Removes all fall-through, except for empty cases that share the next body.
-pub fn remove(module: &mut Module) {
+pub(crate) fn remove(module: &mut Module) {
     let functions = module.functions.iter_mut().map(|(_, f)| f);
     let entries = module.entry_points.iter_mut().map(|e| &mut e.function);
     for function in functions.chain(entries) {

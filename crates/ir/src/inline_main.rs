@@ -39,7 +39,7 @@ pub(super) fn inline_main(module: &mut Module) {
 }
 
 /// The index of the wrapper's only call and its callee, if nothing else calls that function.
-pub fn wrapped(module: &Module, index: usize) -> Option<(usize, Handle<Function>)> {
+pub(crate) fn wrapped(module: &Module, index: usize) -> Option<(usize, Handle<Function>)> {
     let wrapper = &module.entry_points[index].function;
     let mut calls = wrapper
         .body

@@ -7,7 +7,6 @@ use naga::{Binding, Function, Handle, Module, ShaderStage, Type, TypeInner};
 pub struct Io {
     /// Argument or member name.
     pub name: Option<String>,
-    /// Type.
     pub ty: Handle<Type>,
     /// Location or builtin.
     pub binding: Option<Binding>,

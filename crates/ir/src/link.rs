@@ -60,7 +60,6 @@ impl LinkError {
 /// A linked module, and where the second module's functions went.
 #[derive(Clone, Debug)]
 pub struct Linked {
-    /// The linked module.
     pub module: Module,
     /// The second module's functions in it, in their order.
     pub functions: Vec<Handle<Function>>,

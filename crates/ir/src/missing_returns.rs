@@ -5,7 +5,7 @@
 use naga::{Block, Expression, Function, Module, Span, Statement};
 
 /// Returns zeros at the end of each function with a result whose end is reachable by WGSL's rules.
-pub fn add(module: &mut Module) {
+pub(crate) fn add(module: &mut Module) {
     let functions = module.functions.iter_mut().map(|(_, f)| f);
     let entries = module.entry_points.iter_mut().map(|e| &mut e.function);
     for function in functions.chain(entries) {

@@ -5,7 +5,7 @@ use naga::{Expression, Function, Handle, Span, Statement};
 use super::writer::FunctionWriter;
 
 /// Maps the value of a return (`None` for a bare one) to the new value.
-pub type Rewrite<'a> =
+pub(crate) type Rewrite<'a> =
     dyn FnMut(&mut FunctionWriter, Option<Handle<Expression>>) -> Option<Handle<Expression>> + 'a;
 
 /// Rewrites the result of a function at each return. A body without a final return gets one first.

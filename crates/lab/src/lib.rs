@@ -4,6 +4,6 @@ pub mod jobs;
 pub mod measure;
 pub mod report;
 pub mod search;
-mod verify;
+pub mod verify;
 
 pub use verify::verify;

@@ -1,5 +1,6 @@
 //! Operands of expressions and statements: the only place that matches every variant of naga's IR
 //! by its operands.
+#![warn(missing_docs)]
 
 pub mod calls;
 

@@ -264,7 +264,6 @@ impl Contract {
         }
     }
 
-    /// The assumptions.
     pub fn given(&self) -> &[Assumption] {
         match self {
             Self::Exact { given }

@@ -145,14 +145,14 @@ pub const CAPABILITIES: [(C, Has); 44] = [
 ];
 
 /// The capabilities that every WebGPU device has.
-pub fn core() -> C {
+pub(crate) fn core() -> C {
     let every = CAPABILITIES.iter().filter(|(_, has)| *has == Everyone);
     every.fold(C::empty(), |all, (capability, _)| all | *capability)
 }
 
 /// The capabilities beyond [`core`] that a valid module needs: we remove each that validation
 /// doesn't miss.
-pub fn needed(module: &Module) -> C {
+pub(crate) fn needed(module: &Module) -> C {
     /// Removes from `kept` those of `some` that validation doesn't miss.
     fn leave_out(module: &Module, kept: &mut C, some: &[C]) {
         let less = some.iter().fold(*kept, |all, one| all - *one);

@@ -127,7 +127,6 @@ pub enum FrameError {
          of its own"
     )]
     MixedTargets {
-        /// Material.
         material: String,
         /// Role of the pass.
         role: &'static str,

@@ -272,7 +272,6 @@ pub struct Stream {
     pub offset: u32,
     /// Bytes from one vertex or instance to the next.
     pub stride: u32,
-    /// One of [`FORMATS`].
     pub format: String,
     /// Whether it steps by instance.
     pub by_instance: bool,

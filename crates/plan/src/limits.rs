@@ -34,12 +34,12 @@ pub const DEFAULTS: [(&str, u64); 16] = [
 
 /// The limits that `pass` needs above their defaults. Its bindings, attributes and targets must be
 /// filled in. The number of vertex buffers is the host's choice, so it isn't included.
-pub fn above_default(pass: &GpuPass, program: &Program) -> BTreeMap<String, u64> {
+pub(crate) fn above_default(pass: &GpuPass, program: &Program) -> BTreeMap<String, u64> {
     above(needed(pass, program))
 }
 
 /// The limits that a compute pass needs above their defaults. Its bindings must be filled in.
-pub fn of_compute(pass: &ComputePass, program: &Program) -> BTreeMap<String, u64> {
+pub(crate) fn of_compute(pass: &ComputePass, program: &Program) -> BTreeMap<String, u64> {
     let count = |kinds: &[BindingKind]| {
         let bindings = pass.bindings.iter();
         bindings.filter(|b| kinds.contains(&b.kind)).count() as u64

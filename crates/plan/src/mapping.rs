@@ -32,7 +32,6 @@ pub struct Path {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("`{text}`: expected {expected}")]
 pub struct Malformed {
-    /// The text.
     pub text: String,
     /// The form it should have.
     pub expected: &'static str,
@@ -157,7 +156,6 @@ impl fmt::Display for Mapping {
 /// A part of a module's variable.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// The variable.
     pub global: Handle<GlobalVariable>,
     /// Indices of members and elements, outermost first.
     pub steps: Vec<usize>,
@@ -169,7 +167,6 @@ pub struct Place {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("there is no `{name}`; there are: {}", known.join(", "))]
 pub struct Unknown {
-    /// The name.
     pub name: String,
     /// The names in its place.
     pub known: Vec<String>,

@@ -38,11 +38,9 @@ pub struct Example {
     /// Steps separated by commas, as on the command line. `BUDGET` stands for the user's budget and
     /// metric, `MOST` for the budget alone, of passes that know one metric.
     pub recipe: &'static str,
-    /// Its uses.
     pub uses: &'static [Use],
 }
 
-/// A use of an [`Example`].
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Use {
     /// Applied to every fixture: the text is kept as a snapshot, shown to other compilers and
@@ -131,7 +129,6 @@ pub struct Change {
 pub struct Outcome {
     /// The new plan.
     pub plan: Plan,
-    /// The change.
     pub change: Change,
     /// Candidates that the pass did not take, the most expensive first.
     pub left: Vec<Left>,
@@ -444,7 +441,6 @@ pub struct Numbers {
 }
 
 impl Numbers {
-    /// One number.
     pub fn one(number: f32) -> Self {
         Self {
             low: number,
@@ -648,9 +644,7 @@ pub struct ParamError {
 pub trait AnyPass: Sync {
     /// What it is.
     fn info(&self) -> &'static PassInfo;
-    /// As [`Pass::REFUSALS`].
     fn refusals(&self) -> &'static [RefusalInfo];
-    /// As [`Pass::EXAMPLES`].
     fn examples(&self) -> &'static [Example];
     /// JSON schema of its parameters.
     fn schema(&self) -> serde_json::Value;

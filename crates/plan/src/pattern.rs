@@ -156,7 +156,7 @@ fn rows(n: u32) -> Divided {
 
 /// A triangle in rows from its first corner: row and column of each vertex, packed in 8 bits each,
 /// and the triangles. The first `n` rows are the triangle at level `n`.
-pub fn from_corner(level: u32) -> (Vec<u32>, Vec<[u32; 3]>) {
+pub(crate) fn from_corner(level: u32) -> (Vec<u32>, Vec<[u32; 3]>) {
     let first = |row: u32| row * (row + 1) / 2;
     let vertices = (0..=level)
         .flat_map(|row| (0..=row).map(move |column| row | column << 8))

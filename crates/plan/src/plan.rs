@@ -36,7 +36,7 @@ pub const SCENE_DEPTH: &str = "scene-depth";
 pub const SCENE_COLOR: &str = "scene-color";
 
 /// Name of the depth attachment of a [`SelfTest`].
-pub const SELF_TEST_DEPTH: &str = "self-test-depth";
+pub(crate) const SELF_TEST_DEPTH: &str = "self-test-depth";
 
 /// The purpose of a GPU pass. The name is part of the emitted file's name.
 #[derive(
@@ -963,7 +963,6 @@ impl Plan {
         given.dedup();
     }
 
-    /// The main pass.
     pub fn main(&self) -> Option<&GpuPass> {
         self.passes.iter().find(|p| p.role == Role::Main)
     }
@@ -978,7 +977,6 @@ impl Plan {
         self.attachment(name)?.format.depth()
     }
 
-    /// The attachment of that name.
     pub fn attachment(&self, name: &str) -> Option<&Attachment> {
         self.attachments.iter().find(|a| a.name == name)
     }

@@ -78,7 +78,6 @@ impl Program {
         })
     }
 
-    /// The module.
     pub fn module(&self) -> &naga::Module {
         &self.module
     }
@@ -144,7 +143,6 @@ impl Program {
 enum Allowed {
     /// Those of every WebGPU device.
     Core,
-    /// All.
     All,
 }
 

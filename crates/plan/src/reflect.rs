@@ -15,7 +15,7 @@ use crate::program::Program;
 use preshade_ir::interface::{inputs, wgsl_type};
 
 /// The resource kind of a global variable; `None` without a binding.
-pub fn binding_kind(module: &Module, global: &naga::GlobalVariable) -> Option<BindingKind> {
+pub(crate) fn binding_kind(module: &Module, global: &naga::GlobalVariable) -> Option<BindingKind> {
     global.binding.as_ref()?;
     // A binding array has the kind of its elements.
     let inner = match module.types[global.ty].inner {
@@ -294,7 +294,7 @@ pub fn fill(pass: &mut GpuPass, program: &Program) {
 }
 
 /// The feature of the depth format of that name.
-pub const DEPTH32FLOAT_STENCIL8: &str = "depth32float-stencil8";
+pub(crate) const DEPTH32FLOAT_STENCIL8: &str = "depth32float-stencil8";
 
 /// The entry points that a pass draws with.
 pub fn stages(pass: &GpuPass) -> Vec<(ShaderStage, &str)> {

@@ -32,7 +32,6 @@ enum Kind<'m> {
 }
 
 impl<'m> Part<'m> {
-    /// A whole variable.
     pub fn whole(module: &'m Module, global: &GlobalVariable) -> Self {
         Self {
             name: global.name.clone().unwrap_or_default(),
@@ -78,7 +77,6 @@ impl<'m> Part<'m> {
         self.len() == 0
     }
 
-    /// Its part with this index.
     pub fn part(&self, index: u32) -> Option<Self> {
         if index >= self.len() {
             return None;
@@ -145,13 +143,10 @@ impl<'m> Part<'m> {
 pub struct UniformScalar {
     /// The author's path: `hall.lights[1].color.x`.
     pub name: String,
-    /// `@group`.
     pub group: u32,
-    /// `@binding`.
     pub binding: u32,
     /// Byte offset in the binding.
     pub offset: u32,
-    /// Its type.
     pub ty: ScalarType,
     /// Whether it is an element of a matrix.
     pub is_of_matrix: bool,

@@ -2,6 +2,7 @@
 //! and lists them as a text, `order` checks them, `prune` takes the stages, `lacks` names what is not read, `blocks`,
 //! `body`, `combined`, `constants`, `exits`, `instructions`, `interface`, `layout`, `members`, `pointers` and `switches` replace
 //! what naga's reader lacks or misreads, `names` makes identifiers, and `loops` and `parameters` settle the IR.
+#![warn(missing_docs)]
 
 mod blocks;
 mod body;
@@ -10,7 +11,6 @@ mod constants;
 mod exits;
 pub mod instructions;
 mod interface;
-mod lacks;
 mod layout;
 mod listing;
 mod loops;
@@ -22,6 +22,7 @@ mod pointers;
 mod precise;
 mod prune;
 mod switches;
+mod unsupported;
 mod varyings;
 pub mod words;
 
@@ -249,10 +250,10 @@ fn one(
 ) -> Result<Module, Error> {
     let mut builder = Builder::new_from_module(module);
     declared.notes.extend(interface::drop_bases(&mut builder));
-    if let Some(lack) = lacks::find(builder.module_ref()) {
+    if let Some(lack) = unsupported::find(builder.module_ref()) {
         let at = lack.line.map(|line| line as usize);
         let at = at.or_else(|| text.of_result(lack.id?));
-        let error = lacks::refuse(&lack);
+        let error = unsupported::refuse(&lack);
         return Err(text.at(error, at));
     }
     blocks::drop_unreachable(&mut builder);

@@ -15,7 +15,6 @@ use super::excerpt::{Excerpts, short_lines};
 pub enum Code {
     /// No source, or one without a token.
     Empty,
-    /// The language is unknown.
     UnknownLanguage,
     /// A GLSL source of unknown stage.
     UnknownStage,

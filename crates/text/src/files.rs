@@ -8,7 +8,6 @@ use std::path::{Path, PathBuf};
 /// An emitted file. `name` has no folder.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct File {
-    /// File name.
     pub name: String,
     /// Content.
     pub bytes: Vec<u8>,

@@ -1,7 +1,6 @@
 //! What readers of shaders have in common: sources with their places, options, errors that point at the author's
 //! text, and limits on input from strangers.
 
-pub mod absent;
 pub mod codes;
 pub mod error;
 pub mod excerpt;
@@ -16,3 +15,4 @@ pub mod refusals;
 pub mod regular;
 pub mod source;
 pub mod tokens;
+pub mod unsupported;

@@ -3,7 +3,6 @@
 /// The code of a refusal or error, and its explanation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RefusalInfo {
-    /// The code.
     pub code: &'static str,
     /// The reason, in general.
     pub explanation: &'static str,

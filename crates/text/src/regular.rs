@@ -14,7 +14,6 @@ pub enum ReadError {
     /// The system's own error.
     #[error(transparent)]
     Io(#[from] io::Error),
-    /// A folder.
     #[error("it is a folder")]
     Folder,
     /// A device, a pipe or a socket.

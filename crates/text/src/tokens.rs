@@ -2,7 +2,6 @@
 
 use std::ops::Range;
 
-/// The kind of a token.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum TokenKind {
     /// An identifier or keyword.
@@ -74,7 +73,6 @@ pub fn tokens(text: &str) -> impl Iterator<Item = (TokenKind, Range<usize>)> + '
 /// Which words to visit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Words {
-    /// All words.
     All,
     /// Words that are not members, so no dot precedes them.
     Free,

@@ -5,8 +5,8 @@
 use std::sync::Arc;
 
 use super::compare::Colors;
+use super::environment::TestPoint;
 use super::promise::Pair;
-use super::world::TestPoint;
 use super::{By, Effort, Proof, Verdict, validate};
 use preshade_passes::pass_named;
 use preshade_passes::slice::fault::{self, Fault};

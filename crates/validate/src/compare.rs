@@ -8,7 +8,7 @@ use preshade_plan::state::DepthDirection;
 
 /// The promise about a variant's colours.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Colors {
+pub(crate) enum Colors {
     /// The same bits.
     Bits,
     /// Equal numbers: 0 is -0.
@@ -23,7 +23,7 @@ pub enum Colors {
 
 /// The permitted differences between the discards of variant and original.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Discards {
+pub(crate) enum Discards {
     /// None.
     Same,
     /// Another pass has discarded these fragments already, and this one compares for EQUAL.
@@ -41,7 +41,7 @@ pub enum Discards {
 
 /// The promise about depths that a fragment stage writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Depths {
+pub(crate) enum Depths {
     /// The same bits.
     Same,
     /// No nearer.
@@ -59,7 +59,7 @@ pub enum Positions {
 
 /// The promise about memory writes.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stores {
+pub(crate) enum Stores {
     /// The same bits.
     Same,
     /// Not compared: another pass writes it.
@@ -68,16 +68,13 @@ pub enum Stores {
 
 /// The parts that must be equal.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Rule {
+pub(crate) enum Rule {
     /// The vertex outputs that rasterisation uses.
     Vertices(Positions),
-    /// Fragments.
     Fragments {
         /// Colours.
         colors: Colors,
-        /// Discards.
         discards: Discards,
-        /// Depths.
         depths: Depths,
         /// Memory.
         stores: Stores,
@@ -86,7 +83,7 @@ pub enum Rule {
 
 /// A difference, with both values as text.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Difference {
+pub(crate) struct Difference {
     /// The output that differs.
     pub output: String,
     /// The original's.
@@ -96,7 +93,7 @@ pub struct Difference {
 }
 
 /// The first difference that a rule forbids.
-pub fn difference<F: Number>(
+pub(crate) fn difference<F: Number>(
     rule: Rule,
     original: &Ran<F>,
     variant: &Ran<F>,
@@ -265,7 +262,7 @@ fn alpha<F: Number>(color: &Value<F>) -> Value<F> {
 
 /// Whether two values are bitwise equal, where any two NaNs are equal: no operation promises NaN
 /// bits.
-pub fn same_bits<F: Number>(a: &Value<F>, b: &Value<F>) -> bool {
+pub(crate) fn same_bits<F: Number>(a: &Value<F>, b: &Value<F>) -> bool {
     let is_nan = |x: F| x.single().is_some_and(f32::is_nan);
     every(a, b, &|a, b| match (a, b) {
         (Scalar::F32(a), Scalar::F32(b)) => a.is_same(b) || (is_nan(a) && is_nan(b)),
@@ -334,7 +331,7 @@ fn every<F: Number>(
 }
 
 /// A value as text; a long one is cut.
-pub fn text<F: Number>(value: &Value<F>) -> String {
+pub(crate) fn text<F: Number>(value: &Value<F>) -> String {
     const MOST: usize = 160;
     fn write<F: Number>(value: &Value<F>, out: &mut String) {
         if out.len() > MOST {

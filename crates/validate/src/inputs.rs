@@ -7,12 +7,12 @@ use naga::{
     AddressSpace, ArraySize, BuiltIn, Handle, MathFunction, Module, ScalarKind, Type, TypeInner,
 };
 
+use super::compared_numbers::Numbers;
+use super::environment::{self, plus, times};
 use super::levels::Levels;
-use super::numbers::Numbers;
 pub use super::random::Random;
 use super::stage::{POSITION, Slot, VaryingKind};
 use super::tape::{NO_STEP, Source};
-use super::world::{self, plus, times};
 use naga_interp::{Lookup, Number, RUNTIME_ELEMENTS, Sampling, Scalar, Value, place, scalars};
 use preshade_ir::interface::Io;
 use preshade_plan::guard::{Assumed, Guard, Place, ScalarType};
@@ -46,7 +46,7 @@ impl Profile {
 }
 
 /// The profile of the n-th input; half of them are ordinary.
-pub fn profile(n: u64) -> Profile {
+pub(crate) fn profile(n: u64) -> Profile {
     match n % 6 {
         0..=2 => Profile::Ordinary,
         3 => Profile::Mixed,
@@ -94,7 +94,7 @@ const INTEGERS: [u32; 10] = [
 ];
 
 /// Values by group and binding.
-pub type Resources = BTreeMap<(u32, u32), Value>;
+pub(crate) type Resources = BTreeMap<(u32, u32), Value>;
 
 /// The use of a number, on which the ordinary range depends.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -469,7 +469,7 @@ impl Inputs {
         let call = |function, of: &[F]| F::call(function, of).unwrap_or(of[0]);
         let bounded = |c| call(MathFunction::Clamp, &[c, F::of(-1e6), F::of(1e6)]);
         let start = F::of(start(lookup.binding, lookup.sampling));
-        let numbers = self.levels.numbers(lookup, world::slopes(self));
+        let numbers = self.levels.numbers(lookup, environment::slopes(self));
         let sum = numbers
             .into_iter()
             .fold(start, |sum, c| plus(times(sum, 1.7), bounded(c)));
@@ -581,7 +581,7 @@ pub fn plain_level_weight(i: usize) -> f32 {
 }
 
 /// The constant term of a texel, from all properties of the lookup except its coordinates.
-pub fn start(texture: Option<(u32, u32)>, sampling: Sampling) -> f32 {
+pub(crate) fn start(texture: Option<(u32, u32)>, sampling: Sampling) -> f32 {
     let of =
         |at: Option<(u32, u32)>| at.map_or(0.0, |(group, binding)| (group * 16 + binding) as f32);
     let [x, y, z] = sampling.offset.map(|texels| texels as f32);
@@ -590,7 +590,7 @@ pub fn start(texture: Option<(u32, u32)>, sampling: Sampling) -> f32 {
 }
 
 /// Scalars of all buffers that [`Inputs::new`] fills.
-pub fn filled(module: &Module) -> u64 {
+pub(crate) fn filled(module: &Module) -> u64 {
     let globals = module.global_variables.iter();
     globals
         .filter(|(_, g)| g.space != AddressSpace::Handle && place(g).is_some())
@@ -720,7 +720,7 @@ fn integer(profile: Profile, random: &mut Random) -> u32 {
 }
 
 /// Writes a scalar at a byte offset in a value of this type.
-pub fn set<F: Number>(
+pub(crate) fn set<F: Number>(
     module: &Module,
     ty: Handle<Type>,
     value: &mut Value<F>,

@@ -9,7 +9,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Expression, Function, Module, SampleLevel};
 
-use super::world::{PassStages, exp2, product, times};
+use super::environment::{PassStages, exp2, product, times};
 use naga_interp::{Lookup, Number};
 use naga_operands::calls;
 

@@ -34,16 +34,16 @@ use preshade_plan::plan::{ComputePass, Plan, Role};
 use preshade_plan::program::Program;
 
 pub mod agree;
-mod at_rest;
 #[cfg(test)]
 mod broken_slicer;
 pub mod compare;
-mod drawn;
-pub mod elsewhere;
+mod compared_numbers;
+pub mod environment;
+pub mod executor;
 pub mod inputs;
 pub mod levels;
-mod numbers;
-mod of_draw;
+mod made_up_draw;
+mod per_draw_values;
 mod promise;
 mod proof;
 mod quad;
@@ -51,13 +51,13 @@ mod random;
 mod resolve;
 mod split;
 pub mod stage;
+mod static_frame;
 mod tape;
 pub mod term;
 mod trial;
 pub mod verdict;
-pub mod world;
 
-use elsewhere::Runner;
+use executor::Runner;
 use promise::Pair;
 
 pub use verdict::{Counterexample, Diverged, Proof, Verdict};
@@ -148,7 +148,7 @@ pub fn validate_by(original: &Plan, variant: &Plan, by: By<'_>) -> Vec<Check> {
         not(Role::Main, "anything", why);
         return checks;
     }
-    let is_run = |p: &&ComputePass| split::runs(variant, p) || of_draw::runs(p);
+    let is_run = |p: &&ComputePass| split::runs(variant, p) || per_draw_values::runs(p);
     for pass in variant.compute.iter().filter(|p| !is_run(p)) {
         let why = "a compute pass is not run by the interpreter; `verify` draws what it makes";
         not(
@@ -164,11 +164,11 @@ pub fn validate_by(original: &Plan, variant: &Plan, by: By<'_>) -> Vec<Check> {
     let mut programs: BTreeMap<String, Program> = programs.collect();
     for pass in variant.passes.iter().filter(|p| p.role == Role::Outputs) {
         if let Some(program) = programs.get_mut(&pass.program) {
-            *program = at_rest::at_rest(program, pass);
+            *program = static_frame::at_rest(program, pass);
         }
     }
     for pass in &variant.passes {
-        match of_draw::computed(variant, &programs, pass) {
+        match per_draw_values::computed(variant, &programs, pass) {
             Ok(Some(program)) => {
                 programs.insert(pass.program.clone(), program);
             }

@@ -7,12 +7,12 @@ use std::sync::Arc;
 use naga::ShaderStage;
 
 use super::compare::{Colors, Depths, Discards, Positions, Rule, Stores};
-use super::drawn::Drawn;
+use super::environment::{self, PassStages, TestPoint};
 use super::inputs::{self, Inputs};
 use super::levels::Levels;
+use super::made_up_draw::Drawn;
 use super::stage::{POSITION, Slot, Stage};
 use super::verdict::not_evaluated;
-use super::world::{self, PassStages, TestPoint};
 use super::{By, Check, Effort, Proof, Verdict};
 use preshade_passes::analysis::rounding;
 use preshade_passes::pass_named;
@@ -51,7 +51,7 @@ pub(super) struct Pair<'a> {
 
 /// The content of an attachment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Held {
+pub enum Held {
     /// Depths, as such.
     Depths,
     /// Depths packed into a colour.
@@ -410,7 +410,7 @@ impl<'a> Pair<'a> {
                                     io.binding.as_ref().map(Slot::of) == Some(POSITION)
                                 };
                                 let io = found.iter().find(is_position);
-                                world::depths(inputs, module, io, far)
+                                environment::depths(inputs, module, io, far)
                             }
                             None => [0.5, far],
                         };

@@ -1,11 +1,11 @@
 //! Proofs for every input: both stages have one canonical slice, or end in the same terms.
 
 use super::compare::{self, Colors, Stores};
+use super::environment::{self, PassStages, TestPoint, World};
 use super::inputs::{self, Inputs};
 use super::promise::Pair;
 use super::stage::Stage;
 use super::term;
-use super::world::{self, PassStages, TestPoint, World};
 use preshade_passes::graph::{FunctionId, Graph};
 use preshade_passes::rebuild::place::{self, PositionInvariance};
 use preshade_passes::slice::{self, Criterion, OutputFilter};
@@ -32,7 +32,7 @@ impl Pair<'_> {
         let inputs = Inputs::new(module, self.variant.guard.as_ref(), self.effort.seed);
         let (rule, _) = self.rule(place, colors, None);
         term::proved(self.effort.paths, || {
-            let mut world = world::symbolic(module, &inputs);
+            let mut world = environment::symbolic(module, &inputs);
             for assumed in self.variant.guard.iter().flat_map(|g| &g.values) {
                 fix(module, &mut world, assumed);
             }

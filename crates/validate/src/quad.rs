@@ -14,10 +14,10 @@ use naga::{
     SampleLevel, TypeInner,
 };
 
-use super::drawn::Drawn;
+use super::environment::exp2;
 use super::inputs::{Inputs, Random};
+use super::made_up_draw::Drawn;
 use super::stage::{At, POSITION, Ran, Slot, Stage, VaryingKind, interpolated};
-use super::world::exp2;
 use naga_interp::{Derivative, Environment, Lookup, Number, Scalar, Stuck, Value};
 use preshade_ir::interface::Io;
 use preshade_plan::rasterizer::{Corners, Neighbours, Rasterizer};
@@ -207,7 +207,7 @@ fn blend([a, b, c]: [f64; 3], weights: [f64; 3]) -> f64 {
 }
 
 /// A fragment stage over a triangle.
-pub(super) struct Quad<'a, F> {
+pub struct Quad<'a, F> {
     pub(super) stage: Stage<'a>,
     pub(super) triangle: &'a Triangle,
     /// The results of the vertex stage.

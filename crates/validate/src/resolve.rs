@@ -15,15 +15,15 @@
 use std::collections::BTreeMap;
 
 use super::compare::{self, Difference, text};
-use super::drawn::Drawn;
+use super::environment::{PassStages, TestPoint};
 use super::inputs::{self, Inputs, Profile, Random};
+use super::made_up_draw::Drawn;
 use super::promise::NOT_DRAWN;
 use super::quad::{Float, Triangle};
 use super::split::{Split, positions};
 use super::stage::Ran;
 use super::trial::{QUOTA, of_compared, said, unfilled};
 use super::verdict::{Counterexample, Verdict, not_evaluated};
-use super::world::{PassStages, TestPoint};
 use super::{By, Check};
 use naga_interp::{Scalar, Stuck, Value};
 use preshade_passes::analysis::rounding;
@@ -275,7 +275,6 @@ impl Split<'_> {
     }
 }
 
-/// The scalars of a value.
 fn scalars<F: Float>(value: &Value<F>) -> Vec<Scalar<F>> {
     match value {
         Value::Scalar(scalar) => vec![*scalar],

@@ -6,13 +6,13 @@ use std::sync::Arc;
 use naga::{BuiltIn, Interpolation, ShaderStage};
 
 use super::Effort;
-use super::drawn::{Drawn, Id, words};
+use super::environment::PassStages;
 use super::inputs::Inputs;
 use super::levels::{Levels, Reading};
+use super::made_up_draw::{Drawn, Id, words};
 use super::promise::{effort, stages};
 use super::quad::{Float, Quad, Triangle};
 use super::stage::{self, POSITION, Ran, Slot, Stage};
-use super::world::PassStages;
 use naga_interp::bound::exactly;
 use naga_interp::{Environment, Scalar, Stuck, Value};
 use preshade_ir::interface::Io;

@@ -23,7 +23,6 @@ pub enum Slot {
 pub const POSITION: Slot = Slot::BuiltIn(BuiltIn::Position { invariant: false });
 
 impl Slot {
-    /// The slot of a binding.
     pub fn of(binding: &Binding) -> Self {
         match binding {
             Binding::BuiltIn(BuiltIn::Position { .. }) => POSITION,
@@ -53,7 +52,6 @@ impl fmt::Display for Slot {
 /// A stage of a program.
 #[derive(Clone, Copy, Debug)]
 pub struct Stage<'p> {
-    /// The program.
     pub program: &'p Program,
     /// Index of the entry point.
     pub entry: usize,
@@ -62,7 +60,6 @@ pub struct Stage<'p> {
 /// The result of a stage.
 #[derive(Clone, Debug)]
 pub struct Ran<F = f32> {
-    /// Its outputs.
     pub outputs: BTreeMap<Slot, Value<F>>,
     /// Whether it was discarded.
     pub discarded: bool,
@@ -83,7 +80,6 @@ impl<'p> Stage<'p> {
         Some(Self { program, entry })
     }
 
-    /// Its module.
     pub fn module(self) -> &'p Module {
         self.program.module()
     }

@@ -20,7 +20,7 @@ use naga_interp::{Number, Stuck};
 
 /// A float, as the term that computes it. It is valid within its [`proved`] call and thread.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
-pub struct Symbolic(u32);
+pub(crate) struct Symbolic(u32);
 
 #[derive(Clone, Debug, PartialEq, Eq, Hash)]
 enum TermNode {
@@ -109,7 +109,7 @@ impl Arena {
 /// Runs `same` for each combination of outcomes that comparisons of terms may have, and returns
 /// their number. `None` if a run finds a difference, an evaluation depends on something that terms
 /// don't express, or there are more than `most` combinations.
-pub fn proved(most: u64, mut same: impl FnMut() -> Result<bool, Stuck>) -> Option<u64> {
+pub(crate) fn proved(most: u64, mut same: impl FnMut() -> Result<bool, Stuck>) -> Option<u64> {
     ARENA.with_borrow_mut(|arena| *arena = Arena::default());
     let mut paths = 0;
     loop {
@@ -125,7 +125,6 @@ pub fn proved(most: u64, mut same: impl FnMut() -> Result<bool, Stuck>) -> Optio
 }
 
 impl Symbolic {
-    /// The input of that name.
     pub fn input(name: &str) -> Self {
         ARENA.with_borrow_mut(|arena| arena.term(TermNode::Input(name.to_owned())))
     }

@@ -4,12 +4,12 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 use super::compare::{self, Colors, text};
-use super::drawn::Drawn;
+use super::environment::{self, PassStages, TestPoint, Texels, World};
 use super::inputs::{Inputs, Profile};
+use super::made_up_draw::Drawn;
 use super::promise::Pair;
 use super::stage::{self, Stage};
 use super::verdict::{Counterexample, Diverged, Verdict, not_evaluated};
-use super::world::{self, PassStages, TestPoint, Texels, World};
 use naga_interp as evaluate;
 use naga_interp::{Stuck, Traced, Value};
 use preshade_plan::guard::Guard;
@@ -81,7 +81,7 @@ impl Pair<'_> {
     fn try_one(&self, inputs: &Inputs, place: TestPoint, colors: Colors) -> Tried {
         let (rule, attached) = self.rule(place, colors, Some(inputs));
         let drawn = self.drawn(inputs);
-        let mut world = world::concrete(inputs, &attached, Texels::Waves);
+        let mut world = environment::concrete(inputs, &attached, Texels::Waves);
         if let Some(drawn) = &drawn {
             let module = self.other.vertex.module();
             match drawn.resources(&self.pass.bindings, module, drawn.other) {

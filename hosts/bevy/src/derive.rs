@@ -2,7 +2,10 @@
 
 use std::fmt::Write as _;
 
-use preshade::{Recipe, Shader, Source, Target, rewrite};
+use preshade_compiler::emit::Target;
+use preshade_compiler::front::Source;
+use preshade_compiler::pipeline::{Shader, rewrite};
+use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{BindingSource, BindingUse, GpuPass};
 use preshade_plan::state::MaterialState;

@@ -23,7 +23,6 @@ pub struct Checks {
 }
 
 impl Checks {
-    /// All.
     pub const ALL: Self = Self {
         divisors: true,
         indices: true,

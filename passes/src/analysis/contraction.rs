@@ -54,7 +54,7 @@ const MOST_COPIES: usize = 64;
 
 /// Operations that may round differently.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
-pub struct Exposed {
+pub(crate) struct Exposed {
     /// Number of operations in both stages.
     pub roundings: u32,
     /// The affected surface, if a decision depends on them.
@@ -63,7 +63,7 @@ pub struct Exposed {
 
 /// Compares the stages of a pass before and after. `folded` are operations of the original that
 /// were removed as neutral; their dependents may round differently too.
-pub fn exposed(
+pub(crate) fn exposed(
     before: &Program,
     after: &Program,
     pass: &GpuPass,

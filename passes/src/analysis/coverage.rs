@@ -12,7 +12,7 @@ use preshade_plan::program::Program;
 use preshade_plan::state::ColorTarget;
 
 /// The component of location 0 that alpha to coverage reads.
-pub const ALPHA: u32 = 3;
+pub(crate) const ALPHA: u32 = 3;
 
 /// The component of `@builtin(position)` that is a depth.
 const DEPTH: u32 = 2;
@@ -72,7 +72,7 @@ impl Decides {
 /// Whether a slice of a fragment stage reads the rasteriser's depth: the third component of
 /// `@builtin(position)`. On some APIs (Vulkan, GL) it includes the depth bias, on others it does
 /// not.
-pub fn reads_rasterised_depth(program: &Program, slice: &Slice) -> bool {
+pub(crate) fn reads_rasterised_depth(program: &Program, slice: &Slice) -> bool {
     let module = program.module();
     let function = &module.entry_points[slice.entry].function;
     let is_position =
@@ -90,7 +90,7 @@ pub fn reads_rasterised_depth(program: &Program, slice: &Slice) -> bool {
 
 /// The colour targets of a coverage-only pass: none, or under alpha to coverage the main pass's
 /// targets with an empty write mask.
-pub fn targets(main: &GpuPass) -> Vec<Option<ColorTarget>> {
+pub(crate) fn targets(main: &GpuPass) -> Vec<Option<ColorTarget>> {
     if !main.multisample.alpha_to_coverage {
         return Vec::new();
     }
@@ -117,7 +117,7 @@ const ALPHA_FORMATS: [&str; 6] = [
 ];
 
 /// Why a pass's alpha to coverage cannot be reproduced in another pass: the problem and a remedy.
-pub fn refuse_alpha(
+pub(crate) fn refuse_alpha(
     program: &Program,
     fragment: Option<usize>,
     pass: &GpuPass,

@@ -36,7 +36,7 @@ use flow::{Arc, Network};
 
 /// A value in the cut problem.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Item<'a> {
+pub(crate) struct Item<'a> {
     /// Cost per fragment without operands; `None` if no fragment can compute it.
     pub cost: Option<f64>,
     /// Transport price per fragment; `None` if it must not move.
@@ -47,7 +47,7 @@ pub struct Item<'a> {
 
 /// A stage's values as items. `price` is what giving a value costs each fragment; `None`: it must not
 /// move.
-pub fn items<'v>(
+pub(crate) fn items<'v>(
     values: &'v Values<'_, '_>,
     price: impl Fn(ValueId) -> Option<f64>,
 ) -> Vec<Item<'v>> {
@@ -68,14 +68,14 @@ pub fn items<'v>(
 }
 
 /// What each fragment costs if it is given nothing.
-pub fn uncut(values: &Values<'_, '_>) -> Option<f64> {
+pub(crate) fn uncut(values: &Values<'_, '_>) -> Option<f64> {
     let items = items(values, |_| None);
     Some(minimum(&items, &values.roots)?.total(&items))
 }
 
 /// The cheapest choice.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Cut {
+pub(crate) struct Cut {
     /// Items that are given, in ascending order.
     pub carried: Vec<usize>,
     /// Whether the fragment stage computes each item.
@@ -104,13 +104,13 @@ fn capacity(cost: f64) -> u64 {
 /// The cheapest way to provide every root; `None` if there is none, because a root must not move
 /// and depends on a value that no fragment can compute. Among equally cheap ways, the one that
 /// computes least.
-pub fn minimum(items: &[Item<'_>], roots: &[usize]) -> Option<Cut> {
+pub(crate) fn minimum(items: &[Item<'_>], roots: &[usize]) -> Option<Cut> {
     sweep(items, roots, &[1.0])?.pop()
 }
 
 /// The cheapest ways for each multiple of the prices, in ascending order. `None` as in [`minimum`];
 /// it does not depend on the price.
-pub fn sweep(items: &[Item<'_>], roots: &[usize], multiples: &[f64]) -> Option<Vec<Cut>> {
+pub(crate) fn sweep(items: &[Item<'_>], roots: &[usize], multiples: &[f64]) -> Option<Vec<Cut>> {
     let mut network = Contracted::new(items, roots)?;
     Some(multiples.iter().map(|m| network.cut(items, *m)).collect())
 }

@@ -10,14 +10,14 @@ const DERIVATIVES: [Effect; 2] = [Effect::Derivative, Effect::ImplicitLod];
 
 /// Where a function or one of its callees first takes a derivative, explicitly or by an implicit
 /// level of detail.
-pub fn derivative(graph: &Graph, function: FunctionId) -> Option<Span> {
+pub(crate) fn derivative(graph: &Graph, function: FunctionId) -> Option<Span> {
     find(graph, function, &DERIVATIVES)
 }
 
 /// Whether a function or one of its callees may take a derivative after a fragment of its quad was
 /// discarded. SPIR-V's `OpKill` ends such a fragment, so what its neighbours read from it is
 /// undefined.
-pub fn differentiates_after_discard(graph: &Graph, id: FunctionId) -> bool {
+pub(crate) fn differentiates_after_discard(graph: &Graph, id: FunctionId) -> bool {
     let effects = graph.effects(id);
     if !effects.contains(&Effect::Discard) || DERIVATIVES.iter().all(|d| !effects.contains(d)) {
         return false;
@@ -61,7 +61,7 @@ pub fn differentiates_after_discard(graph: &Graph, id: FunctionId) -> bool {
 
 /// The first node of a function with one of these effects. A call stands for a callee without a
 /// source span.
-pub fn find(graph: &Graph, id: FunctionId, wanted: &[Effect]) -> Option<Span> {
+pub(crate) fn find(graph: &Graph, id: FunctionId, wanted: &[Effect]) -> Option<Span> {
     if graph.effects(id).iter().all(|e| !wanted.contains(e)) {
         return None;
     }

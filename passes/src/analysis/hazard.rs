@@ -11,7 +11,7 @@ use naga_interp::accuracy::LARGEST_TANH;
 /// Name of the operation, if it may return NaN or infinity for finite operands. `ranges` are of
 /// what adapters compute (`AllRanges::computed`): a difference that is above 0 may be rounded to
 /// 0.
-pub fn undefined(
+pub(crate) fn undefined(
     values: &Values<'_, '_>,
     ranges: &AllRanges,
     context: usize,
@@ -113,11 +113,15 @@ fn is_nonzero(values: &Values<'_, '_>, context: usize, e: Handle<Expression>) ->
 
 /// Assumed magnitude of unknown varyings, draw constants and texels: 2^20, a million scene units. A
 /// varying of a real scene is finite; this assumes that it is not extremely large.
-pub const LARGEST_INPUT: f64 = (1 << 20) as f64;
+pub(crate) const LARGEST_INPUT: f64 = (1 << 20) as f64;
 
 /// Name of the operation, if it may overflow `f32` for smaller operands. Infinity is one step from
 /// NaN: `inf * 0`, `inf - inf`.
-pub fn overflow(values: &Values<'_, '_>, ranges: &AllRanges, id: ValueId) -> Option<&'static str> {
+pub(crate) fn overflow(
+    values: &Values<'_, '_>,
+    ranges: &AllRanges,
+    id: ValueId,
+) -> Option<&'static str> {
     // Ranges are real numbers; leave room for rounding.
     let fits = |id: ValueId| ranges.of(id).magnitude() < 0.99 * f64::from(f32::MAX);
     let (context, e, _) = values.expression(id)?;

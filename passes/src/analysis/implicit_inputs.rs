@@ -69,7 +69,7 @@ pub enum PassEffect {
 
 /// The stages of a main pass, as a pass finds them.
 #[derive(Clone, Debug)]
-pub struct ImplicitInputs<'a> {
+pub(crate) struct ImplicitInputs<'a> {
     plan: &'a Plan,
     pass: &'a GpuPass,
     program: &'a Program,
@@ -176,7 +176,6 @@ impl<'a> ImplicitInputs<'a> {
     }
 }
 
-/// One implicit input.
 struct InputRow {
     moved_by: &'static [PassEffect],
     /// Whether and by what the stages depend on it.
@@ -481,7 +480,7 @@ fn vertex_text(stages: &ImplicitInputs<'_>) -> Option<String> {
 }
 
 /// Whether the author marked the position of a vertex entry point `@invariant`.
-pub fn has_invariant_position(program: &Program, vertex: usize) -> bool {
+pub(crate) fn has_invariant_position(program: &Program, vertex: usize) -> bool {
     let module = program.module();
     let outputs = interface::outputs(module, &module.entry_points[vertex].function);
     let invariant = Some(Binding::BuiltIn(BuiltIn::Position { invariant: true }));

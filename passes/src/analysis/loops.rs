@@ -19,7 +19,7 @@ use preshade_plan::guard::{Assumed, Bounds, Guard};
 /// loop-carried value of an outer loop. So we follow each loop's merges to their users within the
 /// loop, outer loops first. An inner loop need not revisit values that an outer one reached, and
 /// each value is visited once.
-pub fn iterated(values: &Values<'_, '_>) -> Vec<bool> {
+pub(crate) fn iterated(values: &Values<'_, '_>) -> Vec<bool> {
     let places = Places::new(values);
     let mut merges: Vec<Vec<ValueId>> = vec![Vec::new(); places.loops.len()];
     for (id, value) in values.values.iter().enumerate() {
@@ -63,7 +63,7 @@ pub fn iterated(values: &Values<'_, '_>) -> Vec<bool> {
 }
 
 /// Whether the loops end that each value depends on, runs in, or has in the condition under which it runs.
-pub struct LoopEnds {
+pub(crate) struct LoopEnds {
     of: Vec<Ends>,
 }
 

@@ -1,6 +1,5 @@
 //! Questions that any pass may ask about a program. An analysis reads the graph and changes nothing.
 
-pub mod below;
 pub mod checks;
 pub mod contraction;
 pub mod coverage;
@@ -19,6 +18,7 @@ pub mod refusals;
 pub mod rounding;
 pub(crate) mod simplify;
 pub mod subnormal;
+pub mod transitive_cost;
 pub mod uniformity;
 pub(crate) mod users;
 pub mod values;

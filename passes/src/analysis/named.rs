@@ -3,13 +3,13 @@
 use crate::analysis::values::{Node, ValueId, Values};
 
 /// Where a value is in the author's source.
-pub fn span(values: &Values<'_, '_>, id: ValueId) -> Option<naga::Span> {
+pub(crate) fn span(values: &Values<'_, '_>, id: ValueId) -> Option<naga::Span> {
     let (context, e, _) = values.expression(id)?;
     Some(values.function(context).function.expressions.get_span(e))
 }
 
 /// The author's name for a value, or for the call that returns it.
-pub fn name(values: &Values<'_, '_>, id: ValueId) -> Option<String> {
+pub(crate) fn name(values: &Values<'_, '_>, id: ValueId) -> Option<String> {
     let (context, e, _) = values.expression(id)?;
     let f = values.function(context).function;
     if let Some(name) = f.named_expressions.get(&e) {
@@ -54,7 +54,7 @@ fn own_name(values: &Values<'_, '_>, id: ValueId) -> Option<String> {
 
 /// A suffix of letters: `a` to `z`, `aa` and so on. naga's writers append their own number to a
 /// name that ends in a digit.
-pub fn letters(index: usize) -> String {
+pub(crate) fn letters(index: usize) -> String {
     let last = char::from(b'a' + (index % 26) as u8);
     match index / 26 {
         0 => last.to_string(),

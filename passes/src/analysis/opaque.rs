@@ -27,11 +27,9 @@ use preshade_text::refusals::RefusalInfo;
 pub struct Opaque<'a> {
     /// The main pass.
     pub pass: &'a GpuPass,
-    /// Its program.
     pub program: &'a Program,
     /// The program's dataflow graph.
     pub graph: Graph<'a>,
-    /// Its depth state.
     pub depth: &'a DepthState,
     /// Forward or reversed depth.
     pub direction: DepthDirection,
@@ -315,7 +313,7 @@ impl Examination {
 }
 
 /// Whether a stage of a pass stores to memory.
-pub fn stores(graph: &Graph, program: &Program, pass: &GpuPass) -> bool {
+pub(crate) fn stores(graph: &Graph, program: &Program, pass: &GpuPass) -> bool {
     let mut stages = reflect::stages(pass).into_iter();
     stages.any(|(stage, name)| {
         let entry = program.entry_point(stage, name);
@@ -324,7 +322,7 @@ pub fn stores(graph: &Graph, program: &Program, pass: &GpuPass) -> bool {
 }
 
 /// The refusal of a form that needs the absence of ties, if ties were measured.
-pub fn refuse_ties(name: &'static str, facts: &Facts, remedy: &str) -> Option<Refusal> {
+pub(crate) fn refuse_ties(name: &'static str, facts: &Facts, remedy: &str) -> Option<Refusal> {
     facts.depth_ties.filter(|n| *n > 0).map(|n| {
         Refusal::new(
             name,

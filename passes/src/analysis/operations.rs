@@ -70,11 +70,9 @@ pub(crate) enum OwnError {
 /// An operation on operands in given ranges.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Operation {
-    /// Its discontinuity.
     pub discontinuity: Option<Break>,
     /// Largest slope in each operand; `None` if one is unbounded or unknown.
     pub slopes: Option<[f64; 3]>,
-    /// Its own error.
     pub error: OwnError,
 }
 

@@ -30,7 +30,7 @@ const MOST_ROUNDS: usize = 16;
 
 /// The range of every value.
 #[derive(Debug)]
-pub struct AllRanges {
+pub(crate) struct AllRanges {
     of: Vec<Interval>,
     arithmetic: Arithmetic,
     /// Magnitude of unknown inputs; `None` if they are unbounded.
@@ -181,7 +181,6 @@ impl AllRanges {
         changed
     }
 
-    /// The range of a value.
     pub fn of(&self, id: ValueId) -> Interval {
         self.of[id]
     }
@@ -421,7 +420,7 @@ fn has_word(values: &Values<'_, '_>, context: ContextId, e: Handle<Expression>) 
 }
 
 /// Number of products in the sum for a component of a product.
-pub fn terms(left: &TypeInner, right: &TypeInner) -> u8 {
+pub(crate) fn terms(left: &TypeInner, right: &TypeInner) -> u8 {
     match (left, right) {
         (
             TypeInner::Matrix { columns, .. },
@@ -433,7 +432,7 @@ pub fn terms(left: &TypeInner, right: &TypeInner) -> u8 {
 }
 
 /// Number of components of a scalar or vector.
-pub fn dimension(ty: &TypeInner) -> f64 {
+pub(crate) fn dimension(ty: &TypeInner) -> f64 {
     match ty {
         TypeInner::Vector { size, .. } => f64::from(*size as u8),
         _ => 1.0,

@@ -3,7 +3,7 @@
 use crate::analysis::values::{ValueId, Values};
 
 /// Values and all their dependents.
-pub fn with_users(values: &Values<'_, '_>, mut work: Vec<ValueId>) -> Vec<bool> {
+pub(crate) fn with_users(values: &Values<'_, '_>, mut work: Vec<ValueId>) -> Vec<bool> {
     let users = values.users();
     let mut held = vec![false; values.values.len()];
     while let Some(id) = work.pop() {
@@ -15,7 +15,7 @@ pub fn with_users(values: &Values<'_, '_>, mut work: Vec<ValueId>) -> Vec<bool> 
 }
 
 /// Values and all their dependences.
-pub fn with_operands(values: &Values<'_, '_>, mut work: Vec<ValueId>) -> Vec<bool> {
+pub(crate) fn with_operands(values: &Values<'_, '_>, mut work: Vec<ValueId>) -> Vec<bool> {
     let mut held = vec![false; values.values.len()];
     while let Some(id) = work.pop() {
         if !std::mem::replace(&mut held[id], true) {

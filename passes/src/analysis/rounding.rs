@@ -28,7 +28,7 @@ use preshade_plan::plan::GpuPass;
 use preshade_plan::state::ColorTarget;
 
 /// Assumed magnitude of varyings, textures and draw constants without a scene.
-pub const ORDINARY: u32 = 4;
+pub(crate) const ORDINARY: u32 = 4;
 
 /// Half the distance of adjacent numbers around 1: the relative error of one operation.
 const UNIT_ROUNDOFF: f64 = 1.0 / (1 << 24) as f64;
@@ -47,7 +47,7 @@ pub const STEEPEST_SRGB: f64 = 12.92;
 
 /// Largest change of an output by rounding that the targets of a pass hide; negative where any change
 /// shows.
-pub fn most(pass: &GpuPass) -> f64 {
+pub(crate) fn most(pass: &GpuPass) -> f64 {
     let is_srgb = |t: &ColorTarget| t.format.ends_with("-srgb");
     let targets = || pass.targets.iter().flatten();
     let multisample = &pass.multisample;

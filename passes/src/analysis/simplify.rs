@@ -17,8 +17,7 @@ use preshade_plan::program::Program;
 use preshade_plan::reflect;
 
 /// A material's main pass with less work.
-pub struct Simplified {
-    /// The simplified program.
+pub(crate) struct Simplified {
     pub program: Program,
     /// Key of the replaced program.
     pub of: String,
@@ -48,7 +47,7 @@ impl Simplified {
 }
 
 /// The change of code that `slice` decides, in the fragment stage of `pass`.
-pub fn change(
+pub(crate) fn change(
     graph: &Graph<'_>,
     pass: &GpuPass,
     slice: &Slice,
@@ -68,12 +67,12 @@ pub fn change(
 }
 
 /// All that decides an output of an entry point.
-pub fn whole(graph: &Graph<'_>, entry: usize) -> Slice {
+pub(crate) fn whole(graph: &Graph<'_>, entry: usize) -> Slice {
     slice::backward(graph, entry, &[Criterion::Output(OutputFilter::All)])
 }
 
 /// The fragment stage that a pass changes.
-pub struct FragmentStage<'p> {
+pub(crate) struct FragmentStage<'p> {
     /// The main pass.
     pub pass: &'p GpuPass,
     /// The graph of its program.
@@ -89,7 +88,7 @@ pub struct FragmentStage<'p> {
 ///
 /// # Errors
 /// There is no such stage, or it depends on the code around an operation.
-pub fn examine<'p>(
+pub(crate) fn examine<'p>(
     plan: &'p Plan,
     name: &'static str,
     first: &str,
@@ -127,7 +126,7 @@ pub fn examine<'p>(
 ///
 /// # Errors
 /// A name is unknown.
-pub fn meant(
+pub(crate) fn meant(
     graph: &Graph<'_>,
     fragment: usize,
     of: Option<&str>,

@@ -47,7 +47,7 @@ const MOST_ROUNDS: usize = 16;
 
 /// Values that another stage may compute otherwise, because they depend on a subnormal number. `known`
 /// are the numbers of the material.
-pub fn changed(values: &Values<'_, '_>, known: &[SourceRange]) -> Vec<bool> {
+pub(crate) fn changed(values: &Values<'_, '_>, known: &[SourceRange]) -> Vec<bool> {
     with_users(values, met(values, known))
 }
 
@@ -56,7 +56,7 @@ pub fn changed(values: &Values<'_, '_>, known: &[SourceRange]) -> Vec<bool> {
 ///
 /// # Errors
 /// They do.
-pub fn check(
+pub(crate) fn check(
     pass: &str,
     plan: &Plan,
     graph: &Graph<'_>,

@@ -20,11 +20,9 @@ use naga_operands as operands;
 /// Why uniform control flow is needed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Need {
-    /// A derivative.
     Derivative,
     /// A sample with an implicit level of detail.
     ImplicitLod,
-    /// A barrier.
     Barrier,
     /// A `workgroupUniformLoad`.
     UniformLoad,

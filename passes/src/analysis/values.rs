@@ -32,7 +32,6 @@ pub type ContextId = usize;
 /// A function in one chain of calls.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Context {
-    /// The function.
     pub function: FunctionId,
     /// Caller and call statement. `None` for the entry point.
     pub call: Option<(ContextId, StmtId)>,
@@ -58,12 +57,10 @@ pub enum Node {
     Control(ContextId, StmtId),
 }
 
-/// A value.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Value {
     /// Its identity.
     pub node: Node,
-    /// Its operands.
     pub operands: Vec<ValueId>,
     /// Cost per fragment without operands, in the units of [`crate::graph::cost`].
     pub cost: f64,
@@ -82,7 +79,6 @@ pub struct Values<'g, 'p> {
     pub inputs: Vec<Io>,
     /// Chains of calls.
     pub contexts: Vec<Context>,
-    /// The values.
     pub values: Vec<Value>,
     /// Observed values: outputs, and the conditions of discards.
     pub roots: Vec<ValueId>,
@@ -101,7 +97,7 @@ pub struct Values<'g, 'p> {
 }
 
 /// Most values to analyse. Beyond this, calls are nested too deeply to separate them.
-pub const MOST_VALUES: usize = 200_000;
+pub(crate) const MOST_VALUES: usize = 200_000;
 
 /// Most entries for direct lookup. Many calls of a large function with few observed values use
 /// hashes instead.
@@ -113,7 +109,7 @@ const MOST_NAMED: usize = 8 * MOST_VALUES;
 pub struct TooLarge;
 
 /// The refusal of a fragment stage that writes memory, by a pass that follows values.
-pub fn refuse_writes(graph: &Graph<'_>, entry: usize, name: &str) -> Option<Refusal> {
+pub(crate) fn refuse_writes(graph: &Graph<'_>, entry: usize, name: &str) -> Option<Refusal> {
     graph.writes_memory(FunctionId::EntryPoint(entry)).then(|| {
         Refusal::new(
             name,
@@ -218,7 +214,6 @@ impl<'g, 'p> Values<'g, 'p> {
         }
     }
 
-    /// The function of a context.
     pub fn function(&self, context: ContextId) -> &'g FunctionGraph<'p> {
         self.graph.function(self.contexts[context].function)
     }
@@ -228,7 +223,6 @@ impl<'g, 'p> Values<'g, 'p> {
         self.index.get(node).copied()
     }
 
-    /// The context of a call.
     pub fn child(&self, context: ContextId, call: StmtId) -> Option<ContextId> {
         self.children.get(&(context, call)).copied()
     }
@@ -249,7 +243,6 @@ impl<'g, 'p> Values<'g, 'p> {
         self.cycles.get_or_init(|| cycle::cycles(&self.values))
     }
 
-    /// The users of each value.
     pub fn users(&self) -> &Arc<Users> {
         &self.users
     }

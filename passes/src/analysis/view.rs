@@ -18,7 +18,7 @@ pub use names::is_axis;
 
 /// What the user says about uniforms, by their paths ([`parts`]).
 #[derive(Clone, Debug, Default)]
-pub struct Said {
+pub(crate) struct Said {
     /// They follow the viewer.
     pub follow: Vec<String>,
     /// They do not, whatever their names say.
@@ -27,7 +27,7 @@ pub struct Said {
 
 /// The uniforms that the stages of a program read and that follow the viewer: variables, or members
 /// as `VARIABLE.MEMBER`. `verify` takes these from the light and all others from the camera.
-pub fn view_dependent(program: &Program, said: &Said) -> Vec<String> {
+pub(crate) fn view_dependent(program: &Program, said: &Said) -> Vec<String> {
     let graph = Graph::build(program);
     let points = program.module().entry_points.iter();
     let stage = |of: ShaderStage| points.clone().position(|point| point.stage == of);
@@ -36,7 +36,7 @@ pub fn view_dependent(program: &Program, said: &Said) -> Vec<String> {
 }
 
 /// [`view_dependent`] of a vertex and a fragment entry point.
-pub fn of_stages(
+pub(crate) fn of_stages(
     graph: &Graph<'_>,
     (vertex, fragment): (Option<usize>, Option<usize>),
     said: &Said,
@@ -89,13 +89,13 @@ pub fn of_stages(
 }
 
 /// The paths of all uniforms and their members, in order.
-pub fn parts(module: &Module) -> Vec<String> {
+pub(crate) fn parts(module: &Module) -> Vec<String> {
     paths(module).iter().map(|path| path.text(module)).collect()
 }
 
 /// Whether a value is a read of one of these uniforms ([`view_dependent`]), or of a part of one, or
 /// of a whole that one is a part of.
-pub fn is_read(values: &Values<'_, '_>, value: ValueId, names: &[String]) -> bool {
+pub(crate) fn is_read(values: &Values<'_, '_>, value: ValueId, names: &[String]) -> bool {
     let path = read_path(values, value);
     path.is_some_and(|path| names.iter().any(|name| is_part(&path, name)))
 }
@@ -109,7 +109,7 @@ fn is_part(a: &str, b: &str) -> bool {
 
 /// A uniform, or a member of one.
 #[derive(Clone, Debug)]
-pub(crate) struct Path {
+pub struct Path {
     variable: Handle<GlobalVariable>,
     members: Vec<u32>,
     ty: Handle<Type>,

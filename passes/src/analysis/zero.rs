@@ -20,7 +20,7 @@ use preshade_plan::pass::{Facts, MaterialTexture};
 
 /// Why a term with a weight of 0 must stay.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Kept {
+pub(crate) enum Kept {
     /// This operation tells -0 from 0.
     Sign(&'static str),
     /// The weighted number may be infinite or NaN, by this operation.
@@ -49,8 +49,7 @@ impl std::fmt::Display for Kept {
 
 /// What else leaving a term out may change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub enum Seen {
-    /// Nothing.
+pub(crate) enum Seen {
     #[default]
     Nothing,
     /// The sign of a zero in an output or in memory.
@@ -59,7 +58,7 @@ pub enum Seen {
 
 /// Answers for the terms of one fragment stage.
 #[derive(Debug)]
-pub struct Zeros<'v, 'g, 'p> {
+pub(crate) struct Zeros<'v, 'g, 'p> {
     values: &'v Values<'g, 'p>,
     /// Ranges on any adapter, for any inputs.
     computed: AllRanges,
@@ -69,7 +68,6 @@ pub struct Zeros<'v, 'g, 'p> {
 }
 
 impl<'v, 'g, 'p> Zeros<'v, 'g, 'p> {
-    /// For the values of `material`.
     pub fn new(values: &'v Values<'g, 'p>, facts: &'v Facts, material: &str) -> Self {
         let known = facts.ranges.iter().filter(|r| r.material == material);
         let known: Vec<_> = known.cloned().collect();
@@ -285,7 +283,7 @@ impl<'v, 'g, 'p> Zeros<'v, 'g, 'p> {
 ///
 /// # Errors
 /// Why it must stay.
-pub fn left_out(
+pub(crate) fn left_out(
     stages: &[Zeros<'_, '_, '_>],
     function: FunctionId,
     product: Handle<Expression>,

@@ -16,7 +16,6 @@ use naga_operands as operands;
 /// A variable, as seen in a function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Root {
-    /// A local variable.
     Local(Handle<LocalVariable>),
     /// The memory behind this pointer argument.
     Argument(u32),
@@ -33,7 +32,6 @@ pub type Path = Vec<u32>;
 pub struct Cell {
     /// The variable.
     pub root: Root,
-    /// The path in it.
     pub path: Path,
 }
 
@@ -57,7 +55,7 @@ pub struct Place {
 }
 
 /// Whether shaders can write to the address space of a global variable.
-pub fn is_written_space(module: &Module, global: Handle<GlobalVariable>) -> bool {
+pub(crate) fn is_written_space(module: &Module, global: Handle<GlobalVariable>) -> bool {
     let variable = &module.global_variables[global];
     match variable.space {
         AddressSpace::Uniform | AddressSpace::Immediate => false,
@@ -75,7 +73,11 @@ pub fn is_written_space(module: &Module, global: Handle<GlobalVariable>) -> bool
 }
 
 /// The target of a pointer (or a writable image); `None` for memory nobody writes.
-pub fn place(module: &Module, function: &Function, pointer: Handle<Expression>) -> Option<Place> {
+pub(crate) fn place(
+    module: &Module,
+    function: &Function,
+    pointer: Handle<Expression>,
+) -> Option<Place> {
     let mut steps = Vec::new();
     let mut at = pointer;
     let root = loop {
@@ -126,7 +128,7 @@ const LONGEST_SPLIT_ARRAY: u32 = 64;
 
 /// Collects the accesses of a function and then lists its cells.
 #[derive(Clone, Debug, Default)]
-pub struct Splitter {
+pub(crate) struct Splitter {
     roots: BTreeMap<Root, Split>,
 }
 
@@ -223,7 +225,7 @@ fn list(
 }
 
 /// The steps of a cell's path in source notation: `.uv`, `.x`, `[3]`.
-pub fn path_names(module: &Module, function: &Function, cell: &Cell) -> Vec<String> {
+pub(crate) fn path_names(module: &Module, function: &Function, cell: &Cell) -> Vec<String> {
     let mut ty = match cell.root {
         Root::Local(v) => Some(function.local_variables[v].ty),
         Root::Argument(i) => match module.types[function.arguments[i as usize].ty].inner {

@@ -21,7 +21,6 @@ pub struct ControlDependence {
     reachable: Vec<bool>,
 }
 
-/// A flow edge.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum FlowEdge {
     /// Control can go this way.

@@ -28,7 +28,7 @@ use naga::{
 use super::{FunctionGraph, StmtId, counted};
 
 /// Assumed trip count of a loop whose trip count is unknown.
-pub const DEFAULT_TRIPS: f64 = 8.0;
+pub(crate) const DEFAULT_TRIPS: f64 = 8.0;
 
 fn components(ty: &TypeInner) -> f64 {
     match ty {
@@ -39,7 +39,7 @@ fn components(ty: &TypeInner) -> f64 {
 }
 
 /// The cost of evaluating an expression once.
-pub fn of_expression(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>) -> f64 {
+pub(crate) fn of_expression(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>) -> f64 {
     let width = components(f.ty(module, e));
     match &f.function.expressions[e] {
         Expression::Load { pointer } => match f.ty(module, *pointer).pointer_space() {
@@ -134,7 +134,7 @@ fn math(fun: MathFunction, argument: f64, width: f64) -> f64 {
 
 /// The cost of running a statement once, without its blocks, its emitted expressions and its
 /// callees.
-pub fn of_statement(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> f64 {
+pub(crate) fn of_statement(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> f64 {
     match f.statements.get(id).statement {
         Statement::If { .. } | Statement::Switch { .. } | Statement::Loop { .. } => 1.0,
         Statement::Store { pointer, .. } => match f.ty(module, *pointer).pointer_space() {
@@ -156,7 +156,7 @@ pub fn of_statement(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> f64 {
 }
 
 /// How often each statement runs per run of the function, by [`StmtId`].
-pub fn multiplicity(module: &Module, f: &FunctionGraph<'_>) -> Vec<f64> {
+pub(crate) fn multiplicity(module: &Module, f: &FunctionGraph<'_>) -> Vec<f64> {
     let mut times: Vec<f64> = Vec::with_capacity(f.statements.len());
     for (id, node) in f.statements.iter() {
         let outer = node.parent.map_or(1.0, |p| times[p.index()]);

@@ -17,7 +17,7 @@ const MOST_TRIPS: u32 = 4096;
 
 /// Largest bound in a uniform buffer that a guard allows. A buffer of 64 KiB, the least that WebGPU promises, holds as
 /// many lights of 64 bytes.
-pub const MOST_GUARDED: u32 = 1024;
+pub(crate) const MOST_GUARDED: u32 = 1024;
 
 /// Whether a loop ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -33,10 +33,9 @@ pub enum Ends {
 
 /// A loop with a known trip count.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Counted {
+pub(crate) struct Counted {
     /// The trip count.
     pub turns: u32,
-    /// The counter.
     pub counter: Handle<LocalVariable>,
     /// The bound that the counter is compared with.
     pub bound: Handle<Expression>,
@@ -227,7 +226,7 @@ pub fn trips(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<u32> 
 }
 
 /// Whether the loop `id` ends.
-pub fn ends(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Ends {
+pub(crate) fn ends(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Ends {
     let Some(counted) = Counted::of_any_bound(module, f, id) else {
         return Ends::Unknown;
     };
@@ -250,7 +249,11 @@ pub fn ends(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Ends {
 }
 
 /// The number in a uniform buffer that bounds a counted loop, which ends if it is from 0 to [`MOST_GUARDED`].
-pub fn uniform_bound(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<UniformScalar> {
+pub(crate) fn uniform_bound(
+    module: &Module,
+    f: &FunctionGraph<'_>,
+    id: StmtId,
+) -> Option<UniformScalar> {
     let counted = Counted::of_any_bound(module, f, id)?;
     let is_bounded = || counted.until(i64::from(MOST_GUARDED)).is_some();
     if !counted.grows_with_bound() || !is_bounded() {

@@ -59,7 +59,7 @@ impl Effect {
 pub type Effects = BTreeSet<Effect>;
 
 /// The effect of evaluating an expression.
-pub fn of_expression(expression: &Expression) -> Option<Effect> {
+pub(crate) fn of_expression(expression: &Expression) -> Option<Effect> {
     match expression {
         Expression::Derivative { .. } => Some(Effect::Derivative),
         Expression::ImageSample {
@@ -72,7 +72,7 @@ pub fn of_expression(expression: &Expression) -> Option<Effect> {
 }
 
 /// The effect of a statement, without its blocks and callees.
-pub fn of_statement(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<Effect> {
+pub(crate) fn of_statement(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<Effect> {
     match f.statements.get(id).statement {
         Statement::Kill => Some(Effect::Discard),
         Statement::Store { pointer, .. } => {
@@ -111,7 +111,7 @@ fn writes_frag_depth(module: &Module, f: &FunctionGraph<'_>) -> bool {
 }
 
 /// The effects of a function's own reachable nodes.
-pub fn own(module: &Module, f: &FunctionGraph<'_>) -> Effects {
+pub(crate) fn own(module: &Module, f: &FunctionGraph<'_>) -> Effects {
     let mut effects = Effects::new();
     for (id, node) in f.statements.iter() {
         if !f.control.is_reachable(id) {

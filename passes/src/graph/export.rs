@@ -15,7 +15,7 @@ use naga_operands as operands;
 use preshade_ir::interface;
 
 /// Schema of [`GraphData`].
-pub const SCHEMA: &str = "preshade.graph.v1";
+pub(crate) const SCHEMA: &str = "preshade.graph.v1";
 
 /// The kind of a node.
 #[derive(

@@ -25,9 +25,8 @@ impl VersionId {
 }
 
 /// A cell's index in [`Memory::cells`].
-pub type CellIndex = usize;
+pub(crate) type CellIndex = usize;
 
-/// The origin of a version.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Origin {
     /// The value at function entry: initialiser or zero, or the caller's or host's value.
@@ -52,9 +51,7 @@ pub enum Origin {
 /// A version of a cell.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Version {
-    /// The cell.
     pub cell: CellIndex,
-    /// Its origin.
     pub origin: Origin,
 }
 
@@ -82,7 +79,6 @@ pub enum Certainty {
 pub struct Memory {
     /// The cells, those of one root together.
     pub cells: Vec<Cell>,
-    /// All versions.
     pub versions: Vec<Version>,
     /// The versions that each memory-reading expression sees, one per cell.
     pub loads: BTreeMap<Handle<Expression>, Vec<VersionId>>,
@@ -148,12 +144,10 @@ impl Memory {
             .filter(move |i| self.cells[*i].overlaps(root, path))
     }
 
-    /// The cell of a version.
     pub fn cell(&self, version: VersionId) -> &Cell {
         &self.cells[self.versions[version.index()].cell]
     }
 
-    /// The origin of a version.
     pub fn origin(&self, version: VersionId) -> &Origin {
         &self.versions[version.index()].origin
     }
@@ -166,7 +160,7 @@ impl Memory {
 }
 
 /// The caller's cells for a cell of a callee.
-pub fn in_caller(
+pub(crate) fn in_caller(
     module: &Module,
     caller: &Function,
     arguments: &[Handle<Expression>],

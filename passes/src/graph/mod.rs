@@ -41,7 +41,6 @@ pub use statements::{StatementNode, StmtId};
 /// A function or an entry point of a module.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum FunctionId {
-    /// A function.
     Function(Handle<Function>),
     /// An entry point, by its index in the module.
     EntryPoint(usize),
@@ -52,13 +51,10 @@ pub enum FunctionId {
 pub struct FunctionGraph<'p> {
     /// Which function.
     pub id: FunctionId,
-    /// The function.
     pub function: &'p Function,
     /// The validator's results for it, above all types of expressions.
     pub info: &'p FunctionInfo,
-    /// Its statements.
     pub statements: statements::Statements<'p>,
-    /// Its control dependence.
     pub control: control::ControlDependence,
     /// Its memory SSA.
     pub memory: Memory,
@@ -180,12 +176,10 @@ impl<'p> Graph<'p> {
             .get_or_init(|| rates::Rates::new(self.module(), &self.functions))
     }
 
-    /// The program.
     pub fn program(&self) -> &'p Program {
         self.program
     }
 
-    /// The module.
     pub fn module(&self) -> &'p Module {
         self.program.module()
     }
@@ -293,7 +287,6 @@ impl<'p> Graph<'p> {
 }
 
 impl<'p> FunctionGraph<'p> {
-    /// The type of an expression.
     pub fn ty<'a>(&'a self, module: &'a Module, expression: Handle<Expression>) -> &'a TypeInner {
         self.info[expression].ty.inner_with(&module.types)
     }

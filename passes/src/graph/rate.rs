@@ -31,7 +31,6 @@ pub enum At {
     Center,
     /// Within the covered part.
     Centroid,
-    /// At each sample.
     Sample,
 }
 
@@ -158,7 +157,6 @@ pub struct Fact {
 }
 
 impl Fact {
-    /// A fact.
     pub const fn new(rate: Rate, stages: Stages) -> Self {
         Self { rate, stages }
     }
@@ -174,7 +172,7 @@ impl Fact {
 }
 
 /// The fact of an entry input with a binding.
-pub fn of_binding(stage: ShaderStage, binding: &Binding, ty: &TypeInner) -> Fact {
+pub(crate) fn of_binding(stage: ShaderStage, binding: &Binding, ty: &TypeInner) -> Fact {
     use BuiltIn as B;
     match (stage, binding) {
         (ShaderStage::Vertex, Binding::Location { .. }) => Fact::new(Rate::Vertex, Stages::VERTEX),

@@ -64,7 +64,7 @@ struct Summary {
 
 /// The rates of all functions' nodes.
 #[derive(Clone, Debug, Default)]
-pub struct Rates {
+pub(crate) struct Rates {
     expressions: Vec<Vec<Fact>>,
     statements: Vec<Vec<Fact>>,
     versions: Vec<Vec<Fact>>,

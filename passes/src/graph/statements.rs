@@ -25,7 +25,6 @@ impl From<usize> for StmtId {
 /// A statement and its place in the function.
 #[derive(Clone, Copy, Debug)]
 pub struct StatementNode<'p> {
-    /// The statement.
     pub statement: &'p Statement,
     /// Its span in the author's source.
     pub span: Span,

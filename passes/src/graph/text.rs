@@ -13,7 +13,7 @@ use naga_operands as operands;
 const DEPTH: usize = 3;
 
 /// An expression, by the author's name if it has one. The outermost is always written out.
-pub fn expression(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>) -> String {
+pub(crate) fn expression(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>) -> String {
     write(module, f, e, DEPTH)
 }
 

@@ -10,7 +10,7 @@ use preshade_ir::returns;
 use preshade_ir::writer::FunctionWriter;
 
 /// An output or a varying at a location.
-pub fn location(location: u32) -> Binding {
+pub(crate) fn location(location: u32) -> Binding {
     Binding::Location {
         location,
         interpolation: None,

@@ -133,7 +133,6 @@ pub fn decides(program: &Program, pass: &GpuPass) -> bool {
 enum Part {
     /// It is the whole result.
     Whole,
-    /// It is this member.
     Member(u32),
 }
 

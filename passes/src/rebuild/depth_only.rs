@@ -8,9 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::Opaque;
-use crate::rebuild::ahead::Ahead;
 use crate::rebuild::color;
 use crate::rebuild::place::{self, PositionInvariance};
+use crate::rebuild::prologue::Ahead;
 use crate::slice::{self, Criterion, OutputFilter, Slice};
 use preshade_ir::returns;
 use preshade_ir::writer::FunctionWriter;
@@ -77,7 +77,7 @@ impl Invariance {
 
 /// The slices that make a material depth-only.
 #[derive(Clone, Debug)]
-pub struct DepthOnly {
+pub(crate) struct DepthOnly {
     /// What rasterisation and the fragment slice need of the vertex stage.
     vertex: Slice,
     /// Whether `vertex` or the whole stage is drawn with.
@@ -90,8 +90,7 @@ pub struct DepthOnly {
 
 /// A depth-only program with its entry points.
 #[derive(Clone, Debug)]
-pub struct Placed {
-    /// The module.
+pub(crate) struct Placed {
     pub module: Module,
     /// Vertex entry point.
     pub vertex: String,
@@ -101,7 +100,7 @@ pub struct Placed {
 
 /// Slices a material to what decides position, coverage and depth, and to `outputs` of its fragment
 /// stage.
-pub fn slice(opaque: &Opaque, stage: VertexStage, outputs: &[OutputFilter]) -> DepthOnly {
+pub(crate) fn slice(opaque: &Opaque, stage: VertexStage, outputs: &[OutputFilter]) -> DepthOnly {
     let graph = &opaque.graph;
     let fragment = opaque
         .fragment

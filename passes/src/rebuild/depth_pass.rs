@@ -44,13 +44,13 @@ pub fn alone<'p>(plan: &'p Plan, name: &'static str) -> Result<Opaque<'p>, Vec<R
 
 /// The depth of a light's picture, a frame of its own: forward, without the camera's bias, which is in
 /// units of the camera's format and direction. A light needs its own, which the host knows.
-pub fn of_light(attachment: String, format: DepthFormat) -> DepthState {
+pub(crate) fn of_light(attachment: String, format: DepthFormat) -> DepthState {
     DepthState::new(attachment, format, CompareFunction::Less, true)
 }
 
 /// The program of a pre-pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum PrepassProgram {
+pub(crate) enum PrepassProgram {
     /// The main pass's, because the hardware compares depths of both passes for equality.
     Main,
     /// One that contains only the pre-pass's entry points.
@@ -95,7 +95,7 @@ impl PrepassProgram {
 ///
 /// # Errors
 /// It does not validate: a bug.
-pub fn replace_main(
+pub(crate) fn replace_main(
     plan: &mut Plan,
     opaque: &Opaque,
     main: Module,
@@ -111,7 +111,7 @@ pub fn replace_main(
 
 /// The assumptions under which a pre-pass of other positions hides no fragment that the main pass
 /// shows, if it leaves a margin.
-pub const WITH_MARGIN: [Assumption; 3] = [
+pub(crate) const WITH_MARGIN: [Assumption; 3] = [
     Assumption::PositionWithinBias,
     Assumption::SameViewport,
     Assumption::OrdinaryNeighbours,
@@ -153,7 +153,7 @@ fn insert(
 ///
 /// # Errors
 /// Our program does not validate: a bug.
-pub fn insert_own(
+pub(crate) fn insert_own(
     plan: &mut Plan,
     opaque: &Opaque,
     placed: Placed,
@@ -179,7 +179,7 @@ pub fn insert_own(
 }
 
 /// Finishes every transform: updates bindings and attributes, derives the contract from the steps.
-pub fn finish(plan: &mut Plan, fallback: &str) {
+pub(crate) fn finish(plan: &mut Plan, fallback: &str) {
     for pass in &mut plan.passes {
         if let Some(program) = plan.programs.get(&pass.program) {
             reflect::fill(pass, program);

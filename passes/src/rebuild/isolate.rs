@@ -13,7 +13,7 @@ use naga_operands as operands;
 /// the copies. The walk starts at the entry point `entry`, which has the same statements and
 /// expressions as in `values`. Copies keep expression handles, statement numbers and names, because
 /// most originals are removed in the end.
-pub fn isolate(
+pub(crate) fn isolate(
     module: &Module,
     entry: usize,
     values: &Values<'_, '_>,
@@ -59,7 +59,7 @@ pub fn isolate(
 
 /// For each copied context, the `wanted` contexts it leads to, including itself: data for those
 /// passes through it.
-pub fn below(
+pub(crate) fn below(
     values: &Values<'_, '_>,
     copies: &BTreeMap<ContextId, FunctionId>,
     wanted: &[ContextId],
@@ -73,7 +73,7 @@ pub fn below(
 }
 
 /// The copies that a context calls, each with the contexts `below` it.
-pub fn callees<'b>(
+pub(crate) fn callees<'b>(
     values: &Values<'_, '_>,
     copies: &BTreeMap<ContextId, FunctionId>,
     below: &'b BTreeMap<ContextId, Vec<usize>>,

@@ -1,7 +1,5 @@
 //! New programs out of slices and cuts of old ones: everything that writes naga IR.
 
-pub(crate) mod after;
-pub(crate) mod ahead;
 pub mod bounded;
 pub mod color;
 pub(crate) mod corner;
@@ -9,10 +7,12 @@ pub mod count;
 pub mod depth_only;
 pub(crate) mod depth_pass;
 pub(crate) mod fetch;
+pub(crate) mod insert_after;
 pub(crate) mod isolate;
 pub(crate) mod moved;
 pub(crate) mod outline;
 pub mod place;
+pub(crate) mod prologue;
 pub mod quad;
 pub(crate) mod remainder;
 pub mod snippet;

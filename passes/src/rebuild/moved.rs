@@ -17,7 +17,7 @@ use preshade_plan::pass::{Change, Left, Outcome, Refusal, Refused, Site, SiteCos
 use preshade_plan::plan::{GpuPass, ORIGINAL, Plan, Role};
 
 /// The values that leave a fragment stage.
-pub struct MovedValues<'v, 'g, 'p> {
+pub(crate) struct MovedValues<'v, 'g, 'p> {
     /// All values of the stage.
     pub values: &'v Values<'g, 'p>,
     /// Those that leave it, in the order in which they are given.

@@ -16,8 +16,8 @@ use naga::{
 use crate::analysis::values::{ContextId, ValueId, Values};
 use crate::analysis::{named, refusals};
 use crate::graph::{FunctionId, Graph};
-use crate::rebuild::after::after;
 use crate::rebuild::color::location;
+use crate::rebuild::insert_after::after;
 use crate::rebuild::isolate::isolate;
 use crate::rebuild::place::{self, PositionInvariance};
 use crate::slice::{self, Criterion, OutputFilter};
@@ -28,19 +28,17 @@ use preshade_plan::program::Program;
 
 /// A value to return.
 #[derive(Clone, Debug)]
-pub struct Wanted {
+pub(crate) struct Wanted {
     /// The chain of calls that computes it.
     pub context: ContextId,
-    /// The expression.
     pub expression: Handle<Expression>,
     /// A scalar or vector type.
     pub inner: TypeInner,
-    /// Its name.
     pub name: String,
 }
 
 /// The values to return, with distinct names; `unnamed` is the name of those that have none.
-pub fn wanted(
+pub(crate) fn wanted(
     values: &Values<'_, '_>,
     ids: impl IntoIterator<Item = ValueId>,
     unnamed: &str,
@@ -71,7 +69,7 @@ pub fn wanted(
 }
 
 /// Hash of the slice that computes values.
-pub fn hash(values: &Values<'_, '_>, ids: impl IntoIterator<Item = ValueId>) -> String {
+pub(crate) fn hash(values: &Values<'_, '_>, ids: impl IntoIterator<Item = ValueId>) -> String {
     let criterion = |id| {
         let (context, expression, _) = values.expression(id)?;
         Some(Criterion::Value {
@@ -85,10 +83,9 @@ pub fn hash(values: &Values<'_, '_>, ids: impl IntoIterator<Item = ValueId>) -> 
 
 /// The function in its module.
 #[derive(Clone, Debug)]
-pub struct Hoisted {
+pub(crate) struct Hoisted {
     /// The module; the author's functions and entry points are unchanged.
     pub module: Module,
-    /// The function.
     pub function: Handle<Function>,
     /// Varying locations for each argument, or for each member of a struct argument.
     pub arguments: Vec<Vec<u32>>,
@@ -96,7 +93,7 @@ pub struct Hoisted {
 
 /// Why the stages could not be rebuilt.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Failed {
+pub(crate) enum Failed {
     /// The slice depends on an input that the values do not depend on: a decision of the fragment
     /// stage.
     #[error(
@@ -138,7 +135,7 @@ const ENTRY: &str = "preshade_hoisted";
 ///
 /// # Errors
 /// [`Failed`].
-pub fn add(
+pub(crate) fn add(
     program: &Program,
     values: &Values<'_, '_>,
     wanted: &[Wanted],
@@ -159,10 +156,9 @@ pub fn add(
 
 /// Values of a fragment stage as a function of its inputs.
 #[derive(Clone, Debug)]
-pub struct Extracted {
+pub(crate) struct Extracted {
     /// The module; the author's functions and entry points are unchanged.
     pub module: Module,
-    /// The function.
     pub function: Handle<Function>,
     /// The fragment input for each argument, or for each member of a struct argument.
     pub arguments: Vec<Vec<Binding>>,
@@ -170,7 +166,7 @@ pub struct Extracted {
 
 /// Names of a function of values, and of its result struct.
 #[derive(Clone, Copy, Debug)]
-pub struct Names {
+pub(crate) struct Names {
     /// The function's name, and the suffix of its parts.
     pub function: &'static str,
     /// The struct.
@@ -187,7 +183,7 @@ const HOISTED: Names = Names {
 ///
 /// # Errors
 /// [`Failed::Built`].
-pub fn extract(
+pub(crate) fn extract(
     program: &Program,
     values: &Values<'_, '_>,
     wanted: &[Wanted],
@@ -281,7 +277,7 @@ fn location_of(binding: &Binding) -> Option<u32> {
 }
 
 /// An entry point's function made callable: without bindings, with its own name.
-pub fn as_function(module: &Module, mut function: Function, name: &str) -> Function {
+pub(crate) fn as_function(module: &Module, mut function: Function, name: &str) -> Function {
     let taken = |name: &str| {
         module
             .functions

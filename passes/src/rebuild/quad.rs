@@ -12,7 +12,7 @@ use crate::rebuild::snippet::{InjectError, link_snippet};
 use preshade_plan::plan::Plan;
 
 /// Name of the function that compares with a pre-pass's depth; with a vote if its quad votes.
-pub const HIDDEN: &str = "hidden_by_prepass";
+pub(crate) const HIDDEN: &str = "hidden_by_prepass";
 
 /// Name of the function of [`vote`].
 const LEAVES: &str = "leaves_with_quad";
@@ -21,7 +21,7 @@ const LEAVES: &str = "leaves_with_quad";
 /// difference of two neighbouring lanes, so a lane less its magnitude is 1 only where both are.
 /// Where a language has only coarse ones, the vote may be wrong about a neighbour, but never about
 /// the lane itself.
-pub fn vote_wgsl(lane: &str) -> String {
+pub(crate) fn vote_wgsl(lane: &str) -> String {
     format!(
         "let lane = select(0.0, 1.0, {lane});
     let row = lane - abs(dpdxFine(lane));
@@ -34,7 +34,7 @@ pub fn vote_wgsl(lane: &str) -> String {
 ///
 /// # Errors
 /// When our own text does not parse or link.
-pub fn vote(module: Module) -> Result<(Module, Handle<Function>), InjectError> {
+pub(crate) fn vote(module: Module) -> Result<(Module, Handle<Function>), InjectError> {
     let vote = vote_wgsl("fails");
     let text = format!("fn {LEAVES}(fails: bool) -> bool {{\n    {vote}return quad > 0.5;\n}}\n");
     link_snippet(module, &text)

@@ -14,14 +14,14 @@ use crate::slice::{self, Criterion, OutputFilter, Termination};
 use preshade_plan::program::Program;
 
 /// The values that a stage is given, by index of the wanted ones.
-pub type Given = BTreeMap<usize, Handle<Expression>>;
+pub(crate) type Given = BTreeMap<usize, Handle<Expression>>;
 
 /// The module with unchanged author's functions, and the entry point of `values` without the code of
 /// `wanted`, which `given` reads at its start. `termination` is of the loops that decide nothing more.
 ///
 /// # Errors
 /// [`Failed`].
-pub fn rebuild(
+pub(crate) fn rebuild(
     program: &Program,
     module: &Module,
     values: &Values<'_, '_>,

@@ -37,7 +37,6 @@ impl Linked {
     }
 }
 
-/// One of our own functions.
 pub(crate) fn ours(
     functions: &BTreeMap<String, Handle<Function>>,
     name: &str,
@@ -50,7 +49,10 @@ pub(crate) fn ours(
 ///
 /// # Errors
 /// When it does not parse or link.
-pub fn link_snippet(module: Module, wgsl: &str) -> Result<(Module, Handle<Function>), InjectError> {
+pub(crate) fn link_snippet(
+    module: Module,
+    wgsl: &str,
+) -> Result<(Module, Handle<Function>), InjectError> {
     let Linked { module, ours } = Linked::new(module, wgsl).map_err(InjectError)?;
     let mut functions = ours.into_values();
     match (functions.next(), functions.next()) {
@@ -62,7 +64,7 @@ pub fn link_snippet(module: Module, wgsl: &str) -> Result<(Module, Handle<Functi
 /// A snippet of our own that does not parse: a bug.
 #[derive(Debug, thiserror::Error)]
 #[error("{0}")]
-pub struct InjectError(pub(crate) String);
+pub(crate) struct InjectError(pub(crate) String);
 
 /// Defines a function `NAME_SUFFIX` whose body `build` writes.
 pub(crate) fn define(

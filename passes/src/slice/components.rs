@@ -9,7 +9,7 @@ use naga_operands as operands;
 
 /// The operands of `e` that `need` requires, with the needed part of each. Other operands may have
 /// any value.
-pub fn of_operands(
+pub(crate) fn of_operands(
     module: &Module,
     f: &FunctionGraph<'_>,
     e: Handle<Expression>,
@@ -59,7 +59,7 @@ fn all(expression: &Expression) -> Vec<(Handle<Expression>, Need)> {
 }
 
 /// Number of components of a scalar or vector; `None` for other types.
-pub fn width(ty: &TypeInner) -> Option<u32> {
+pub(crate) fn width(ty: &TypeInner) -> Option<u32> {
     match ty {
         TypeInner::Scalar(_) => Some(1),
         TypeInner::Vector { size, .. } => Some(*size as u32),

@@ -26,7 +26,7 @@ thread_local! {
 
 #[cfg(any(test, feature = "faulty-slicer"))]
 /// Whether the slicer has this fault.
-pub fn has(fault: Fault) -> bool {
+pub(crate) fn has(fault: Fault) -> bool {
     FAULT.get() == Some(fault)
 }
 

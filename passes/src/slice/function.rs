@@ -29,7 +29,7 @@ pub struct FunctionSlice {
 }
 
 /// Slices functions on demand, each (function, demand) once.
-pub struct Slicer<'g, 'p> {
+pub(crate) struct Slicer<'g, 'p> {
     graph: &'g Graph<'p>,
     termination: Termination,
     memo: BTreeMap<(FunctionId, Demand), Rc<FunctionSlice>>,

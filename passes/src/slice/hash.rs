@@ -25,7 +25,7 @@ impl Write for Fnv {
 /// Hashes the functions of a slice in order to 16 hex digits. Expressions are numbered by first
 /// evaluation, variables by first use, globals by binding, and types by structure; names and spans
 /// don't count.
-pub fn canonical(graph: &Graph<'_>, slice: &Slice) -> String {
+pub(crate) fn canonical(graph: &Graph<'_>, slice: &Slice) -> String {
     let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
     // Writing to a hash cannot fail, here and below.
     let _ = writeln!(hash, "{:?} {:?}", slice.stage, slice.outputs);

@@ -37,9 +37,7 @@ pub enum Criterion {
     Discard,
     /// A value, on every path of calls from the entry point to its function.
     Value {
-        /// Its function.
         function: FunctionId,
-        /// The expression.
         expression: Handle<Expression>,
     },
 }
@@ -56,7 +54,6 @@ pub enum OutputFilter {
     /// The outputs that rasterisation uses: position, point size, clip and cull distances, view
     /// index.
     Rasterization,
-    /// The output at this location.
     Location(u32),
     /// The n-th output, in the order of [`reflect::outputs`].
     Index(usize),
@@ -140,11 +137,8 @@ pub struct Demand {
 /// A function as far as one demand needs it.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
-    /// The function.
     pub function: FunctionId,
-    /// The demand on it.
     pub demand: Demand,
-    /// Its slice.
     pub kept: FunctionSlice,
     /// The part that each kept call uses, by index into [`Slice::parts`].
     pub calls: BTreeMap<StmtId, usize>,
@@ -166,7 +160,6 @@ pub enum Coverage {
 pub struct Slice {
     /// Index of the entry point.
     pub entry: usize,
-    /// Its stage.
     pub stage: ShaderStage,
     /// Its targets.
     pub criteria: Vec<Criterion>,

@@ -8,7 +8,6 @@ use naga::{Module, TypeInner};
 /// needed whole or not at all.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Need {
-    /// All of it.
     All,
     /// These members of a struct, or components of a vector. Never empty.
     Members(BTreeMap<u32, Need>),

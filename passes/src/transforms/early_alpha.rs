@@ -40,7 +40,7 @@ use crate::analysis::refusals as shared;
 use crate::analysis::simplify::{self, FragmentStage, Simplified};
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph, StmtId};
-use crate::rebuild::ahead::Ahead;
+use crate::rebuild::prologue::Ahead;
 use crate::rebuild::{place, quad};
 use crate::slice::{self, Criterion, Slice};
 use naga_operands as operands;
@@ -77,7 +77,7 @@ refusals! {
 }
 
 /// The pass.
-pub struct EarlyAlpha;
+pub(crate) struct EarlyAlpha;
 
 /// Parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -71,7 +71,7 @@ pub use packed::stored as packed_depth;
 use prologue::{DepthRange, Prologue};
 
 /// Name of the depth attachment that the prologue reads if the main pass has its own.
-pub const PREPASS_DEPTH: &str = "prepass-depth";
+pub(crate) const PREPASS_DEPTH: &str = "prepass-depth";
 
 /// The pass.
 pub struct EarlyDiscard;

@@ -36,7 +36,7 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::simplify::{self, FragmentStage};
 use crate::analysis::values::{ValueId, Values, refuse_writes};
-use crate::analysis::{below, refusals as shared};
+use crate::analysis::{refusals as shared, transitive_cost};
 use crate::graph::FunctionId;
 use crate::rebuild::moved::MovedValues;
 use crate::rebuild::outline::{self, Wanted};
@@ -275,7 +275,7 @@ impl<'v, 'g, 'p> HalvedValues<'v, 'g, 'p> {
         let is_guide =
             |id: ValueId| asked.is_none_or(|all| all.split('+').any(|one| one.trim() == named(id)));
         let choice = values::choose(values, &verdicts, params.least, &is_guide);
-        let left = below::left(values, MOST_LEFT, |id| match verdicts[id] {
+        let left = transitive_cost::left(values, MOST_LEFT, |id| match verdicts[id] {
             Ok(()) => Some("it saves too little".to_owned()),
             Err(NotHalved::Uniform | NotHalved::Shape | NotHalved::Cheap) => None,
             Err(stays) => Some(stays.to_string()),

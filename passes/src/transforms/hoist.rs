@@ -37,7 +37,7 @@
 use naga::ShaderStage;
 
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
-use crate::analysis::{below, refusals as shared, rounding, values};
+use crate::analysis::{refusals as shared, rounding, transitive_cost, values};
 use crate::graph::Graph;
 use crate::rebuild::moved::MovedValues;
 use crate::rebuild::{outline, place};
@@ -474,17 +474,18 @@ impl<'v, 'g, 'p> HoistedValues<'v, 'g, 'p> {
     /// stay without a reader beside them.
     fn roundings(&self) -> u32 {
         let of = self.choice.carried.iter().map(|(id, _)| *id);
-        below::below(self.moved.values, of).0.ceil() as u32 + self.choice.rounded_anew.len() as u32
+        transitive_cost::below(self.moved.values, of).0.ceil() as u32
+            + self.choice.rounded_anew.len() as u32
     }
 }
 
 /// Most missed values to report.
-pub const MOST_LEFT: usize = 1_000;
+pub(crate) const MOST_LEFT: usize = 1_000;
 
 /// Named values and results of calls that are not hoisted, at most [`MOST_LEFT`], most expensive
 /// first. Values whose users could not have taken them along are included.
 fn left(values: &Values<'_, '_>, judged: &Judged, weakest: Class) -> Vec<Left> {
-    below::left(values, MOST_LEFT, |id| match &judged.verdicts[id] {
+    transitive_cost::left(values, MOST_LEFT, |id| match &judged.verdicts[id] {
         Ok(c) if c.class <= weakest => None,
         Ok(_) if judged.affine[id] => Some(match judged.roundings.of(id) {
             error if error.is_finite() => {

@@ -72,7 +72,6 @@ mod cutoff;
 mod distance;
 mod effect;
 pub mod extend;
-mod follows;
 mod jitter;
 mod lit;
 mod names;
@@ -83,6 +82,7 @@ pub mod refusals;
 mod remap;
 mod unwritten;
 mod viewer;
+mod viewer_uniforms;
 mod world_position;
 
 use coverage::{Dropped, Stays};
@@ -98,7 +98,7 @@ const NOTHING_DROPPED: &str = "`view=drop` left nothing out: no discard reads a 
                                `viewer=frame.e`";
 
 /// The start of the names of attachments.
-pub const ATTACHMENT: &str = "outputs-";
+pub(crate) const ATTACHMENT: &str = "outputs-";
 
 /// The pass.
 pub struct Outputs;
@@ -167,7 +167,7 @@ impl Pass for Outputs {
         let viewer = params.viewer.as_deref();
         let module = opaque.program.module();
         names::misnamed(&opaque, params)
-            .or_else(|| follows::misnamed(module, viewer))
+            .or_else(|| viewer_uniforms::misnamed(module, viewer))
             .or_else(|| effect::of_static(&opaque, params))
             .or_else(|| effect::of_map(module, params))
     }
@@ -184,7 +184,7 @@ impl Pass for Outputs {
         };
         let authors = steady.as_ref().unwrap_or(authors);
         let whole = depth_pass::alone(authors, NAME)?;
-        let said = follows::said(whole.program.module(), params.viewer.as_deref())?;
+        let said = viewer_uniforms::said(whole.program.module(), params.viewer.as_deref())?;
         let drops = from_light && params.view == Viewer::Drop;
         let dropped = match drops {
             true => without_viewer(&whole, &said)?,

@@ -40,7 +40,7 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::simplify::{self, FragmentStage};
 use crate::analysis::values::{ValueId, Values};
-use crate::analysis::{below, refusals as shared, rounding};
+use crate::analysis::{refusals as shared, rounding, transitive_cost};
 use crate::graph::FunctionId;
 use crate::rebuild::moved::MovedValues;
 use crate::rebuild::outline::{self, Extracted, Failed, Names, Wanted};
@@ -205,7 +205,7 @@ impl<'v, 'g, 'p> DrawConstants<'v, 'g, 'p> {
         };
         let judged = values::judge(values, &known, rounding::most(stage.pass), &is_steady);
         let weakest = params.terms().weakest;
-        let left = below::left(values, MOST_LEFT, |id| why(&judged, weakest, id));
+        let left = transitive_cost::left(values, MOST_LEFT, |id| why(&judged, weakest, id));
         let Some(choice) = values::choose(values, &judged, &params.terms()) else {
             return Err((nothing(values, &judged, params), left));
         };

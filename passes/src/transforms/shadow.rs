@@ -30,7 +30,7 @@ use preshade_plan::state::{DepthDirection, DepthFormat, Multisample};
 use preshade_text::refusals::RefusalInfo;
 
 /// Name of the depth attachment that the shadow pass writes.
-pub const SHADOW_DEPTH: &str = "shadow-depth";
+pub(crate) const SHADOW_DEPTH: &str = "shadow-depth";
 
 /// The pass.
 pub struct Shadow;

@@ -61,7 +61,7 @@ pub mod branches;
 mod control;
 pub mod decision;
 pub mod dispatch;
-mod drawn;
+mod dynamic_cost;
 pub mod effects;
 mod expressions;
 pub mod fold;
@@ -72,7 +72,7 @@ mod shrink;
 mod unroll;
 mod versions;
 
-pub use drawn::as_drawn;
+pub use dynamic_cost::as_drawn;
 pub use params::{Fold, Params};
 
 use assume::Assumptions;
@@ -285,7 +285,7 @@ impl Specialized {
             shrink::shrink(&program_folded, &pass.vertex, pass.fragment.as_deref()).map_err(bug)?;
         // Both are counted with the same facts.
         let graphs = [
-            drawn::weighed(Graph::build(program), &folded.stages, &folded.records),
+            dynamic_cost::weighed(Graph::build(program), &folded.stages, &folded.records),
             as_drawn(&shrunk.program, pass, &plan.material, facts),
         ];
         let costs = |graph: &Graph<'_>| {
@@ -447,7 +447,6 @@ struct Folded {
     used: BTreeSet<usize>,
     /// Float operations that were removed.
     roundings: BTreeSet<(FunctionId, Handle<Expression>)>,
-    /// Decisions of each stage.
     stages: Vec<(&'static str, decision::Record)>,
     /// The record of each function.
     records: Vec<decision::Record>,

@@ -105,7 +105,7 @@ impl Default for Params {
 
 /// Longest segment in pixels: its square in half pixels times that of the highest level fits 32
 /// bits.
-pub const MOST_EDGE_PIXELS: u32 = 256;
+pub(crate) const MOST_EDGE_PIXELS: u32 = 256;
 
 /// Generated bindings from `first` on, in this order: the constants, the pattern, the indices, a
 /// stream per attribute.

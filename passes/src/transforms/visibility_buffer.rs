@@ -36,32 +36,32 @@ use preshade_plan::rasterizer::Rasterizer;
 use preshade_plan::{reflect, self_test};
 use preshade_text::refusals::RefusalInfo;
 
+mod binding_sources;
 mod build;
 mod count;
 mod differences;
 mod gradients;
 mod ids;
-mod kept;
 mod legal;
 mod lists;
 mod names;
 mod params;
-mod parts;
 pub mod refusals;
 mod resolve;
 mod stage;
+mod stored_vertices;
 mod text;
 
+use binding_sources::slots;
 pub use count::counted;
 use differences::Reached;
 use gradients::Shaded;
 use lists::Lists;
 pub use params::{Ids, Params, Select, ShadingForm, Vertices, Words};
-use parts::slots;
 pub use preshade_plan::draw_table::{DRAWS, IDS};
 
 /// The pass.
-pub struct VisibilityBuffer;
+pub(crate) struct VisibilityBuffer;
 
 impl Pass for VisibilityBuffer {
     type Params = Params;

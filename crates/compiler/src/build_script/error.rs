@@ -17,7 +17,6 @@ pub enum BuildError {
     Read {
         /// The file.
         path: PathBuf,
-        /// The error.
         #[source]
         error: io::Error,
     },
@@ -52,7 +51,6 @@ pub enum BuildError {
     Write {
         /// The file or its folder.
         path: PathBuf,
-        /// The error.
         #[source]
         error: io::Error,
     },

@@ -18,7 +18,6 @@ const HOST: &str = include_str!("host.rs");
 const SELF_TEST: &str = include_str!("host/self_test.rs");
 const SELF_TEST_IS: &str = "#[path = \"host/self_test.rs\"]\nmod preshade_self_test;\n";
 
-/// The types in it.
 const TYPES: [&str; 24] = [
     "Assumed",
     "Attachment",
@@ -95,7 +94,6 @@ const LINTS: [&str; 38] = [
 pub(super) struct Drawn {
     /// Name of its module, and of the folder of its files.
     pub name: String,
-    /// The plan.
     pub plan: Plan,
     /// Its files, named as in `plan.json`.
     pub files: Vec<File>,

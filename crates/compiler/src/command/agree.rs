@@ -108,7 +108,6 @@ pub struct Side {
 
 /// How two programs agree.
 pub struct Compared {
-    /// The agreement.
     pub agreement: Agreement,
     /// The programs that were compared.
     pub plans: [Plan; 2],

@@ -58,7 +58,6 @@ struct Judged {
 /// The result of a pair.
 #[derive(Serialize)]
 pub struct Pair<D = Undrawn> {
-    /// Its name.
     pub name: String,
     #[serde(flatten)]
     agreement: Agreement,
@@ -77,7 +76,6 @@ pub struct Pair<D = Undrawn> {
 #[derive(Serialize)]
 pub struct Report<D = Undrawn> {
     schema: &'static str,
-    /// The pairs.
     pub pairs: Vec<Pair<D>>,
     /// Sentences on materials that are in one of two folders alone.
     pub alone: Vec<String>,

@@ -21,7 +21,6 @@ use crate::recipe::{Recipe, RecipeError, Step};
 #[derive(Serialize)]
 pub struct Explanation {
     schema: &'static str,
-    /// One for each material.
     pub materials: Vec<Explained>,
 }
 
@@ -100,7 +99,6 @@ pub struct Explained {
     /// The code behind conditions that uniforms and constants decide, where no draw is known.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub switches: Vec<Effect>,
-    /// The passes.
     pub passes: Vec<PassExplained>,
     /// By error against saved cost, the best first.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -112,7 +110,6 @@ pub struct Explained {
 pub struct StageCost {
     /// `vertex` or `fragment`.
     pub stage: &'static str,
-    /// Its entry point.
     pub entry_point: String,
     /// Operations.
     pub cost: f64,

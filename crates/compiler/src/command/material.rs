@@ -64,7 +64,6 @@ pub enum BlendFlag {
 pub struct StateFlags {
     /// Depth comparison.
     pub depth_compare: Option<CompareFunction>,
-    /// Depth format.
     pub depth_format: Option<DepthFormat>,
     /// Depth is 1 at the near plane and 0 at the far one.
     pub reversed_z: bool,

@@ -78,14 +78,12 @@ impl Rewritten {
 pub struct OnAdapter {
     /// Name of the adapter.
     pub adapter: String,
-    /// The checks.
     pub checks: Vec<Check>,
 }
 
 /// A file that was written or printed.
 #[derive(Serialize)]
 pub struct Written {
-    /// Its name.
     pub name: String,
     /// Its path, or its content if it was printed.
     #[serde(flatten)]
@@ -106,14 +104,12 @@ pub enum Content {
 #[derive(Serialize)]
 pub struct Report {
     schema: &'static str,
-    /// The materials.
     pub materials: Vec<Rewritten>,
     /// What could not be read, expressed or written.
     pub errors: Vec<String>,
 }
 
 impl Report {
-    /// The report.
     pub fn new(materials: Vec<Rewritten>, errors: Vec<String>) -> Self {
         Self {
             schema: "preshade.rewrite.v1",

@@ -1,12 +1,10 @@
 //! Writes an entry point as GLSL 4.50, 4.00, GLSL ES 3.00 or 1.00, with the data that a host needs
 //! for its bindings.
 
-mod apart;
 mod author;
 mod depth;
 mod depth_loads;
 mod es100;
-pub(super) mod lacks;
 mod layout;
 pub(super) mod lengths;
 mod loose_uniforms;
@@ -14,8 +12,10 @@ mod meaning;
 mod narrow;
 mod read_back;
 mod reserved_words;
+mod separate_textures;
 mod text;
 mod texture_copies;
+pub(super) mod unsupported;
 mod vulkan;
 
 use std::collections::HashSet;
@@ -62,7 +62,7 @@ pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Au
             remedy: "emit WGSL or SPIR-V, or declare it as vec4s".to_owned(),
         },
         author::Failed::Samplers => {
-            lacks::inexpressible(&glsl::Error::ImageMultipleSamplers, name, target)
+            unsupported::inexpressible(&glsl::Error::ImageMultipleSamplers, name, target)
         }
         author::Failed::Names(what) => EmitError::Writer {
             file: name.to_owned(),
@@ -289,8 +289,8 @@ pub(super) fn write(
         Some(Settled { module, info }) => (module, info),
         None => (program.module(), program.info()),
     };
-    lacks::refuse_module(module, info, name, target)?;
-    let untested = lacks::without_conservative_test(module, target);
+    unsupported::refuse_module(module, info, name, target)?;
+    let untested = unsupported::without_conservative_test(module, target);
     let module = untested.as_ref().unwrap_or(module);
     let with_lengths = match target {
         Target::GlslVulkan => lengths::numbered(program, module),
@@ -321,7 +321,7 @@ pub(super) fn write(
         entry_point: entry.to_owned(),
         multiview: None,
     };
-    let failed = |e: glsl::Error| lacks::inexpressible(&e, name, target);
+    let failed = |e: glsl::Error| unsupported::inexpressible(&e, name, target);
     let mut text = String::new();
     let reflection = Writer::new(
         &mut text,
@@ -333,7 +333,7 @@ pub(super) fn write(
     )
     .and_then(|mut writer| writer.write())
     .map_err(failed)?;
-    lacks::refuse_words(&text, name, target)?;
+    unsupported::refuse_words(&text, name, target)?;
     text = preshade_text::tokens::exact_floats(&text, Spelling::Glsl);
 
     // A struct shared by both stages makes the fragment input invariant too. WGSL allows that, GLSL

@@ -130,7 +130,6 @@ impl Target {
         }
     }
 
-    /// The target of that name.
     pub fn from_name(name: &str) -> Option<Self> {
         Self::ALL.into_iter().find(|t| t.name() == name)
     }
@@ -166,21 +165,16 @@ pub enum EmitError {
     /// The target cannot express the program.
     #[error("{file}: {target} cannot express this: {what}; {remedy}")]
     Inexpressible {
-        /// The file.
         file: String,
-        /// Target.
         target: Target,
         /// The unsupported feature.
         what: String,
-        /// A remedy.
         remedy: String,
     },
     /// naga's writer failed or panicked.
     #[error("{file}: naga's {target} writer failed: {message}")]
     Writer {
-        /// The file.
         file: String,
-        /// Target.
         target: Target,
         /// naga's message.
         message: String,
@@ -191,9 +185,7 @@ pub enum EmitError {
          this is a bug, please report it with the shader"
     )]
     Differs {
-        /// The file.
         file: String,
-        /// Target.
         target: Target,
         /// The first difference.
         difference: String,
@@ -204,7 +196,6 @@ pub enum EmitError {
          shader"
     )]
     BrokenPlan {
-        /// Material.
         material: String,
         /// The missing item.
         what: String,
@@ -212,7 +203,6 @@ pub enum EmitError {
     /// The Cargo feature for the target is off.
     #[error("this build cannot write {target}: build preshade with the feature `{feature}`")]
     NotBuilt {
-        /// Target.
         target: Target,
         /// Cargo feature.
         feature: &'static str,
@@ -674,8 +664,8 @@ fn write_program(
             };
             for (file, stage_files) in &mut emitted {
                 let text = String::from_utf8_lossy(&file.bytes);
-                glsl::lacks::refuse_long_names(&text, &file.name, target)?;
-                glsl::lacks::refuse_attribute_arrays(&text, &file.name, target)?;
+                glsl::unsupported::refuse_long_names(&text, &file.name, target)?;
+                glsl::unsupported::refuse_attribute_arrays(&text, &file.name, target)?;
                 for (_, stage_file) in stage_files {
                     stage_file.extensions = glsl::extensions(&text);
                 }

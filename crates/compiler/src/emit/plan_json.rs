@@ -298,7 +298,6 @@ fn tessellation_files(
         .collect()
 }
 
-/// The files of each pass.
 fn pass_files(plan: &Plan, written: &WrittenFiles) -> Vec<PassFiles> {
     let of = |program: &str, stage, entry: &str| stage_files(written, program, stage, entry);
     plan.passes
@@ -322,7 +321,6 @@ const UPSIDE_DOWN: &str = "the text is read as Vulkan's, whose y points down: We
                            upside down; end the vertex stage with `gl_Position.y = \
                            -gl_Position.y;`, or negate y in the projection";
 
-/// The notes of each file.
 fn notes(written: &WrittenFiles) -> impl Iterator<Item = String> {
     written.values().flat_map(|stage| {
         let unread = stage.unread.as_ref().map(|lacks| {
@@ -335,7 +333,6 @@ fn notes(written: &WrittenFiles) -> impl Iterator<Item = String> {
     })
 }
 
-/// The file.
 pub(super) fn file(plan: &Plan, written: &WrittenFiles, original: Option<Fallback>) -> File {
     let targets: BTreeSet<Target> = written.keys().map(|(_, _, target)| *target).collect();
     let forms = targets

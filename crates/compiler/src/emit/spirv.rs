@@ -19,8 +19,8 @@ mod combined;
 mod constants;
 mod demote;
 mod interface;
+mod nan_selects;
 mod narrow;
-mod numbers;
 mod rows;
 mod sample_mask;
 
@@ -110,7 +110,7 @@ pub(super) fn write(
         }
         false => {}
     }
-    numbers::choose(&mut words);
+    nan_selects::choose(&mut words);
     sample_mask::as_arrays(&mut words);
     binding_arrays::declare(&mut words);
     draw_parameters(&mut words);

@@ -187,7 +187,7 @@ pub(super) fn names(module: &Module) -> Vec<(ShaderStage, String)> {
 }
 
 /// A bound variable.
-pub(super) struct Bound {
+pub struct Bound {
     at: naga::ResourceBinding,
     name: String,
     span: naga::Span,

@@ -10,11 +10,11 @@
 mod declaration;
 mod dialect;
 mod entry;
-mod foreign;
 mod locate_panic;
 mod module_size;
 #[cfg(feature = "naga-oil")]
 mod naga_oil;
+mod other_languages;
 #[cfg(feature = "wesl")]
 mod wesl;
 mod wgsl;
@@ -161,7 +161,7 @@ pub fn parse(sources: &[Source], options: &Options) -> Result<Parsed, Error> {
         translated(source, options).map_err(|error| {
             let mut map = SourceMap::new();
             let base = map.add(&source.name, &source.text);
-            foreign::named(error, std::slice::from_ref(source), &[base])
+            other_languages::named(error, std::slice::from_ref(source), &[base])
                 .with_sources(&Arc::new(map))
         })
     });
@@ -181,7 +181,7 @@ pub fn parse(sources: &[Source], options: &Options) -> Result<Parsed, Error> {
         searched.for_each(|searched| map.add_searched(searched));
     }
     let (parsed, map) = parse_mapped(sources, &bases, map, options);
-    parsed.map_err(|e| foreign::named(e, sources, &bases).with_sources(&map))
+    parsed.map_err(|e| other_languages::named(e, sources, &bases).with_sources(&map))
 }
 
 /// Compiles naga_oil's dialect or WESL to WGSL. Other sources are returned unchanged.

@@ -17,7 +17,6 @@ pub enum LockError {
     Io {
         /// The file.
         path: PathBuf,
-        /// The error.
         #[source]
         error: io::Error,
     },
@@ -36,7 +35,6 @@ pub enum LockError {
         path: PathBuf,
         /// Its schema or its writer.
         by: String,
-        /// The error.
         message: String,
     },
 }
@@ -58,10 +56,7 @@ impl LockError {
 pub enum Mismatch {
     /// The lock has no entry for the material.
     #[error("preshade.lock says nothing of `{material}`")]
-    NoMaterial {
-        /// The material.
-        material: String,
-    },
+    NoMaterial { material: String },
     /// Another version of preshade chose.
     #[error("preshade.lock was written by {locked}, and this is {TOOL}")]
     Tool {

@@ -53,10 +53,9 @@ use serde::{Deserialize, Serialize};
 pub const FILE_NAME: &str = "preshade.lock";
 
 /// Version of the JSON.
-pub const SCHEMA: &str = "preshade.lock.v1";
+pub(crate) const SCHEMA: &str = "preshade.lock.v1";
 
-/// This version of preshade.
-pub const TOOL: &str = concat!("preshade ", env!("CARGO_PKG_VERSION"));
+pub(crate) const TOOL: &str = concat!("preshade ", env!("CARGO_PKG_VERSION"));
 
 /// The content of a lock file.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

@@ -130,7 +130,6 @@ enum Reads {
     Constant,
     /// A texture: it may move within the same control flow.
     Texture,
-    /// A variable.
     Variable,
 }
 

@@ -6,7 +6,6 @@ use preshade_ir::interface::{self, Io};
 /// A vertex output or fragment input at a location.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Varying {
-    /// `@location`.
     pub location: u32,
     /// WGSL type.
     pub ty: String,

@@ -14,7 +14,7 @@ use preshade_frames::file::DataName;
 use preshade_frames::folder::Capture;
 
 /// The file in the folder of a frame.
-pub const FILE: &str = "replay.json";
+pub(crate) const FILE: &str = "replay.json";
 
 /// Measurements that are kept: one for each frame and adapter, and the newest of them.
 const KEPT: usize = 16;

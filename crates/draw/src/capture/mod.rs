@@ -39,7 +39,6 @@ pub enum Error {
     /// Its folder cannot be read, or is broken.
     #[error(transparent)]
     Frame(#[from] preshade_frames::error::Error),
-    /// A limit is exceeded.
     #[error(transparent)]
     Limit(#[from] Exceeded),
     /// A shader of the capture does not compile.

@@ -830,4 +830,4 @@ impl<'c> Maker<'c> {
 }
 
 /// Buffers, textures and samplers of a draw.
-pub(super) type Bound = (Vec<BufferBinding>, Vec<TextureBinding>, Vec<SamplerBinding>);
+pub type Bound = (Vec<BufferBinding>, Vec<TextureBinding>, Vec<SamplerBinding>);

@@ -19,7 +19,6 @@ const TIMED: usize = 3;
 pub struct Share {
     /// What the pass is for.
     pub kind: Kind,
-    /// Its draws.
     pub draws: usize,
     /// Its part of the time of all commands that draw, compute or copy, from 0 to 1.
     pub part: f64,

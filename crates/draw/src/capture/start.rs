@@ -272,7 +272,6 @@ fn cleared(pass: &Pass<'_>, view: &View) -> Option<Clears> {
     })
 }
 
-/// One aspect of a view.
 fn aspect(view: &View, aspect: wgpu::TextureAspect) -> View {
     let mut view = view.clone();
     view.view.aspect = Some(aspect);

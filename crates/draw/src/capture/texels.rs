@@ -9,7 +9,6 @@ use preshade_frames::folder::{Capture, get};
 /// The levels and layers of a texture that a view shows.
 #[derive(Clone, Debug)]
 pub(super) struct Shown {
-    /// Levels.
     pub levels: std::ops::Range<u32>,
     /// Layers of a flat texture. A volume has one.
     pub layers: std::ops::Range<u32>,

@@ -15,7 +15,6 @@ type Part = (usize, u32, u32, bool);
 pub struct UnknownDepth {
     /// Frame, from 0.
     pub frame: usize,
-    /// The texture.
     pub texture: usize,
     /// Whether it is the stencil.
     pub is_stencil: bool,

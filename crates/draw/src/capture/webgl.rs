@@ -39,11 +39,8 @@ struct Source<'d> {
 pub(super) enum Given<'n> {
     /// The uniforms outside of blocks.
     Loose(Data),
-    /// A block.
     Block(&'n BufferRange),
-    /// A texture.
     Texture(&'n SampledTexture),
-    /// The sampler of a texture.
     Sampler(&'n SampledTexture),
 }
 

@@ -6,7 +6,7 @@ use preshade_plan::geometry::Geometry;
 use preshade_plan::plan::{ComputePass, Draws, Plan, When};
 
 use super::compiled::{self, Compiled, ComputeKey};
-use super::drawn::{Arguments, DrawTable};
+use super::frame_draw_table::{Arguments, DrawTable};
 use super::gpu::Gpu;
 use super::inputs::{SceneInputs, immediate_size};
 use super::layout::{self, Made};
@@ -208,7 +208,7 @@ pub(super) fn encode(
 ///
 /// # Errors
 /// As reported by the adapter.
-pub(super) fn load(inputs: &SceneInputs<'_>, passes: &[PreparedCompute]) -> Result<(), Error> {
+pub fn load(inputs: &SceneInputs<'_>, passes: &[PreparedCompute]) -> Result<(), Error> {
     let gpu = inputs.gpu();
     let once = || {
         let is_once = |p: &&PreparedCompute| matches!(p.when, When::Load { .. });

@@ -12,7 +12,6 @@ use crate::scene::Image;
 enum Source {
     /// The first channel of floats.
     Floats,
-    /// Depths.
     Depths,
     /// The first sample of depths.
     Samples,

@@ -10,7 +10,7 @@ use preshade_plan::plan::{Draws, Phase, When};
 use preshade_plan::state::StoreOp;
 
 use super::bounded::Guard;
-use super::drawn::{Arguments, DrawTable};
+use super::frame_draw_table::{Arguments, DrawTable};
 use super::gpu::Gpu;
 use super::inputs::{self, SceneInputs};
 use super::layout::Made;

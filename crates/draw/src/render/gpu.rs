@@ -275,9 +275,7 @@ impl std::fmt::Display for AdapterReport {
 /// An open adapter.
 #[derive(Debug)]
 pub struct Gpu {
-    /// The device.
     pub device: wgpu::Device,
-    /// Its queue.
     pub queue: wgpu::Queue,
     report: AdapterReport,
     trust: Trust,

@@ -9,7 +9,7 @@ use crate::scene::{Image, Scene};
 
 /// The textures that are copied to the attachments at the start of each frame.
 #[derive(Debug, Default)]
-pub(super) struct Initial {
+pub struct Initial {
     colors: Vec<Option<wgpu::Texture>>,
     /// Depth and stencil.
     depth: Option<wgpu::Texture>,

@@ -285,7 +285,6 @@ impl<'a> SceneInputs<'a> {
         Ok(found)
     }
 
-    /// The scene.
     pub fn scene(&self) -> &'a Scene {
         self.scene
     }

@@ -7,7 +7,7 @@ use std::num::NonZeroU64;
 use preshade_plan::plan::{BindingKind, BindingLayout, BindingSource, BindingUse, GeometryPart};
 
 use super::compiled::{self, Compiled};
-use super::drawn::Drawn;
+use super::frame_draw_table::Drawn;
 use super::gpu::Gpu;
 use super::inputs::{DrawInputs, Resource};
 use super::subdivided::{Subdivided, attribute};
@@ -45,7 +45,7 @@ impl Filled<'_> {
 }
 
 /// A binding: its layout entry and its resource.
-pub(super) struct Bound<'a> {
+pub struct Bound<'a> {
     pub entry: wgpu::BindGroupLayoutEntry,
     pub filled: Filled<'a>,
 }

@@ -6,7 +6,7 @@ use super::Error;
 use super::gpu::Gpu;
 
 /// Fails unless the device meets every limit in `needed`, by WebGPU's name. Unknown limits fail.
-pub(super) fn check(gpu: &Gpu, what: &str, needed: &BTreeMap<String, u64>) -> Result<(), Error> {
+pub fn check(gpu: &Gpu, what: &str, needed: &BTreeMap<String, u64>) -> Result<(), Error> {
     let limits = gpu.device.limits();
     for (name, value) in needed {
         if limit(&limits, name).is_none_or(|has| has < *value) {

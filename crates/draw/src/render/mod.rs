@@ -18,8 +18,8 @@ pub mod codes;
 mod compiled;
 mod compute;
 pub(crate) mod depths;
-mod drawn;
 pub mod frame;
+mod frame_draw_table;
 pub mod gpu;
 mod initial;
 pub mod inputs;
@@ -101,12 +101,7 @@ pub enum Error {
     OutOfMemory(String),
     /// A plan names something that neither it nor the scene's frame has.
     #[error("the plan of material `{material}` cannot be drawn: {message}")]
-    Plan {
-        /// Material.
-        material: String,
-        /// A message.
-        message: String,
-    },
+    Plan { material: String, message: String },
     /// A loop takes more turns than any GPU should be asked for. Its shader was drawn as a bounded copy
     /// alone.
     #[error(
@@ -123,18 +118,12 @@ pub enum Error {
     Frame(#[from] preshade_plan::frame::FrameError),
     /// The scene gives a draw a value or resource that cannot be used.
     #[error("draw `{draw}`: {message}")]
-    Scene {
-        /// Draw.
-        draw: String,
-        /// A message.
-        message: String,
-    },
+    Scene { draw: String, message: String },
     /// The draws of a scene exceed a frame's ids or buffers.
     #[error("the draws of scene `{scene}`: {message}")]
     Draws {
         /// Name of the scene.
         scene: String,
-        /// A message.
         message: String,
     },
     /// An attachment of a plan is impossible.
@@ -142,7 +131,6 @@ pub enum Error {
     Attachment {
         /// Attachment.
         name: String,
-        /// A message.
         message: String,
     },
     /// The frame has no pixels, or more than the adapter supports.

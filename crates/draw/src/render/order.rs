@@ -6,7 +6,7 @@ use crate::scene::{DrawOrder, Frame, Scene};
 ///
 /// Draws are sorted by the distance from the eye to the centre of the object's bounding box. As in
 /// an engine, objects are sorted, not triangles.
-pub fn opaque(scene: &Scene, frame: &Frame, order: DrawOrder) -> Vec<usize> {
+pub(crate) fn opaque(scene: &Scene, frame: &Frame, order: DrawOrder) -> Vec<usize> {
     let mut draws: Vec<usize> = (0..scene.draws.len()).collect();
     // What was captured is drawn as it was.
     let order = match scene.draws.iter().any(|d| d.captured.is_some()) {
@@ -27,11 +27,10 @@ pub fn opaque(scene: &Scene, frame: &Frame, order: DrawOrder) -> Vec<usize> {
 }
 
 /// Blended draws, always farthest first.
-pub fn blended(scene: &Scene, frame: &Frame) -> Vec<usize> {
+pub(crate) fn blended(scene: &Scene, frame: &Frame) -> Vec<usize> {
     opaque(scene, frame, DrawOrder::BackToFront)
 }
 
-/// The name of an order.
 pub fn name(order: DrawOrder) -> &'static str {
     match order {
         DrawOrder::FrontToBack => "front to back",

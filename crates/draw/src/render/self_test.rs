@@ -22,16 +22,12 @@ pub enum SelfTestResult {
     Failed {
         /// The plan's description of this failure.
         failure: String,
-        /// Camera.
         camera: String,
         /// Samples that passed.
         samples: u64,
     },
     /// The test has no result.
-    NotRun {
-        /// Why.
-        why: String,
-    },
+    NotRun { why: String },
 }
 
 /// Runs the self-test of `plan` on its material's draws, in the first frame of each camera. `None`

@@ -30,7 +30,7 @@ pub(super) fn depth_format(f: DepthFormat) -> wgpu::TextureFormat {
 }
 
 /// A colour format by WebGPU's name, if frames can be drawn to it and compared.
-pub fn color_format(name: &str) -> Option<wgpu::TextureFormat> {
+pub(crate) fn color_format(name: &str) -> Option<wgpu::TextureFormat> {
     use wgpu::TextureFormat as W;
     Some(match name {
         "r8unorm" => W::R8Unorm,

@@ -24,17 +24,17 @@ use super::{
     value_path,
 };
 
+pub mod buffer_numbers;
+mod frozen_uniforms;
 pub mod guessed;
-mod held;
-mod numbers;
+pub mod overlapping_draws;
 mod streams;
-pub mod unplaced;
 
-pub(super) use held::uniforms;
-pub(super) use numbers::numbers;
+pub(super) use buffer_numbers::numbers;
+pub(super) use frozen_uniforms::uniforms;
 
 pub use guessed::{Guess, Guessed, guessed};
-pub use unplaced::unplaced;
+pub use overlapping_draws::overlapping_draws;
 
 use guessed::ValueOrigin;
 use streams::Streams;
@@ -48,7 +48,6 @@ pub(super) use streams::{
 pub struct Data {
     /// First 16 bytes of the BLAKE3 hash of `bytes`.
     pub id: u128,
-    /// The bytes.
     pub bytes: Arc<[u8]>,
 }
 
@@ -75,9 +74,7 @@ pub enum Rate {
 /// A uniform or storage buffer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct BufferBinding {
-    /// `@group`.
     pub group: u32,
-    /// `@binding`.
     pub binding: u32,
     /// Uniform, read-only or read-write storage.
     pub kind: BindingKind,
@@ -113,25 +110,18 @@ pub enum TextureContent {
     Storage {
         /// Width and height.
         size: [u32; 2],
-        /// Format.
         format: naga::StorageFormat,
     },
 }
 
-/// A texture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct TextureBinding {
-    /// `@group`.
     pub group: u32,
-    /// `@binding`.
     pub binding: u32,
-    /// Content.
     pub content: TextureContent,
-    /// Dimension of the view.
     pub view: wgpu::TextureViewDimension,
     /// Sample type; `Uint` and `Sint` read the image's texels as integers.
     pub sample_type: wgpu::TextureSampleType,
-    /// A `texture_multisampled_*`.
     pub multisampled: bool,
     /// Whether preshade made up the content.
     pub is_invented: bool,
@@ -139,12 +129,9 @@ pub struct TextureBinding {
     pub is_steady: bool,
 }
 
-/// A sampler.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct SamplerBinding {
-    /// `@group`.
     pub group: u32,
-    /// `@binding`.
     pub binding: u32,
     /// How it samples; `compare` is set exactly for comparison samplers.
     pub sampler: Sampler,
@@ -153,9 +140,7 @@ pub struct SamplerBinding {
 /// One vertex attribute in a buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct VertexAttribute {
-    /// `@location`.
     pub location: u32,
-    /// Format.
     pub format: wgpu::VertexFormat,
     /// Offset in bytes.
     pub offset: u64,
@@ -197,7 +182,6 @@ pub struct DrawBindings {
     pub buffers: Vec<BufferBinding>,
     /// Textures, without those that the renderer takes from an attachment.
     pub textures: Vec<TextureBinding>,
-    /// Samplers.
     pub samplers: Vec<SamplerBinding>,
     /// At most one by vertex and one by instance.
     pub vertex_buffers: Vec<VertexBuffer>,
@@ -207,7 +191,6 @@ pub struct DrawBindings {
     pub vertex_count: u32,
     /// The range to draw.
     pub call: Call,
-    /// Instances to draw.
     pub instances: u32,
     /// Where it draws to; `None`: the scene's viewport.
     pub area: Option<Area>,
@@ -399,7 +382,7 @@ pub fn draw(
 ///
 /// # Errors
 /// As [`draw`], and if two variables give one byte different values.
-pub fn immediates(
+pub(crate) fn immediates(
     scene: &Scene,
     material: &Material,
     draw: &Draw,
@@ -484,7 +467,7 @@ pub fn uniform_buffers(
 ///
 /// # Errors
 /// As [`draw`], for uniforms only.
-pub(super) fn check(
+pub fn check(
     scene: &Scene,
     material: &Material,
     pass: &GpuPass,
@@ -839,7 +822,10 @@ pub(super) fn made_up(read: &BufferRead, module: &naga::Module) -> Option<Vec<f6
 ///
 /// # Errors
 /// A binding that the program does not declare.
-pub fn samplers(material: &Material, pass: &GpuPass) -> Result<Vec<SamplerBinding>, SceneError> {
+pub(crate) fn samplers(
+    material: &Material,
+    pass: &GpuPass,
+) -> Result<Vec<SamplerBinding>, SceneError> {
     let is_sampler = |b: &&BindingUse| {
         use BindingKind::{ComparisonSampler, Sampler};
         matches!(b.kind, Sampler | ComparisonSampler)

@@ -9,7 +9,7 @@ use super::Frame;
 
 /// A perspective camera at one position.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Pose {
+pub(crate) struct Pose {
     /// Eye position.
     pub eye: Vec3,
     /// The point that the camera looks at.
@@ -23,7 +23,7 @@ pub struct Pose {
 /// An eye on a sphere around a target, as in viewers that you turn by dragging.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub struct Orbit {
+pub(crate) struct Orbit {
     /// The target; the origin by default.
     #[serde(default)]
     pub target: [f32; 3],
@@ -58,7 +58,7 @@ pub struct Range {
 }
 
 /// Right-handed perspective onto WebGPU's clip space.
-pub fn perspective(fov: f32, aspect: f32, range: Range, direction: DepthDirection) -> Mat4 {
+pub(crate) fn perspective(fov: f32, aspect: f32, range: Range, direction: DepthDirection) -> Mat4 {
     let f = 1.0 / (fov.to_radians() * 0.5).tan();
     let Range { near, far } = range;
     // Depth is (a z + b) / -z: 0 at the near plane and 1 at the far plane, or the other way round.
@@ -89,7 +89,7 @@ impl Pose {
 }
 
 /// `frames` poses along keys spaced evenly in time, by Catmull-Rom splines through eyes and targets.
-pub fn path(keys: &[Pose], frames: u32) -> Vec<Pose> {
+pub(crate) fn path(keys: &[Pose], frames: u32) -> Vec<Pose> {
     let last = keys.len().saturating_sub(1);
     let at = |i: isize| keys[i.clamp(0, last as isize) as usize];
     if keys.is_empty() {

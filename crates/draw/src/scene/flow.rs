@@ -14,14 +14,12 @@ use super::Semantic;
 
 /// The values of one stage.
 pub struct StageFlow<'g, 'p> {
-    /// The values of the stage.
     pub values: Values<'g, 'p>,
 }
 
 /// A read of a bound variable or of a part of it.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct BufferRead {
-    /// The buffer.
     pub global: Handle<GlobalVariable>,
     /// The struct members that lead to it. Array elements are not told apart.
     pub members: Vec<u32>,

@@ -90,7 +90,6 @@ impl Default for Recipe {
 pub(super) const MAX_SIDE: u32 = 4096;
 
 impl Recipe {
-    /// The generated image.
     pub fn generate(&self) -> Image {
         let pattern = self.pattern.unwrap_or_default();
         let n = self.size.clamp(1, MAX_SIDE);

@@ -19,7 +19,6 @@ pub(crate) struct Leaf<'a> {
     pub columns: u32,
     /// 1 for scalars.
     pub rows: u32,
-    /// Scalar kind.
     pub kind: ScalarKind,
     /// Bytes of a scalar.
     pub width: u8,
@@ -183,7 +182,6 @@ pub(crate) struct Given<'a> {
     /// Values of the draw. They take precedence over the material's, for whole variables and for
     /// parts.
     pub draw: &'a BTreeMap<String, Value>,
-    /// Values of the material.
     pub material: &'a BTreeMap<String, Value>,
 }
 

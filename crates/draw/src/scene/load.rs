@@ -23,7 +23,8 @@ use super::place::Folder;
 use super::roles::Roles;
 use super::{
     Access, Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, SceneError, Stream,
-    Value, Variables, error, material, meshes, numbers, range, size, value_path, variables,
+    Value, Variables, error, material, meshes, plausible_numbers, range, size, value_path,
+    variables,
 };
 use preshade_compiler::front;
 use preshade_text::limits::Limits;
@@ -91,7 +92,7 @@ pub(super) fn parsed(source: SceneText<'_>, limits: Limits) -> Result<SceneFile,
     let text = source.text;
     nested(text, limits.nesting)?;
     let file: SceneFile = toml::from_str(text).map_err(|e| source.toml_error(&e))?;
-    numbers::check(text).map_err(|(e, range)| source.at(e, range))?;
+    plausible_numbers::check(text).map_err(|(e, range)| source.at(e, range))?;
     Ok(file)
 }
 
@@ -193,7 +194,7 @@ impl<'a> Loader<'a> {
 }
 
 impl Loader<'_> {
-    pub(super) fn scene(&self, stem: String) -> Result<Scene, SceneError> {
+    pub fn scene(&self, stem: String) -> Result<Scene, SceneError> {
         let f = &self.file;
         let at = |e: SceneError, range: Range<usize>| self.source.at(e, range);
         let Target {

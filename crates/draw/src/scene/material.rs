@@ -66,7 +66,7 @@ pub(super) fn is_read(material: &Material, group: u32, binding: u32) -> bool {
 
 /// Refuses values, textures, samplers and attributes that the program does not have: each is a
 /// misspelling. The error's subject is the key.
-pub(super) fn check(material: &Material) -> Result<(), SceneError> {
+pub fn check(material: &Material) -> Result<(), SceneError> {
     let module = material.program.module();
     let (mut textures, mut samplers) = (Vec::new(), Vec::new());
     for g in globals(&material.program) {

@@ -14,7 +14,6 @@ use super::place::Folder;
 use super::{Mesh, SceneError, Variables, size};
 use preshade_text::limits::Limits;
 
-/// One copy of a field.
 pub(super) struct FieldCopy {
     pub transform: Mat4,
     /// A tint near white.

@@ -17,9 +17,8 @@ mod loops;
 mod material;
 mod meshes;
 mod noise;
-mod numbers;
 mod place;
-mod pulled;
+mod plausible_numbers;
 mod range;
 mod roles;
 mod semantic;
@@ -30,6 +29,7 @@ mod stand_in;
 pub mod synthesise;
 mod value_path;
 mod variables;
+mod vertex_pulling;
 
 pub mod bind;
 pub mod camera;
@@ -95,9 +95,7 @@ pub struct Scene {
     pub initial: Initial,
     /// The order of rows in its targets. Pictures are upright either way.
     pub rows: Rows,
-    /// Materials.
     pub materials: Vec<Material>,
-    /// Meshes.
     pub meshes: Vec<Mesh>,
     /// Draws, in the order of the file.
     pub draws: Vec<Draw>,
@@ -269,7 +267,6 @@ pub struct Initial {
     pub clear_colors: Vec<[f64; 4]>,
     /// Colours by location, in the attachments' formats.
     pub colors: Vec<Option<Arc<Image>>>,
-    /// Depth.
     pub depth: Option<Arc<Image>>,
     /// Clear value of the stencil.
     pub clear_stencil: u32,
@@ -298,7 +295,6 @@ pub struct Image {
 /// A mesh: named streams of vertex data, and indices.
 #[derive(Clone, Debug)]
 pub struct Mesh {
-    /// Name.
     pub name: String,
     /// Number of vertices.
     pub vertex_count: u32,
@@ -376,7 +372,6 @@ pub struct DrawRange {
 /// A camera with one or more frames.
 #[derive(Clone, Debug)]
 pub struct Camera {
-    /// Name.
     pub name: String,
     /// One frame for a still, several for a path.
     pub frames: Vec<Frame>,

@@ -56,7 +56,7 @@ pub(super) fn take(
 /// # Errors
 /// The range exceeds the mesh, `base_vertex` moves an index beyond the vertices, or the instances
 /// exceed 32 bits.
-pub(super) fn check(mesh: &Mesh, draw: &Draw) -> Result<(), SceneError> {
+pub fn check(mesh: &Mesh, draw: &Draw) -> Result<(), SceneError> {
     let DrawRange {
         first,
         count,

@@ -14,7 +14,7 @@ use preshade_passes::graph::Graph;
 use super::bind::{is_instance_data, known_stream};
 use super::flow::{BufferRead, Nearest, StageFlow};
 use super::layout::{leaf_shape, runtime_array};
-use super::pulled::Pulled;
+use super::vertex_pulling::Pulled;
 use super::{Image, Semantic, Value, discards, divisors, loops, skin};
 use preshade_compiler::front::Parsed;
 

@@ -14,7 +14,6 @@ use super::{Draw, Frame, Material, Scene, SceneError, Value, layout, material};
 /// Another author's program for a material.
 #[derive(Clone, Copy, Debug)]
 pub struct StandIn<'a> {
-    /// The program.
     pub program: &'a Program,
     /// Vertex entry point.
     pub vertex: &'a str,
@@ -143,7 +142,7 @@ fn values(
     frame: &Frame,
     partners: &[Partner],
 ) -> Result<BTreeMap<String, Value>, SceneError> {
-    let ours = bind::numbers(scene, own, draw, frame)?;
+    let ours = crate::scene::bind::numbers(scene, own, draw, frame)?;
     let parts = partners.iter().flat_map(|p| &p.parts);
     let theirs = parts.flat_map(|(theirs, our)| {
         let found = ours.iter().filter_map(move |(path, value)| {

@@ -14,10 +14,7 @@ use super::{Material, SceneError, Value};
 ///
 /// # Errors
 /// The first such key is the error's subject.
-pub(super) fn check(
-    material: &Material,
-    values: &BTreeMap<String, Value>,
-) -> Result<(), SceneError> {
+pub fn check(material: &Material, values: &BTreeMap<String, Value>) -> Result<(), SceneError> {
     if values.is_empty() {
         return Ok(());
     }

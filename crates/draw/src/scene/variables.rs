@@ -15,7 +15,6 @@ use super::file::{FieldOrder, Setting};
 pub enum Variable {
     /// A whole number.
     Number(u32),
-    /// A name.
     Name(String),
 }
 
@@ -65,7 +64,6 @@ fn get<'v>(variables: &'v Variables, text: &str) -> Result<&'v Variable, SceneEr
 }
 
 impl Setting<u32> {
-    /// The number.
     pub(super) fn number(&self, variables: &Variables) -> Result<u32, SceneError> {
         match self {
             Self::Value(value) => Ok(*value),
@@ -81,7 +79,6 @@ impl Setting<u32> {
 }
 
 impl Setting<FieldOrder> {
-    /// The order.
     pub(super) fn order(&self, variables: &Variables) -> Result<FieldOrder, SceneError> {
         let name = match self {
             Self::Value(value) => return Ok(*value),

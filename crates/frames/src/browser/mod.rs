@@ -31,7 +31,7 @@ const LOADING: Duration = Duration::from_secs(120);
 /// The browser may be silent so long.
 const SILENT: Duration = Duration::from_secs(120);
 /// A page may draw nothing so long.
-pub const DRAWING: Duration = Duration::from_secs(30);
+pub(crate) const DRAWING: Duration = Duration::from_secs(30);
 /// A condition is asked so often.
 const ASKING: Duration = Duration::from_millis(200);
 

@@ -47,7 +47,7 @@ const SOFTWARE: &[&str] = &[
 ];
 
 /// A running browser. It ends when this is dropped, and on Unix also when our program ends in any other way.
-pub struct Browser {
+pub(crate) struct Browser {
     child: Child,
     group: Option<Group>,
     profile: TempDir,

@@ -14,7 +14,7 @@ use super::BrowserError;
 const STEP: Duration = Duration::from_millis(100);
 
 /// A connection to the browser, or with a session to one of its pages.
-pub struct Client {
+pub(crate) struct Client {
     socket: WebSocket<TcpStream>,
     calls: u64,
     session: Option<String>,
@@ -23,7 +23,7 @@ pub struct Client {
 }
 
 /// Takes the events of the page: a method's name and its parameters.
-pub type Events<'a> = &'a mut dyn FnMut(&str, &Value);
+pub(crate) type Events<'a> = &'a mut dyn FnMut(&str, &Value);
 
 impl Client {
     /// Connects to the browser that listens at `port`.

@@ -11,7 +11,7 @@ use preshade_text::limits::Limits;
 use preshade_text::regular;
 
 /// What is known of the trace's data files.
-pub(super) struct Store {
+pub struct Store {
     folder: PathBuf,
     limits: Limits,
     all: Vec<Source>,

@@ -15,8 +15,8 @@ use super::expression::{Ex, level};
 use super::fold::Folds;
 use super::overload::{OverloadChoice, choose};
 use super::{BuiltinCall, Lower, builtin, texture};
-use preshade_text::absent;
 use preshade_text::error::{Code, Error};
+use preshade_text::unsupported;
 
 impl Lower<'_, '_> {
     /// The value of `length()`: the specialisation constant, if it is one.
@@ -806,7 +806,7 @@ fn replacement(name: &str, values: &[Ex], first: Option<&Ty>, result: &Ty) -> Op
 
 /// Rejects built-in functions that WebGPU or naga lacks.
 fn check_supported(name: &str, place: Option<Span>) -> Result<(), Error> {
-    absent::refuse(name, place)?;
+    unsupported::refuse(name, place)?;
     match builtin::is_known(name) || name.starts_with("image") {
         true => Ok(()),
         false => Err(unsupported(format!("there is no function `{name}`"), place)),

@@ -14,8 +14,8 @@ use super::declaration::output_of;
 use super::effect::{after, is_literal};
 use super::fold::Folds;
 use super::{Lower, Var, check};
-use preshade_text::absent;
 use preshade_text::error::{Code, Error};
+use preshade_text::unsupported;
 
 /// Maximum elements compared one by one.
 const COMPARED: u64 = 1 << 12;
@@ -319,7 +319,7 @@ impl Lower<'_, '_> {
             }
             _ if built_ins::variable(name, self.stage.kind).is_some() => self.built_in(name),
             _ => {
-                absent::refuse(name, place)?;
+                unsupported::refuse(name, place)?;
                 return Err(unsupported(
                     format!("`{name}` is not supported: WebGPU has no equivalent"),
                     place,

@@ -11,8 +11,8 @@ use super::Lower;
 use super::effect::{after, is_literal};
 use super::expression::{Ex, element, level, splat};
 use super::fold::Folds;
-use preshade_text::absent;
 use preshade_text::error::{Code, Error};
+use preshade_text::unsupported;
 
 /// Whether it is a name or a number, so that reading it twice is safe.
 fn is_name(text: &str) -> bool {
@@ -372,7 +372,7 @@ impl Lower<'_, '_> {
                         _ => Some("GLSL's own"),
                     });
                 if own.flatten().is_some() {
-                    absent::refuse(name.as_str(), self.place(target.span))?;
+                    unsupported::refuse(name.as_str(), self.place(target.span))?;
                 }
                 let fixed = self.lookup(name.as_str()).and_then(|v| v.fixed);
                 (name.as_str().to_owned(), own.flatten().or(fixed))

@@ -15,8 +15,8 @@ use super::super::version::Dialect;
 use super::Lower;
 use super::effect::after;
 use super::expression::{Ex, level};
-use preshade_text::absent;
 use preshade_text::error::Error;
+use preshade_text::unsupported;
 
 /// A texture function.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -150,7 +150,7 @@ impl Lower<'_, '_> {
             return Err(unsupported(message, place));
         };
         let mut name = function.name.clone();
-        absent::refuse(author, place)?;
+        unsupported::refuse(author, place)?;
         let shape = TextureShape::of(combined);
         let result = shape.result(&name);
         let fetches = matches!(

@@ -22,8 +22,8 @@ use self::macros::{Macro, TokenSource};
 use self::tokens::{Joined, Names, Token, TokenKind, tokens};
 use super::include::Files;
 use super::version::Dialect;
-use preshade_text::absent;
 use preshade_text::error::{Code, Error};
+use preshade_text::unsupported;
 
 /// Maximum tokens read, skipped or made.
 const WORK: usize = 1 << 24;
@@ -527,7 +527,7 @@ impl Preprocessor<'_> {
                 // `lf` ends a double.
                 if let Some((_, of)) = sized.iter().find(|(end, _)| lower.ends_with(end)) {
                     let place = Span::new(token.start, token.end);
-                    return Err(match absent::absent(of) {
+                    return Err(match unsupported::absent(of) {
                         Some(of) => of.refuse(&text, Some(place)),
                         None => self.stop("invalid number", (token.start, token.end)),
                     });

@@ -8,8 +8,8 @@ use naga::{ConservativeDepth, ShaderStage};
 use preshade_ir::declared::Precision;
 
 use super::{GlslStage, unsupported};
-use preshade_text::absent;
 use preshade_text::error::Error;
+use preshade_text::unsupported;
 
 /// A variable's storage class.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -100,12 +100,12 @@ impl GlslStage<'_> {
                             place,
                         ));
                     }
-                    S::Subroutine(_) => absent::refuse("subroutine", place)?,
+                    S::Subroutine(_) => unsupported::refuse("subroutine", place)?,
                 },
                 TypeQualifierSpecData::Layout(layout) => {
                     for id in &layout.ids {
                         if let LayoutQualifierSpecData::Identifier(name, value) = &id.content {
-                            absent::refuse(name.as_str(), place)?;
+                            unsupported::refuse(name.as_str(), place)?;
                             let value = match value {
                                 Some(e) => {
                                     let n = self.fixed_integer(e);

@@ -8,8 +8,8 @@ use naga::Span;
 
 use super::{GlslStage, unsupported};
 use crate::ty::{GlslMember, Struct, Ty};
-use preshade_text::absent;
 use preshade_text::error::{Code, Error};
+use preshade_text::unsupported;
 
 /// Maximum elements of arrays that are split into variables: varyings and samplers.
 pub(super) const APART: u64 = 1 << 10;
@@ -31,7 +31,7 @@ impl GlslStage<'_> {
                     Some(_) => Ty::Struct(name.to_owned()),
                     // A type of an extension, or of a later version.
                     None => {
-                        absent::refuse(name, place)?;
+                        unsupported::refuse(name, place)?;
                         Ty::named(name)
                     }
                 }
@@ -90,7 +90,7 @@ impl GlslStage<'_> {
             }
             _ => {
                 let name = spelled(&spec.ty);
-                absent::refuse(&name, place)?;
+                unsupported::refuse(&name, place)?;
                 Ty::named(&name)
             }
         };

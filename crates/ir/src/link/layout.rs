@@ -3,7 +3,7 @@
 use naga::{ArraySize, Handle, Module, Span, StructMember, Type, TypeInner};
 
 /// Types of the second module, and those of the first that they become.
-pub type Pairs = Vec<(Handle<Type>, Handle<Type>)>;
+pub(crate) type Pairs = Vec<(Handle<Type>, Handle<Type>)>;
 
 /// A member of a struct, to be found in the text.
 #[derive(Clone, Debug, PartialEq)]
@@ -55,20 +55,25 @@ pub(super) fn members_that_differ(
 
 /// A map from the second module's types to the first's, if their layouts differ in nothing but the
 /// names of structs and members. `None` if they differ, or there is nothing to map.
-pub fn same(first: &Module, a: Handle<Type>, second: &Module, b: Handle<Type>) -> Option<Pairs> {
+pub(crate) fn same(
+    first: &Module,
+    a: Handle<Type>,
+    second: &Module,
+    b: Handle<Type>,
+) -> Option<Pairs> {
     let mut pairs = Vec::new();
     matches(first, a, second, b, &mut pairs).then_some(pairs)
 }
 
 /// Which module's struct has more members.
-pub enum Longer {
+pub(crate) enum Longer {
     First,
     Second,
 }
 
 /// If one of two structs only has more members at its end, or a last member that does: which, and a
 /// map from the second module's member types to the first's.
-pub fn longer(
+pub(crate) fn longer(
     first: &Module,
     a: Handle<Type>,
     second: &Module,

@@ -6,7 +6,7 @@ use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::contract::Contract;
 use serde::Serialize;
 
-use super::said::{Standing, Subject, Variants, geometric_mean};
+use super::answers::{Standing, Subject, Variants, geometric_mean};
 use super::{Results, Said};
 use crate::measure::Estimate;
 
@@ -57,7 +57,6 @@ pub struct OfAdapter {
     pub speedup: Option<f64>,
 }
 
-/// A variant on all adapters.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FleetVariant {
     /// As after `--variant`.
@@ -76,7 +75,6 @@ pub struct FleetVariant {
     pub adapters: Vec<OnAdapter>,
 }
 
-/// A variant on one adapter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OnAdapter {
     /// Its name.
@@ -307,7 +305,6 @@ pub enum FleetFate {
     Broken {
         /// On which adapter.
         adapter: String,
-        /// Where.
         r#where: String,
     },
     /// No adapter compared it, or none timed it.

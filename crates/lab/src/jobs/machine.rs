@@ -7,7 +7,6 @@ use serde::{Deserialize, Serialize};
 use super::{Answer, Kind, Results, adapter_id};
 use preshade_draw::render::{AdapterReport, Card};
 
-/// The schema of [`Machine`].
 pub const MACHINE_SCHEMA: &str = "preshade.machine.v1";
 
 /// The adapters of one machine. No result depends on it.
@@ -17,14 +16,11 @@ pub struct Machine {
     pub schema: String,
     /// Its name.
     pub host: String,
-    /// Its cards.
     pub cards: Vec<MachineCard>,
 }
 
-/// A card of a machine.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MachineCard {
-    /// The adapter.
     pub adapter: AdapterReport,
     /// Tells it from others of that adapter, as [`super::Run::card`].
     pub card: String,

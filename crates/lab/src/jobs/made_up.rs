@@ -12,7 +12,7 @@ use preshade_draw::render::AdapterReport;
 
 /// What an adapter says of a variant.
 #[derive(Clone, Copy, Debug)]
-pub enum Made {
+pub(crate) enum Made {
     /// Pictures: whether it holds.
     Picture(&'static str, &'static str, bool),
     /// Pictures that hold, with a mean FLIP.
@@ -27,7 +27,7 @@ pub enum Made {
     LostTime(&'static str, &'static str),
 }
 
-pub fn adapter(name: &str) -> AdapterReport {
+pub(crate) fn adapter(name: &str) -> AdapterReport {
     serde_json::from_value(json!({
         "name": name, "driver": "1", "backend": "vulkan", "kind": "discrete", "timestamps": true,
         "pipeline_statistics": true, "features": [],
@@ -36,7 +36,7 @@ pub fn adapter(name: &str) -> AdapterReport {
 }
 
 /// The merge of all. Of several [`Made::Picture`] and [`Made::Error`] of one job the last counts.
-pub fn results(made: &[Made]) -> Results {
+pub(crate) fn results(made: &[Made]) -> Results {
     let all: BTreeMap<_, _> = made.iter().map(|m| outcome(*m)).collect();
     Results::merge(all.into_values(), false).unwrap()
 }

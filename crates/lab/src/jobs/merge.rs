@@ -26,7 +26,6 @@ pub struct Results {
 pub struct Merged {
     /// The version of preshade that measured it.
     pub version: String,
-    /// The job.
     pub job: Job,
     /// By [`adapter_id`].
     pub answers: BTreeMap<String, Answer>,
@@ -141,7 +140,6 @@ impl Slot {
     }
 }
 
-/// The schema of [`Results`].
 pub const SCHEMA: &str = "preshade.results.v1";
 
 impl Results {

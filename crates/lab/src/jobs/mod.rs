@@ -4,6 +4,7 @@
 //! of one job, in a file of its own. [`Results::merge`] is their union: it does not depend on how the
 //! jobs were shared out, on the order, or on how often a job ran.
 
+mod answers;
 pub mod decision;
 mod machine;
 #[cfg(test)]
@@ -11,12 +12,11 @@ mod made_up;
 mod merge;
 mod partition;
 mod regrets;
-mod said;
 
+pub use answers::{Rows, Said, Standing, Subject, Variants};
 pub use machine::{FleetAdapter, MACHINE_SCHEMA, Machine, MachineCard, fleet};
 pub use merge::{Answer, Measured, MergeError, Merged, Results, SCHEMA};
 pub use partition::Partition;
-pub use said::{Rows, Said, Standing, Subject, Variants};
 
 use std::collections::BTreeMap;
 
@@ -70,10 +70,8 @@ fn is_unknown(seconds: &f64) -> bool {
     *seconds == 0.0
 }
 
-/// The schema of [`Job`].
 pub const JOB_SCHEMA: &str = "preshade.job.v1";
 
-/// The schema of [`Outcome`].
 pub const OUTCOME_SCHEMA: &str = "preshade.outcome.v1";
 
 /// The result of one job on one adapter.
@@ -169,7 +167,6 @@ pub struct Exhaustive {
     pub adapter: String,
     /// Frames that the adapter's cost model is fitted to.
     pub probes: Vec<Observation>,
-    /// The scene.
     pub scene: Exhausted,
 }
 

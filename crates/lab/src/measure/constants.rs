@@ -12,7 +12,7 @@ use preshade_draw::scene::bind::{self, DrawBindings, TextureContent};
 use preshade_draw::scene::{Image, Material, Scene, SceneError};
 
 /// Everything that is computed once for all draws of a scene.
-pub struct Looked<'s> {
+pub(crate) struct Looked<'s> {
     scene: &'s Scene,
     changing: Vec<Changing>,
     /// The plans of its materials, as their authors wrote them.

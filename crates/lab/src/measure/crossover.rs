@@ -8,9 +8,8 @@ use super::timing::estimate;
 use crate::measure::record::{Report, VariantReport};
 
 /// Version of the JSON that [`Series`] serialises to.
-pub const SCHEMA: &str = "preshade.series.v1";
+pub(crate) const SCHEMA: &str = "preshade.series.v1";
 
-/// A series.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Series {
     /// Always [`SCHEMA`].
@@ -26,7 +25,6 @@ pub struct Series {
 /// One value of the variable.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Point {
-    /// The value.
     pub value: u32,
     /// The report at that value.
     pub report: Report,

@@ -245,7 +245,7 @@ pub(crate) fn small(scene: &Scene) -> Option<Scene> {
 }
 
 /// The frames that candidates are measured on: the first of every camera and the middle of its path.
-pub fn choosing(scene: &Scene) -> Vec<&Frame> {
+pub(crate) fn choosing(scene: &Scene) -> Vec<&Frame> {
     spread(scene, 2)
 }
 

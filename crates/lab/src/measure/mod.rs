@@ -13,14 +13,15 @@
 //! numbers. [`crossover`] finds the value of a scene's variable at which one variant overtakes
 //! another.
 
-pub mod beside;
+mod bound_textures;
 pub mod bounds;
 pub mod changing;
+pub mod comparison;
 pub mod constants;
 pub mod crossover;
 mod discardable;
 pub mod effects;
-mod elsewhere;
+mod empty_picture;
 pub mod error;
 mod flip;
 pub mod frequency;
@@ -28,24 +29,23 @@ pub mod groups;
 pub mod interpolation;
 pub mod junctions;
 pub mod on_adapter;
+mod other_cameras;
 pub mod outputs;
 mod owners;
+pub(crate) mod picture_warnings;
 pub mod profile;
 pub mod ranges;
 pub mod rasterizer;
 pub mod record;
-mod seen;
+pub mod reference;
 mod session;
 pub mod shading;
 pub mod shadow;
 mod slivers;
 pub mod statistics;
-mod steady;
 mod subject;
-pub(crate) mod telling;
 mod texels;
 pub mod timing;
-pub mod truth;
 pub mod undrawn;
 pub(crate) mod unsteady;
 pub mod variant;
@@ -54,10 +54,12 @@ pub mod verify;
 mod vertices;
 mod view;
 
-pub use beside::{Beside, Look, beside};
+pub use bound_textures::bound;
 pub use changing::changing;
+pub use comparison::{Beside, Look, comparison};
 pub use constants::constants;
 pub use effects::effects;
+pub(crate) use empty_picture::check_seen;
 pub use error::{ErrorLadder, compare};
 pub use frequency::{Detail, frequencies, leaves_a_choice, promised, within_budget, written_out};
 pub use groups::{MOST_GROUPS, grouped, grouped_for, versions};
@@ -68,13 +70,11 @@ pub use outputs::OutputsReport;
 pub use preshade_compiler::command::explain::EffectUse;
 pub use ranges::ranges;
 pub use rasterizer::rasterizer;
-pub(crate) use seen::check_seen;
 pub use session::Session;
 pub use shading::{
     CountProgram, Counter, Discarded, Shading, ShadingSummary, facts, facts_for_choice,
 };
 pub use shadow::ShadowReport;
-pub use steady::bound;
 pub use subject::Subject;
 pub use timing::{
     Clock, Estimate, FEWEST_SAMPLES, FrameTime, Timing, TimingSettings, estimate, time,
@@ -143,7 +143,7 @@ pub fn known(scene: &preshade_draw::scene::Scene) -> preshade_plan::pass::Facts 
         .clone()
         .and_then(|changing| constants::constants_beside(scene, changing).ok());
     let bound = bound(scene).unwrap_or_default();
-    let those = |which: fn(&steady::Texels) -> bool| {
+    let those = |which: fn(&bound_textures::Texels) -> bool| {
         let those = bound.textures.iter().filter(|(_, texels)| which(texels));
         those.map(|(texture, _)| texture.clone()).collect()
     };

@@ -17,7 +17,6 @@ use preshade_draw::scene::{DrawOrder, Frame, Rows};
 pub(super) struct Broke {
     /// In words.
     pub how: String,
-    /// The promise.
     pub promise: Promise,
     /// The picture where the promise holds, and the original elsewhere; `None`: it holds everywhere.
     pub picture: Option<Rendered>,

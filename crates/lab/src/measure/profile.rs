@@ -20,7 +20,7 @@ use preshade_draw::scene::bind::TextureContent;
 use preshade_draw::scene::{Frame, Image, Scene};
 
 /// Version of the JSON that [`Profile`] serialises to.
-pub const SCHEMA: &str = "preshade.profile.v1";
+pub(crate) const SCHEMA: &str = "preshade.profile.v1";
 
 /// Where the time of a scene's views goes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -38,7 +38,6 @@ pub struct Profile {
     pub command: String,
     /// Where it was measured.
     pub adapter: AdapterReport,
-    /// By view.
     pub views: Vec<ViewProfile>,
 }
 
@@ -48,7 +47,6 @@ pub struct ViewProfile {
     /// Camera, frame and order.
     #[serde(flatten)]
     pub view: View,
-    /// The clock.
     pub clock: Clock,
     /// Milliseconds a frame.
     pub time_ms: Estimate,
@@ -69,7 +67,6 @@ pub struct ViewProfile {
 pub struct MaterialProfile {
     /// Name.
     pub material: String,
-    /// Its draws.
     pub draws: usize,
     /// The part of its fragments, but for what decides where it draws: it writes depth all the same, but no colour. A
     /// driver that compiles both stages together also leaves out what the vertex stage computes for them. Of a material

@@ -21,7 +21,7 @@ use preshade_draw::scene::flow::StageFlow;
 use preshade_draw::scene::{Draw, Frame, Material, Scene, SceneError};
 
 /// Steps of the interpreter over all vertices of a material.
-pub const MOST_STEPS: u64 = 400_000;
+pub(crate) const MOST_STEPS: u64 = 400_000;
 /// Least number of vertices to run in a draw that has as many.
 const LEAST_VERTICES: u64 = 500;
 /// Times the steps that may be spent on that.
@@ -135,7 +135,6 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, SceneError> {
 enum Coverage {
     /// All, in all frames.
     All,
-    /// All, in some frames.
     SomeFrames,
     /// Some, in one frame or more.
     SomeVertices,

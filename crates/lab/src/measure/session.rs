@@ -51,7 +51,6 @@ impl<'a> Session<'a> {
         self.inputs.gpu()
     }
 
-    /// The scene.
     pub fn scene(&self) -> &'a Scene {
         self.inputs.scene()
     }

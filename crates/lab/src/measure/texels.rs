@@ -8,7 +8,7 @@ use preshade_draw::scene::{Address, Filter, Image, Sampler};
 
 /// The texel of a lookup; NaN where there is no image of two
 /// dimensions, and where its format is compressed.
-pub fn texel(bound: &DrawBindings, lookup: &Lookup<'_>) -> [f32; 4] {
+pub(crate) fn texel(bound: &DrawBindings, lookup: &Lookup<'_>) -> [f32; 4] {
     let nothing = [f32::NAN; 4];
     let texture = bound
         .textures

@@ -8,7 +8,6 @@ use serde::{Deserialize, Serialize};
 use super::Error;
 use preshade_draw::render::{self, Gpu, Prepared};
 
-/// The clock.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Clock {
@@ -57,7 +56,6 @@ impl Default for TimingSettings {
 /// A median and its 95% confidence interval.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Estimate {
-    /// Median.
     pub median: f64,
     /// 2.5th percentile of the bootstrap's medians.
     pub low: f64,

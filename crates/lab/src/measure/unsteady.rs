@@ -13,7 +13,7 @@ const REDRAWS: usize = 8;
 const MOST: f64 = 0.01;
 
 /// The original's picture of a view, and where it differs from itself.
-pub struct Original {
+pub(crate) struct Original {
     /// The first picture.
     pub picture: Rendered,
     /// By sample: whether the pixel was the same in all pictures. `None`: every difference counts.

@@ -1,6 +1,6 @@
 //! A scene drawn with the original and its variants, view by view.
 
-mod ended;
+mod final_verdict;
 mod measurement;
 
 use std::collections::BTreeSet;
@@ -8,8 +8,8 @@ use std::collections::BTreeSet;
 use preshade_plan::contract::Verdict;
 use preshade_plan::plan::Plan;
 
+use super::picture_warnings::{self, Colours, decides_coverage, undiscarded};
 use super::shading::Counter;
-use super::telling::{self, Colours, decides_coverage, undiscarded};
 use super::{
     Clock, Discarded, Error, Session, TimingSettings, View, counting, outputs, shadow, time,
 };
@@ -262,11 +262,13 @@ impl Run<'_, '_> {
         }
         let assumed = bind::guessed(self.session.scene());
         let nothing = self.subjects.iter().all(|s| s.covered.unwrap_or(0) == 0);
-        let mut warnings: Vec<String> = telling::missing_attributes(&assumed).into_iter().collect();
-        warnings.extend(telling::unplaced(self.session.scene()));
+        let mut warnings: Vec<String> = picture_warnings::missing_attributes(&assumed)
+            .into_iter()
+            .collect();
+        warnings.extend(picture_warnings::overlapping_draws(self.session.scene()));
         // If the pictures are empty, the verdicts say so.
         warnings.extend(self.colours.warning().filter(|_| !nothing));
-        warnings.extend(telling::unsteady(self.unsteady));
+        warnings.extend(picture_warnings::unsteady(self.unsteady));
         let frames: Vec<_> = self.views.iter().map(|(v, f)| (*f, v.order)).collect();
         // Of an empty picture the verdicts speak.
         let undiscarded = match nothing || self.lost.is_some() {
@@ -289,14 +291,14 @@ impl Run<'_, '_> {
             } else {
                 &mut warnings
             };
-            list.push(telling::untested(&materials));
+            list.push(picture_warnings::untested(&materials));
         }
         let scene = self.session.scene();
         let drawn = self.subjects.iter().skip(1).zip(variants);
         let drawn = drawn.filter(|(subject, _)| subject.covered.is_some());
         let plans = drawn.flat_map(|(_, variant)| &variant.plans);
         let mut unbudgeted = None;
-        if let Some(branches) = telling::undrawn(scene, plans) {
+        if let Some(branches) = picture_warnings::undrawn(scene, plans) {
             // The guard of a real scene keeps a host to what was drawn.
             match scene.is_made_up {
                 true => unbudgeted = Some(branches),
@@ -305,7 +307,7 @@ impl Run<'_, '_> {
         }
         let away = nothing
             && self.lost.is_none()
-            && telling::faces_away(self.session, &frames).unwrap_or(false);
+            && picture_warnings::faces_away(self.session, &frames).unwrap_or(false);
         let mut report = Report {
             clock: self.clock,
             depth_ties: self.lost.is_none().then_some(self.depth_ties),

@@ -35,7 +35,6 @@ impl View {
         format!("camera `{}` frame {} {order}", self.camera, self.frame)
     }
 
-    /// Its frame in the scene.
     pub fn frame_of<'s>(&self, scene: &'s Scene) -> Option<&'s Frame> {
         let camera = scene.cameras.iter().find(|c| c.name == self.camera)?;
         camera.frames.get(self.frame)

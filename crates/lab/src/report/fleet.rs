@@ -179,7 +179,7 @@ pub fn frontier(of: &FleetFrontier) -> String {
 }
 
 /// What became of a variant, in words.
-pub fn fate(fate: &FleetFate) -> String {
+pub(crate) fn fate(fate: &FleetFate) -> String {
     match fate {
         FleetFate::Frontier => "on the frontier".to_owned(),
         FleetFate::Beaten { by } => format!("beaten by {by}"),

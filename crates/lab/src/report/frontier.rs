@@ -56,7 +56,7 @@ pub fn table(found: &Exploration) -> String {
 }
 
 /// The headline: whether anything gains, and the choice under a budget.
-pub fn said(found: &Exploration) -> Vec<String> {
+pub(crate) fn said(found: &Exploration) -> Vec<String> {
     let gains = |p: &Point| p.speedup.is_some_and(|s| s.low > 1.0);
     let timed = on_frontier(found).any(|p| p.name != ORIGINAL && p.speedup.is_some());
     let level = timed && !on_frontier(found).any(gains);
@@ -81,13 +81,13 @@ pub fn is_unmeasured(found: &Exploration) -> bool {
 }
 
 /// The points that no other beats, by their error.
-pub fn on_frontier(found: &Exploration) -> impl Iterator<Item = &Point> {
+pub(crate) fn on_frontier(found: &Exploration) -> impl Iterator<Item = &Point> {
     let of = |name: &String| found.points.iter().find(|p| p.name == *name);
     found.frontier.iter().filter_map(of)
 }
 
 /// Name of the metric, as it is written.
-pub fn metric(found: &Exploration) -> String {
+pub(crate) fn metric(found: &Exploration) -> String {
     let name = serde_json::to_value(found.metric).ok();
     let name = name.and_then(|n| n.as_str().map(str::to_owned));
     name.unwrap_or_default()
@@ -109,17 +109,17 @@ fn cells(found: &Exploration, point: &Point) -> [String; 6] {
 }
 
 /// A speedup with its interval.
-pub fn speedup(of: Estimate) -> String {
+pub(crate) fn speedup(of: Estimate) -> String {
     format!("{:.2}x [{:.2}, {:.2}]", of.median, of.low, of.high)
 }
 
 /// The median of a path's frames, and the 95th percentile.
-pub fn path(of: &PathTime) -> String {
+pub(crate) fn path(of: &PathTime) -> String {
     format!("{:.3}, {:.3}", of.median_ms, of.p95_ms)
 }
 
 /// An error, short.
-pub fn number(error: f64) -> String {
+pub(crate) fn number(error: f64) -> String {
     match error {
         0.0 => "0".to_owned(),
         e => format!("{e:.5}"),
@@ -181,7 +181,7 @@ fn counted(found: &Exploration) -> String {
 }
 
 /// How the search ended.
-pub fn ended(found: &Exploration) -> String {
+pub(crate) fn ended(found: &Exploration) -> String {
     let seconds = found.seconds;
     let verified = match found.frames_verified {
         0 => "Nothing was verified.\n".to_owned(),
@@ -204,7 +204,7 @@ pub fn ended(found: &Exploration) -> String {
 }
 
 /// The result of a candidate, in words.
-pub fn fate(point: &Point) -> String {
+pub(crate) fn fate(point: &Point) -> String {
     match &point.fate {
         Fate::Frontier => "on the frontier".to_owned(),
         Fate::Beaten { by } => format!("beaten by {by}"),

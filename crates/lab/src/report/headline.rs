@@ -38,7 +38,7 @@ pub(super) fn verdict(report: &Report, v: &VariantReport) -> String {
 /// timed view and faster in the mean of all: of those that are drawn front to back, if some are. It counts as faster in a view if the whole 95 %
 /// interval of its speedup is above 1, and as slower if all of it is below. Of several, the one with
 /// the best mean is named; the number is its mean over the views in which it is faster.
-pub fn headline(report: &Report) -> String {
+pub(crate) fn headline(report: &Report) -> String {
     let broken: Vec<String> = drawn(report)
         .filter(|v| matches!(v.verdict, Verdict::Broken { .. }))
         .map(|v| format!("`{}`", v.name))

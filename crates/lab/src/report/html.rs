@@ -27,10 +27,8 @@ use crate::measure::record::Picture;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum PageError {
-    /// The template.
     #[error("the report could not be written: {0}")]
     Template(#[from] askama::Error),
-    /// A picture.
     #[error("a picture could not be encoded: {0}")]
     Picture(#[from] image::ImageError),
     /// The data.
@@ -103,7 +101,6 @@ fn data_uri(picture: &Picture) -> Result<String, PageError> {
     Ok(format!("data:image/png;base64,{text}"))
 }
 
-/// The data of a page.
 fn data(figures: &impl serde::Serialize) -> Result<String, PageError> {
     Ok(serde_json::to_string(figures)?.replace('<', "\\u003c"))
 }

@@ -8,7 +8,7 @@ use crate::jobs::{Results, Said, Standing};
 use crate::measure::Estimate;
 
 /// On how many adapters a variant holds and pays, in words.
-pub fn holds_and_pays(row: &BTreeMap<&str, Said<'_>>) -> String {
+pub(crate) fn holds_and_pays(row: &BTreeMap<&str, Said<'_>>) -> String {
     let drawn = || {
         let standings = row.values().map(|s| s.standing().0);
         standings.filter(|s| ![Standing::NoPicture, Standing::DoesNotApply].contains(s))

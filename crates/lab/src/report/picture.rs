@@ -8,7 +8,7 @@ use preshade_text::files::File;
 
 /// The FLIP error map of two pictures of one size (Andersson et al. 2020): black for no visible
 /// difference, then magenta to white.
-pub fn flip(original: &Picture, variant: &Picture) -> Picture {
+pub(crate) fn flip(original: &Picture, variant: &Picture) -> Picture {
     let rgb = |picture: &Picture| {
         nv_flip::FlipImageRgb8::with_data(picture.size[0], picture.size[1], &picture.rgb())
     };

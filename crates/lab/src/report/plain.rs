@@ -15,7 +15,7 @@ pub fn is_obeyed(c: char) -> bool {
 }
 
 /// The text with such characters escaped, for example as `\u{1b}`. Lines may end in CR LF.
-pub fn plain(text: &str) -> Cow<'_, str> {
+pub(crate) fn plain(text: &str) -> Cow<'_, str> {
     if !text.chars().any(is_obeyed) {
         return Cow::Borrowed(text);
     }

@@ -4,7 +4,7 @@ use std::fmt::Write;
 
 /// One chart.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Panel {
+pub(crate) struct Panel {
     /// Name of the quantity, with its unit.
     pub title: String,
     /// Lines whose points have rising x.
@@ -15,8 +15,7 @@ pub struct Panel {
 
 /// A height and its label.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Mark {
-    /// The height.
+pub(crate) struct Mark {
     pub height: f64,
     /// In a word.
     pub name: &'static str,
@@ -24,7 +23,7 @@ pub struct Mark {
 
 /// One line of a chart.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Line {
+pub(crate) struct Line {
     /// Name in the legend: lines of one name have one colour in all panels.
     pub name: String,
     /// Points, without those that were not measured.
@@ -49,7 +48,7 @@ const HEADER: f64 = 44.0;
 /// The panels as an SVG file, two in a row, under a title. The x axis has whole numbers. The y axis
 /// is logarithmic if all values are positive and span more than a factor of ten; otherwise it
 /// starts at 0.
-pub fn svg(title: &str, x_label: &str, panels: &[Panel]) -> String {
+pub(crate) fn svg(title: &str, x_label: &str, panels: &[Panel]) -> String {
     let mut names: Vec<&str> = Vec::new();
     for line in panels.iter().flat_map(|p| &p.lines) {
         if !names.contains(&line.name.as_str()) {

@@ -5,7 +5,7 @@ use crate::measure::Shading;
 use crate::measure::record::{DIFFERENCE_FACTOR, Picture, Pictures};
 
 /// The ramp ends at this count at the least, so that pictures of small overdraw compare.
-pub const LEAST_SCALE: f32 = 4.0;
+pub(crate) const LEAST_SCALE: f32 = 4.0;
 
 /// Colours from little to much, lightness rising all the way, so that they read in grey too.
 const RAMP: [[f32; 3]; 5] = [
@@ -34,7 +34,7 @@ fn color(count: f32, scale: f32) -> [u8; 4] {
 
 /// The counts of a frame as a picture, averaged over a pixel's samples, with a legend in the lower
 /// left corner.
-pub fn overdraw(shading: &Shading, scale: f32) -> Picture {
+pub(crate) fn overdraw(shading: &Shading, scale: f32) -> Picture {
     let samples = shading.counts.samples.max(1) as usize;
     let mut picture = Picture {
         size: shading.counts.size,
@@ -86,7 +86,7 @@ const PANEL: u32 = 480;
 const COLUMNS: u32 = 3;
 
 /// All pictures of a variant on one sheet, labelled.
-pub fn contact(pictures: &Pictures) -> Picture {
+pub(crate) fn contact(pictures: &Pictures) -> Picture {
     let scale = pictures.overdraw_scale();
     let per_pixel = |s: &Shading| s.summary().per_pixel;
     let mut panels = vec![
@@ -165,7 +165,7 @@ fn wrap(label: &str, width: usize) -> Vec<String> {
 }
 
 /// Original, variant and difference of each, a row each, labelled.
-pub fn rows(variants: &[(String, &Pictures)]) -> Picture {
+pub(crate) fn rows(variants: &[(String, &Pictures)]) -> Picture {
     let mut panels = Vec::new();
     for (label, pictures) in variants {
         let difference = format!("difference x{DIFFERENCE_FACTOR}");

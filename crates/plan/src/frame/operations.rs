@@ -4,7 +4,6 @@ use super::{ColorAttachments, FrameError, FrameLoad, FrameOps, FramePass};
 use crate::plan::{BindingSource, GpuPass, Plan, SCENE_COLOR};
 use crate::state::{AttachmentOps, LoadOp, StencilState, StoreOp};
 
-/// The target of an operation.
 #[derive(Clone, Debug, PartialEq, Eq)]
 enum OperationTarget {
     Depth(String),
@@ -92,7 +91,7 @@ impl<'p> Before<'p> {
 ///
 /// # Errors
 /// [`FrameError::LoadMismatch`], [`FrameError::Discarded`].
-pub fn resolve<'p>(
+pub(crate) fn resolve<'p>(
     plans: impl IntoIterator<Item = &'p Plan> + Clone,
     passes: &mut [FramePass],
 ) -> Result<(), FrameError> {

@@ -20,9 +20,9 @@
 //! | the number of layers in `OpImageQuerySize` | `OpImageQuerySamples`, see [`layers`] |
 //! | offsets of `OpImageFetch` | added to the coordinates |
 
+mod after_reading;
 mod functions;
 mod reads;
-mod settled;
 mod signs;
 
 use std::collections::{HashMap, HashSet};
@@ -30,9 +30,9 @@ use std::collections::{HashMap, HashSet};
 use rspirv::dr::{Builder, Instruction, Operand};
 use rspirv::spirv::{GlslStd450Op, Op, Word};
 
+pub(super) use self::after_reading::demote;
+pub use self::after_reading::layers;
 use self::reads::is_image_read;
-pub(super) use self::settled::demote;
-pub use self::settled::layers;
 use crate::words::{count_parts, globals, ids, literal, push, replace_ids, rewrite};
 
 /// Instructions that mean something else to naga, and that nothing here replaces: the name of what
@@ -71,7 +71,7 @@ pub fn replace(module: &mut Builder) -> Result<(), Lost> {
         }
     });
     if let Some(demote) = demote {
-        settled::declare_demote(module, demote);
+        after_reading::declare_demote(module, demote);
     }
     lost.map_or(Ok(()), Err)
 }

@@ -8,7 +8,7 @@ use super::Relation;
 use super::buffers::is_previous_name;
 use super::fed::plain;
 use super::matching::{By, Matcher};
-use crate::world::PassStages;
+use crate::environment::PassStages;
 use preshade_ir::interface::Io;
 use preshade_plan::mapping::Mapping;
 

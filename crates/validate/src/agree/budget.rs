@@ -5,9 +5,9 @@ use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
+use crate::environment::{self, PassStages, TestPoint, Texels};
 use crate::inputs::{Inputs, Resources};
 use crate::stage::{POSITION, Ran};
-use crate::world::{self, PassStages, TestPoint, Texels};
 use naga_interp::Stuck;
 
 /// All runs of a pair on numbers take as many steps as this many of the longest runs.
@@ -123,7 +123,7 @@ impl<'i> Draw<'i> {
     fn corners(&self, program: usize, steps: u64) -> Result<&[Ran; 3], Stuck> {
         let corners = self.corners[program].get_or_init(|| {
             let attached = BTreeMap::new();
-            let world = world::concrete(self.inputs, &attached, Texels::Waves);
+            let world = environment::concrete(self.inputs, &attached, Texels::Waves);
             let corners = world.corners(self.stages[program].vertex, steps, &|_| None);
             match &corners {
                 Ok(corners) => self.budget.spend(corners.iter().map(|ran| ran.steps).sum()),
@@ -137,7 +137,7 @@ impl<'i> Draw<'i> {
     /// Runs a program at a place.
     pub(super) fn run(&self, program: usize, place: TestPoint, steps: u64) -> Result<Ran, Stuck> {
         let attached = BTreeMap::new();
-        let world = world::concrete(self.inputs, &attached, Texels::Waves);
+        let world = environment::concrete(self.inputs, &attached, Texels::Waves);
         let stages = self.stages[program];
         let spent = |ran: &Result<Ran, Stuck>| match ran {
             Ok(ran) => self.budget.spend(ran.steps),

@@ -4,8 +4,8 @@ use naga::{AddressSpace, GlobalVariable, Handle, Module, Type};
 
 use super::Relation;
 use super::fed::{Cast, Rule, cast, cast_by, offsets, plain};
+use super::matched_parts::{Part, beside};
 use super::matching::{By, Matcher};
-use super::parts::{Part, beside};
 use naga_interp as evaluate;
 use preshade_plan::mapping;
 

@@ -7,15 +7,15 @@ use super::Class;
 use super::budget::Draw;
 use super::draws::Point;
 use super::fed::Rule;
-use super::found::{State, is_plain};
+use super::promise_inputs::{State, is_plain};
 use super::quote::digits;
 use super::trial::{Two, What};
-use super::words::Sliced;
+use super::wording::Sliced;
+use crate::environment::{self, PassStages, TestPoint, Texels};
 use crate::inputs::Inputs;
 use crate::levels::Reading;
 use crate::stage::{Ran, Slot, Stage};
 use crate::tape::Seen;
-use crate::world::{self, PassStages, TestPoint, Texels};
 use naga_interp::{Scalar, Stuck, Traced, Value};
 
 /// A larger number is huge.
@@ -98,7 +98,7 @@ impl Two<'_> {
     /// the same ordinary numbers and only one of them is true, none is.
     fn is_extreme(&self, sliced: &[Sliced; 2], inputs: &Inputs, place: TestPoint) -> bool {
         let attached = BTreeMap::new();
-        let world = world::concrete(inputs, &attached, Texels::Waves);
+        let world = environment::concrete(inputs, &attached, Texels::Waves);
         let traces =
             [(&sliced[0], self.first), (&sliced[1], self.second)].map(|(sliced, whole)| {
                 let trace = RefCell::new(Vec::new());

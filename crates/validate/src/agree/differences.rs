@@ -9,10 +9,10 @@ use super::fed::{self, Rule};
 use super::trial::{Two, What};
 use super::{Class, Relation};
 use crate::compare::{self, Colors, Depths, Discards, Stores, text};
+use crate::environment::{self, TestPoint};
 use crate::inputs::Inputs;
 use crate::stage::{POSITION, Ran, Slot};
 use crate::tape::Taped;
-use crate::world::{self, TestPoint};
 use naga_interp::{Number, Scalar, Value};
 use preshade_plan::program::Program;
 use preshade_plan::state::DepthDirection;
@@ -65,7 +65,7 @@ impl Two<'_> {
         (inputs, rules): (&Inputs, &[Rule]),
         place: TestPoint,
     ) -> bool {
-        let mut world = world::precise(inputs);
+        let mut world = environment::precise(inputs);
         // Products are rounded otherwise.
         fed::feed(rules, Arc::make_mut(&mut world.resources));
         let run = |stages| world.run(stages, place, 4 * self.effort.steps, None);

@@ -6,14 +6,14 @@ use std::sync::Arc;
 use super::fed::{self, Rule};
 use super::reads;
 use super::trial::Two;
+use crate::environment::PassStages;
 use crate::inputs::{Inputs, Pins, Profile, Random};
 use crate::levels::{Levels, Reading};
-use crate::world::PassStages;
 use naga_interp::{Scalar, Value};
 
 /// Which inputs: those of a seed, with single scalars pinned.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Point {
+pub struct Point {
     pub(super) seed: u64,
     pub(super) pins: Pins,
 }

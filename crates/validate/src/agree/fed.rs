@@ -11,11 +11,9 @@ use preshade_plan::mapping::members;
 /// How a value of one type becomes one of another.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) enum Cast {
-    /// As it is.
     Same,
     /// Each member from another one: their index, our index.
     Members(Vec<(usize, usize, Cast)>),
-    /// Each element.
     Elements(Box<Cast>),
     /// Theirs is a block with one member, as languages without loose uniforms have it.
     Wrapped(Box<Cast>),

@@ -17,7 +17,7 @@ use super::fed::{Cast, Rule, cast, plain};
 use super::products::{self, Product};
 use super::sampled::sampled;
 use super::{Mismatch, Relation, rename};
-use crate::world::PassStages;
+use crate::environment::PassStages;
 use naga_interp as evaluate;
 use preshade_ir::interface;
 use preshade_plan::mapping::{self, Equation, Mapping};
@@ -62,7 +62,7 @@ pub enum By {
 
 /// A part of a variable of the second program without a partner.
 #[derive(Clone, Debug)]
-pub(super) struct Lost {
+pub struct Lost {
     /// The variable's group and binding in the renamed program.
     pub(super) at: (u32, u32),
     pub(super) steps: Vec<usize>,
@@ -651,7 +651,6 @@ fn of_floats(class: ImageClass) -> ImageClass {
     }
 }
 
-/// A type as text.
 pub(super) fn type_text(module: &Module, ty: Handle<Type>) -> String {
     match &module.types[ty].inner {
         TypeInner::Image { .. } => "a texture".to_owned(),

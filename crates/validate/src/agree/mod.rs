@@ -12,9 +12,9 @@ use std::sync::Arc;
 use serde::{Deserialize, Serialize};
 
 use super::Effort;
-use super::numbers::Numbers;
+use super::compared_numbers::Numbers;
+use super::environment::PassStages;
 use super::stage::Stage;
-use super::world::PassStages;
 use preshade_plan::mapping::Equation;
 use preshade_plan::plan::{GpuPass, Plan, Role};
 use preshade_text::source::Location;
@@ -27,23 +27,23 @@ mod differences;
 mod draws;
 mod early;
 mod fed;
-mod found;
+mod matched_parts;
 mod matching;
 mod motion;
 mod normals;
 mod notes;
-mod parts;
-mod probed;
 mod products;
+mod promise_inputs;
 mod promises;
 mod quote;
 mod reads;
 mod rename;
 mod sampled;
+mod solve_by_runs;
 mod ties;
 mod traced;
 mod trial;
-mod words;
+mod wording;
 
 pub use matching::{By, Partner};
 
@@ -310,11 +310,9 @@ pub struct Held {
 /// How two programs agree.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Agreement {
-    /// The relation.
     pub relation: Relation,
     /// Which resource and attribute is which.
     pub partners: Vec<Partner>,
-    /// The promises.
     pub promises: Vec<Held>,
     /// The findings, worst first.
     pub findings: Vec<Finding>,

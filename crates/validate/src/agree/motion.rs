@@ -12,12 +12,12 @@ use super::buffers::{self, Leaf};
 use super::fed::{self, Rule, part, part_mut};
 use super::quote::digits;
 use super::trial::{Two, What};
-use super::words::Sliced;
+use super::wording::Sliced;
 use super::{Class, Finding, Outcome, reads};
+use crate::environment::{PassStages, TestPoint};
 use crate::inputs::Inputs;
 use crate::levels::Reading;
 use crate::stage::{POSITION, Slot};
-use crate::world::{PassStages, TestPoint};
 use preshade_plan::mapping;
 
 /// Frames that are compared.

@@ -49,7 +49,6 @@ pub(super) fn derived(
 /// How a normal may be written.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Encoding {
-    /// As it is.
     Plain,
     /// From 0 to 1.
     Halved,

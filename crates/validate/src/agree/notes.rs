@@ -10,7 +10,7 @@ use naga::{
 use super::matching::By;
 use super::quote::written;
 use super::trial::{Two, What};
-use super::words::Sliced;
+use super::wording::Sliced;
 use super::{Class, Finding, Held, Outcome, Relation};
 use crate::stage::Stage;
 use naga_operands::calls;

@@ -7,7 +7,7 @@ use naga::{AddressSpace, Expression, GlobalVariable, Handle, Module, StorageAcce
 use super::Mismatch;
 use super::attributes::relocate;
 use super::matching::Matcher;
-use crate::world::PassStages;
+use crate::environment::PassStages;
 
 impl Matcher<'_> {
     /// Their module with our numbers.

@@ -11,12 +11,12 @@ use std::sync::Arc;
 
 use super::draws::Point;
 use super::fed::{self, Rule};
-use super::probed::{Probed, Solution};
+use super::solve_by_runs::{Probed, Solution};
 use super::trial::Two;
+use crate::environment::{self, PassStages, TestPoint};
 use crate::inputs::Inputs;
 use crate::stage::Ran;
 use crate::tape::{Along, Decision, Kind, Plain, Source, Tape, Taped, taped};
-use crate::world::{self, PassStages, TestPoint};
 use naga_interp::{Scalar, Stuck};
 
 /// Inputs from which a comparison is solved.
@@ -269,9 +269,9 @@ impl Two<'_> {
     ) -> (Result<Ran<Taped>, Stuck>, Tape) {
         let steps = 4 * self.effort.steps;
         let (ran, tape) = taped(|| {
-            let mut resources = world::taped_buffers(inputs);
+            let mut resources = environment::taped_buffers(inputs);
             fed::feed(rules, &mut resources);
-            world::taped(inputs, resources).run(stages, place, steps, None)
+            environment::taped(inputs, resources).run(stages, place, steps, None)
         });
         self.budget
             .spend(ran.as_ref().map_or(steps, |ran| ran.steps));

@@ -6,8 +6,8 @@ use naga::{Expression, Function, Handle, Module, Statement};
 
 use super::Spot;
 use super::quote::{digits, short, written};
+use crate::environment::PassStages;
 use crate::stage::Stage;
-use crate::world::PassStages;
 use naga_interp::{Scalar, Traced, Value};
 use naga_operands as operands;
 use preshade_plan::program::Program;

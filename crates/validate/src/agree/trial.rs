@@ -9,18 +9,18 @@ use super::causes::covered_by_alpha;
 use super::differences::{self, Bias, moving};
 use super::draws::{self, Point};
 use super::fed::{self, Rule};
-use super::found::{Found, Seen, State, is_plain};
 use super::matching::Matching;
+use super::promise_inputs::{Found, Seen, State, is_plain};
 use super::ties::Ties;
-use super::words::{self, Example, Sliced};
+use super::wording::{self, Example, Sliced};
 use super::{Class, Finding, Held, Outcome, Relation, normals, quote, reads};
 use crate::compare::{Colors, Stores};
+use crate::compared_numbers::Numbers;
+use crate::environment::{self, PassStages, TestPoint};
 use crate::inputs::Inputs;
 use crate::levels::Reading;
-use crate::numbers::Numbers;
 use crate::stage::{Ran, Slot};
 use crate::term::{self, Symbolic};
-use crate::world::{self, PassStages, TestPoint};
 use crate::{Effort, proof};
 use naga_interp::{Stuck, Undefined, Value};
 use preshade_passes::graph::effect::Effect;
@@ -266,7 +266,7 @@ impl<'a> Two<'a> {
                     !again.is_cut && !again.examples.contains_key(&class)
                 };
             let class = if is_level { Class::LevelOnly } else { class };
-            findings.push(words::finding(self, promise, what, class, &example));
+            findings.push(wording::finding(self, promise, what, class, &example));
         }
         // A bias goes one way.
         let is_unseen = found.seen.viewed == 0;
@@ -342,9 +342,11 @@ impl<'a> Two<'a> {
         let found = self.tried((what, sliced), inputs, Reading::Level, &own, &[]);
         let mut examples = found.examples.into_iter();
         let seen = examples.find(|(class, _)| matches!(class, Class::KeepsHidden | Class::Loses));
-        seen.map(|(_, example)| words::finding(self, promise, what, Class::ViewDependent, &example))
-            .into_iter()
-            .collect()
+        seen.map(|(_, example)| {
+            wording::finding(self, promise, what, Class::ViewDependent, &example)
+        })
+        .into_iter()
+        .collect()
     }
 
     /// Whether the contents of buffers are compared: with the outputs of each stage.
@@ -663,9 +665,9 @@ impl<'a> Two<'a> {
             ran
         };
         term::proved(self.effort.paths, || {
-            let mut world = world::symbolic(ours, &inputs);
+            let mut world = environment::symbolic(ours, &inputs);
             let mut resources: BTreeMap<(u32, u32), Value<Symbolic>> =
-                world::buffers_of_terms(theirs);
+                environment::buffers_of_terms(theirs);
             resources.extend(Arc::unwrap_or_clone(std::mem::take(&mut world.resources)));
             fed::feed(&self.matching.rules, &mut resources);
             world.resources = Arc::new(resources);

@@ -23,12 +23,11 @@ const MOST: usize = 1 << 16;
 /// Steps from a buffer to a scalar in it: members, elements, columns, components.
 pub(super) type Steps = [u32; 8];
 
-/// No step.
 pub(super) const NO_STEP: u32 = u32::MAX;
 
 /// Where a float of a draw comes from.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
-pub(super) enum Source {
+pub enum Source {
     /// A scalar of a buffer, by group and binding.
     Buffer((u32, u32), Steps),
     /// A component of an attribute of a vertex.
@@ -213,7 +212,6 @@ impl Tape {
 }
 
 impl Taped {
-    /// An input of this value.
     pub(super) fn input(source: Source, value: f32) -> Self {
         // All corners are alike.
         let of = match source {

@@ -6,7 +6,7 @@
 
 /// An arc: its ends and capacity.
 #[derive(Clone, Copy, Debug)]
-pub struct Arc {
+pub(crate) struct Arc {
     pub from: usize,
     pub to: usize,
     pub capacity: u64,
@@ -34,7 +34,7 @@ struct FlowNode {
 
 /// A network and a flow through it.
 #[derive(Clone, Debug)]
-pub struct Network {
+pub(crate) struct Network {
     /// The nodes and a sentinel.
     nodes: Vec<FlowNode>,
     halves: Vec<Half>,

@@ -11,7 +11,7 @@ use crate::graph::counted;
 use crate::graph::memory::Origin;
 
 /// The strongly connected components, users before operands.
-pub fn cycles(values: &[Value]) -> Vec<Vec<ValueId>> {
+pub(crate) fn cycles(values: &[Value]) -> Vec<Vec<ValueId>> {
     let edges = values.iter().map(|v| v.operands.len()).sum();
     let mut graph = DiGraph::<(), ()>::with_capacity(values.len(), edges);
     let nodes: Vec<_> = values.iter().map(|_| graph.add_node(())).collect();
@@ -30,7 +30,7 @@ pub fn cycles(values: &[Value]) -> Vec<Vec<ValueId>> {
 }
 
 /// The values of a cycle without some of them, operands first, as far as the rest is acyclic.
-pub fn operands_first(
+pub(crate) fn operands_first(
     values: &Values<'_, '_>,
     cycle: &[ValueId],
     without: &[ValueId],
@@ -63,13 +63,12 @@ pub fn operands_first(
 }
 
 /// Iterations after which the ranges of an uncounted loop are assumed to grow without bound.
-pub const UNCOUNTED_ITERATIONS: usize = 8;
+pub(crate) const UNCOUNTED_ITERATIONS: usize = 8;
 /// Largest number of iterations of a counted loop to follow.
 const MOST_ITERATIONS: usize = 256;
 
 /// The loop-carried values of a cycle.
-pub struct Merges {
-    /// The values.
+pub(crate) struct Merges {
     pub of: Vec<ValueId>,
     /// How often they are merged, if the loops are counted: once per iteration at the header and in
     /// `continuing`, and once at the exit.
@@ -77,7 +76,6 @@ pub struct Merges {
 }
 
 impl Merges {
-    /// The merges of a cycle.
     pub fn of(values: &Values<'_, '_>, cycle: &[ValueId]) -> Self {
         let mut loops = BTreeMap::new();
         let mut of = Vec::new();

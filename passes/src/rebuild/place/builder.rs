@@ -57,7 +57,6 @@ impl<'m> CodeBuilder<'m> {
             .insert(e, name.to_owned());
     }
 
-    /// A literal.
     pub fn literal(&mut self, literal: Literal) -> Handle<Expression> {
         self.expression(Expression::Literal(literal))
     }
@@ -167,7 +166,6 @@ impl<'m> CodeBuilder<'m> {
         None
     }
 
-    /// `if condition { .. }`.
     pub fn if_then(&mut self, condition: Handle<Expression>, then: impl FnOnce(&mut Self)) {
         let enclosing = self.writer.open(Span::UNDEFINED);
         then(self);

@@ -9,11 +9,11 @@ use naga_operands as operands;
 use naga_operands::calls;
 
 /// The copy of each function that has one.
-pub type FunctionCopies = BTreeMap<Handle<Function>, Handle<Function>>;
+pub(crate) type FunctionCopies = BTreeMap<Handle<Function>, Handle<Function>>;
 
 /// Adds a copy, `{name}_{suffix}`, of each of the `called` functions that `is_changed` chooses, and
 /// of those that call one. A copy calls copies, and `change` has been applied to it.
-pub fn copy_called(
+pub(crate) fn copy_called(
     module: &mut Module,
     called: &BTreeSet<Handle<Function>>,
     suffix: &str,
@@ -42,7 +42,7 @@ pub fn copy_called(
 }
 
 /// Makes a function call copies.
-pub fn redirect(function: &mut Function, copies: &FunctionCopies) {
+pub(crate) fn redirect(function: &mut Function, copies: &FunctionCopies) {
     for (_, expression) in function.expressions.iter_mut() {
         if let Expression::CallResult(callee) = expression
             && let Some(copy) = copies.get(callee)

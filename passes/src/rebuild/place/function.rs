@@ -16,7 +16,12 @@ use preshade_ir::copy::{CopyFunction, Copying};
 use preshade_ir::returns;
 use preshade_ir::writer::FunctionWriter;
 
-pub fn place(graph: &Graph<'_>, slice: &Slice, onto: &Module, placement: &Placement<'_>) -> Module {
+pub(crate) fn place(
+    graph: &Graph<'_>,
+    slice: &Slice,
+    onto: &Module,
+    placement: &Placement<'_>,
+) -> Module {
     let mut module = onto.clone();
     let mut placed: Vec<Option<Placed>> = Vec::new();
     for part in &slice.parts {

@@ -11,16 +11,14 @@ use crate::slice::Need;
 /// Whether a placed entry point's position is invariant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum PositionInvariance {
-    /// As written.
     #[default]
     AsWritten,
-    /// `@invariant`.
     Invariant,
 }
 
 /// Options of a placed entry point.
 #[derive(Clone, Copy, Debug)]
-pub struct Placement<'a> {
+pub(crate) struct Placement<'a> {
     /// The new entry point's name.
     pub name: &'a str,
     /// Suffix of narrowed functions and types.
@@ -31,10 +29,9 @@ pub struct Placement<'a> {
 
 /// A struct with some members removed.
 #[derive(Clone, Debug)]
-pub struct Narrowed {
+pub(crate) struct Narrowed {
     /// The author's type.
     pub whole: Handle<Type>,
-    /// The narrowed type.
     pub ty: Handle<Type>,
     /// The kept members, by index in the author's type.
     pub members: Vec<u32>,
@@ -42,8 +39,7 @@ pub struct Narrowed {
 
 /// The returned part of the entry point's result.
 #[derive(Clone, Debug)]
-pub enum Returned {
-    /// Nothing is returned.
+pub(crate) enum Returned {
     Nothing,
     /// The author's value.
     Whole,
@@ -54,7 +50,7 @@ pub enum Returned {
 }
 
 /// A struct type with selected members of another. Offsets follow from the members' alignment.
-pub fn narrow_struct(
+pub(crate) fn narrow_struct(
     module: &mut Module,
     ty: Handle<Type>,
     members: &[u32],
@@ -105,7 +101,7 @@ pub fn io_struct(
 }
 
 /// The binding with the wanted invariance.
-pub fn mark(binding: Option<Binding>, position: PositionInvariance) -> Option<Binding> {
+pub(crate) fn mark(binding: Option<Binding>, position: PositionInvariance) -> Option<Binding> {
     match (binding, position) {
         (Some(Binding::BuiltIn(BuiltIn::Position { .. })), PositionInvariance::Invariant) => {
             Some(Binding::BuiltIn(BuiltIn::Position { invariant: true }))
@@ -115,7 +111,7 @@ pub fn mark(binding: Option<Binding>, position: PositionInvariance) -> Option<Bi
 }
 
 /// An argument narrowed to a need; `None` as the second item if it keeps its type.
-pub fn argument(
+pub(crate) fn argument(
     module: &mut Module,
     argument: &FunctionArgument,
     need: &Need,
@@ -151,7 +147,7 @@ pub fn argument(
 }
 
 /// A function's result narrowed to a need.
-pub fn callee_result(
+pub(crate) fn callee_result(
     module: &mut Module,
     result: &FunctionResult,
     need: &Need,
@@ -186,7 +182,7 @@ pub fn callee_result(
 }
 
 /// An entry result narrowed to the outputs a slice decides.
-pub fn result(
+pub(crate) fn result(
     module: &mut Module,
     result: Option<&FunctionResult>,
     outputs: &[usize],

@@ -231,7 +231,6 @@ impl SliceCopier<'_, '_> {
         built
     }
 
-    /// The value of a `return`.
     pub(super) fn returned(&mut self, value: Handle<Expression>) -> Option<Handle<Expression>> {
         let members = match &self.returned {
             Returned::Nothing => return None,

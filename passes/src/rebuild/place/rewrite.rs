@@ -96,7 +96,6 @@ pub fn rewritten(
     module
 }
 
-/// A function of a module.
 pub fn function_mut(module: &mut Module, id: FunctionId) -> &mut Function {
     match id {
         FunctionId::Function(h) => &mut module.functions[h],

@@ -12,7 +12,7 @@ use naga_operands as operands;
 
 /// Where a vertex entry point writes a position with a literal z of 0, if it writes no other
 /// position.
-pub fn literal_zero_depth(module: &Module, function: &Function) -> Option<Span> {
+pub(crate) fn literal_zero_depth(module: &Module, function: &Function) -> Option<Span> {
     let result = function.result.as_ref()?;
     let is_position =
         |b: &Option<Binding>| matches!(b, Some(Binding::BuiltIn(BuiltIn::Position { .. })));

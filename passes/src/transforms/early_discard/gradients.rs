@@ -43,7 +43,7 @@ use naga_operands as operands;
 /// # Errors
 /// One cannot: its coordinate depends on a variable, a call or a texture, it is in a called
 /// function, or its sample has no variant with gradients.
-pub fn find(graph: &Graph<'_>, entry: usize) -> Result<Vec<Handle<Expression>>, Span> {
+pub(crate) fn find(graph: &Graph<'_>, entry: usize) -> Result<Vec<Handle<Expression>>, Span> {
     let f = graph.function(FunctionId::EntryPoint(entry));
     let pure = pure(graph.module(), f.function);
     let mut found = Vec::new();
@@ -173,7 +173,7 @@ fn image_variable(
 
 /// Evaluates the derivatives in `taken` (from [`find`]) in the prologue of `function`, with their
 /// operands, and returns the replacements in the author's code.
-pub fn take(
+pub(crate) fn take(
     build: &mut CodeBuilder<'_>,
     function: &Function,
     taken: &[Handle<Expression>],

@@ -19,13 +19,13 @@ use preshade_plan::state::{ColorTarget, DepthDirection};
 pub const PREPASS_PACKED: &str = "prepass-depth-packed";
 
 /// Format of that attachment.
-pub const FORMAT: &str = "rgba8unorm";
+pub(crate) const FORMAT: &str = "rgba8unorm";
 
 /// Distance between adjacent depths: one unit of the last digit.
-pub const STEP: f32 = 1.0 / 4_294_967_296.0;
+pub(crate) const STEP: f32 = 1.0 / 4_294_967_296.0;
 
 /// Weight of each channel (`UnpackFactors`): `255/256 / (256^3, 256^2, 256, 1)`.
-pub const UNPACK: [f32; 4] = [
+pub(crate) const UNPACK: [f32; 4] = [
     255.0 * STEP,
     255.0 / 16_777_216.0,
     255.0 / 65_536.0,
@@ -52,13 +52,13 @@ pub fn stored(depth: f32) -> [u8; 4] {
 }
 
 /// The attachment, cleared to the far plane.
-pub fn attachment(direction: DepthDirection) -> Attachment {
+pub(crate) fn attachment(direction: DepthDirection) -> Attachment {
     let far = f64::from(direction.clear_depth());
     Attachment::color(PREPASS_PACKED, FORMAT, [far; 4])
 }
 
 /// The colour target of the pre-pass.
-pub fn target() -> ColorTarget {
+pub(crate) fn target() -> ColorTarget {
     ColorTarget {
         attachment: Some(PREPASS_PACKED.to_owned()),
         ..ColorTarget::opaque(FORMAT)
@@ -70,7 +70,7 @@ pub fn target() -> ColorTarget {
 ///
 /// # Errors
 /// Our own text does not parse or link.
-pub fn write(placed: Placed, name: &str) -> Result<Placed, InjectError> {
+pub(crate) fn write(placed: Placed, name: &str) -> Result<Placed, InjectError> {
     let Placed {
         mut module,
         vertex,

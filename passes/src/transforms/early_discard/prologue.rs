@@ -6,18 +6,18 @@ use naga::{
 };
 
 use super::{DepthTexture, Mode, Quad, gradients, packed};
-use crate::rebuild::ahead::Ahead;
 use crate::rebuild::place;
+use crate::rebuild::prologue::Ahead;
 use crate::rebuild::quad::{self, HIDDEN};
 use crate::rebuild::snippet::{InjectError, link_snippet};
 use preshade_plan::state::{DepthDirection, DepthFormat};
 
 /// Name of the depth texture in the emitted module.
-pub const TEXTURE: &str = "prepass_depth";
+pub(crate) const TEXTURE: &str = "prepass_depth";
 
 /// Range of a fragment's depth before it is stored.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DepthRange {
+pub(crate) enum DepthRange {
     /// Clipped to 0..1 by the rasteriser.
     Clipped,
     /// Arbitrary, then clamped: the shader writes it, or clipping is off.
@@ -26,12 +26,11 @@ pub enum DepthRange {
 
 /// The prologue's options.
 #[derive(Clone, Copy, Debug)]
-pub struct Prologue {
+pub(crate) struct Prologue {
     /// Type of the texture.
     pub texture: DepthTexture,
     /// Samples per pixel.
     pub samples: u32,
-    /// Its format.
     pub format: DepthFormat,
     /// Forward or reversed depth.
     pub direction: DepthDirection,

@@ -9,7 +9,7 @@ use preshade_text::refusals::RefusalInfo;
 
 /// Why single lanes must not return: a derivative that cannot be evaluated first, a rounded
 /// derivative that decides coverage, or no budget for the rounding.
-pub fn refuse_lane(opaque: &Opaque, fragment: usize, params: &Params) -> Option<Refusal> {
+pub(crate) fn refuse_lane(opaque: &Opaque, fragment: usize, params: &Params) -> Option<Refusal> {
     const VOTE: &str =
         "take quad=vote, which leaves only when the whole quad is behind and touches no sample";
     let refuse = |code: &RefusalInfo, reason: &str, remedy: &str, span| {

@@ -9,7 +9,7 @@ use crate::rebuild::place::{self, Replacement, Rewrite};
 
 /// The half-rate module with the derivatives and implicit levels of neighbouring pixels, and whether
 /// there are any.
-pub fn at_full_rate(mut module: Module) -> (Module, bool) {
+pub(crate) fn at_full_rate(mut module: Module) -> (Module, bool) {
     let functions = module
         .functions
         .iter()

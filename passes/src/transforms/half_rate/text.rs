@@ -16,15 +16,15 @@ use super::Carried;
 use super::values::words;
 
 /// Names of our own functions.
-pub const PIXEL: &str = "half_rate_pixel";
-pub const STORE: &str = "half_rate_store";
-pub const READ: &str = "half_rate_read";
+pub(crate) const PIXEL: &str = "half_rate_pixel";
+pub(crate) const STORE: &str = "half_rate_store";
+pub(crate) const READ: &str = "half_rate_read";
 
 /// Letters of a texel's words.
 const LETTERS: [&str; 4] = ["x", "y", "z", "w"];
 
 /// Names of a target's texture, in order.
-pub const TEXTURES: [&str; 2] = ["half_rate_texels", "half_rate_texels_more"];
+pub(crate) const TEXTURES: [&str; 2] = ["half_rate_texels", "half_rate_texels_more"];
 
 /// A guide's factor of a weight is `1 / (FLAT + r * r)`, where `r` is its squared difference over the mean
 /// of the four: 14 times less across an edge between two and two.
@@ -38,7 +38,7 @@ const NEIGHBOURS: [&str; 4] = ["a", "b", "c", "d"];
 
 /// The widths of what a texel holds.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Layout {
+pub(crate) struct Layout {
     /// Components of each value.
     pub values: Vec<u8>,
     /// Components of each guide.

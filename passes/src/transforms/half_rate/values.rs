@@ -13,21 +13,21 @@
 
 use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, Statement};
 
-use crate::analysis::below::{below, is_cheap};
 use crate::analysis::cut::{self, Cut, Item};
 use crate::analysis::loops::{LoopEnds, iterated};
 use crate::analysis::named;
 use crate::analysis::reach::{with_operands, with_users};
+use crate::analysis::transitive_cost::{below, is_cheap};
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::graph::StmtId;
 use crate::graph::rate::Rate;
 
 /// Most numbers to carry.
-pub const MOST_CARRIED: u8 = 4;
+pub(crate) const MOST_CARRIED: u8 = 4;
 
 /// Words of a texel: two targets of `rgba32uint` have as many bytes as WebGPU lets a pass draw to
 /// (`maxColorAttachmentBytesPerSample`).
-pub const MOST_WORDS: u32 = 8;
+pub(crate) const MOST_WORDS: u32 = 8;
 
 /// Cost of a carried number for each pixel, in the units of [`crate::graph::cost`]: it is unpacked and
 /// weighted four times.
@@ -52,7 +52,7 @@ const MOST_GUIDE: f64 = 64.0;
 
 /// Why a value stays in each pixel's stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum NotHalved {
+pub(crate) enum NotHalved {
     /// Larger areas than a few pixels share it.
     Uniform,
     /// It is no float, or vector of at most four.
@@ -88,7 +88,7 @@ impl std::fmt::Display for NotHalved {
 }
 
 /// The verdicts on a stage's values, by value.
-pub fn judge(values: &Values<'_, '_>) -> Vec<Result<(), NotHalved>> {
+pub(crate) fn judge(values: &Values<'_, '_>) -> Vec<Result<(), NotHalved>> {
     let coverage = with_operands(values, values.coverage.clone());
     let (ends, iterated) = (LoopEnds::new(values), iterated(values));
     (0..values.values.len())
@@ -129,17 +129,15 @@ fn is_always_run(values: &Values<'_, '_>, mut context: ContextId, mut at: StmtId
 }
 
 /// Number of components of a value of 32-bit floats.
-pub fn width(values: &Values<'_, '_>, id: ValueId) -> Option<u8> {
+pub(crate) fn width(values: &Values<'_, '_>, id: ValueId) -> Option<u8> {
     let (scalar, width) = values.shape(id)?;
     (scalar.width == 4 && scalar.kind == ScalarKind::Float).then_some(width)
 }
 
 /// What to compute at half rate.
 #[derive(Clone, Debug, PartialEq)]
-pub struct CarriedValues {
-    /// The carried values.
+pub(crate) struct CarriedValues {
     pub moved: Vec<ValueId>,
-    /// The guides.
     pub guides: Vec<ValueId>,
     /// Static cost of a pixel before.
     pub before: f64,
@@ -161,7 +159,7 @@ impl CarriedValues {
 ///
 /// A texel of the pixel that the slow part does not need stays with the pixels, if that saves nearly as
 /// much: then it keeps its detail, and guides nothing.
-pub fn choose(
+pub(crate) fn choose(
     values: &Values<'_, '_>,
     verdicts: &[Result<(), NotHalved>],
     least: f64,
@@ -241,7 +239,7 @@ fn choice(
 
 /// Words of so many carried numbers and of guides of these widths. A scalar keeps its precision, which a
 /// depth needs; vectors are halves, two a word.
-pub fn words(carried: u8, guides: impl Iterator<Item = u8>) -> u32 {
+pub(crate) fn words(carried: u8, guides: impl Iterator<Item = u8>) -> u32 {
     let (mut words, mut halves) = (u32::from(carried), 0);
     for width in guides {
         match width {
@@ -253,7 +251,7 @@ pub fn words(carried: u8, guides: impl Iterator<Item = u8>) -> u32 {
 }
 
 /// The author's name for a guide, or for its texture.
-pub fn guide_name(values: &Values<'_, '_>, id: ValueId) -> String {
+pub(crate) fn guide_name(values: &Values<'_, '_>, id: ValueId) -> String {
     if let Some(name) = named::name(values, id) {
         return name;
     }

@@ -11,7 +11,6 @@ use preshade_plan::pass::{Facts, Pass, Refusal};
 /// so that following the advice terminates.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Advice {
-    /// A budget.
     Budget,
     /// A budget; the author asked for a contract that needs none.
     Allow,

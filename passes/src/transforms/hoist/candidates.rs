@@ -5,8 +5,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use super::movable::{self, Assumed, Class, Judged, NotHoisted, Precision, Verdict};
 use super::single::{Candidates, HoistStages};
 use super::{HoistMaterial, Params, choose};
-use crate::analysis::below;
 use crate::analysis::named::{name, span};
+use crate::analysis::transitive_cost;
 use crate::analysis::values::{ValueId, Values};
 use crate::graph::FunctionId;
 use crate::slice::{self, Criterion};
@@ -175,7 +175,7 @@ fn dearest(values: &Values<'_, '_>, verdicts: &[Verdict], most: usize) -> Vec<(V
     // Several names of one value are merged below, so start with more.
     let mut looked_at = 4 * most;
     loop {
-        let costs = below::dearest(values, &smooth, looked_at, choose::SMOOTH_PRICE);
+        let costs = transitive_cost::dearest(values, &smooth, looked_at, choose::SMOOTH_PRICE);
         let costs = costs.into_iter().filter(|(v, cost)| *cost > price(*v));
         let costs: BTreeMap<ValueId, f64> = costs.collect();
         // Of several names for one value keep the last: a call's result rather than the callee's

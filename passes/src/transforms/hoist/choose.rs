@@ -5,28 +5,28 @@ use naga::{Binding, BuiltIn, TypeInner};
 
 use super::movable::{Carriage, Class, Judged, Verdict};
 use super::pack::{self, Load, VaryingSlot};
-use crate::analysis::below::below;
 use crate::analysis::contraction::Pruned;
 use crate::analysis::cut::{self, Cut, Item};
 use crate::analysis::reach::with_operands;
+use crate::analysis::transitive_cost::below;
 use crate::analysis::values::{Node, ValueId, Values};
 use crate::graph::rate::Interpolated;
 
 /// Cost of interpolating a component per fragment, in the units of [`crate::graph::cost`]. NVIDIA
 /// interpolates at a quarter of the multiply-add rate; others need two multiply-adds and a load.
-pub const SMOOTH_PRICE: f64 = 4.0;
+pub(crate) const SMOOTH_PRICE: f64 = 4.0;
 /// Cost of reading a flat component per fragment.
-pub const FLAT_PRICE: f64 = 3.0;
+pub(crate) const FLAT_PRICE: f64 = 3.0;
 
 /// `maxInterStageShaderVariables` of every WebGPU device.
-pub const MOST_VARYINGS: usize = 16;
+pub(crate) const MOST_VARYINGS: usize = 16;
 
 /// Multiples of the transport price to try. Higher prices move fewer values.
 const SWEEP: [f64; 10] = [1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 16.0, 32.0, 64.0];
 
 /// The restrictions and weights of a choice.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Terms {
+pub(crate) struct Terms {
     /// The weakest allowed class.
     pub weakest: Class,
     /// Vertices shaded per fragment shaded.
@@ -37,7 +37,7 @@ pub struct Terms {
 
 /// The values to hoist.
 #[derive(Clone, Debug, PartialEq)]
-pub struct CarriedValues {
+pub(crate) struct CarriedValues {
     /// Values to compute in the vertex stage.
     pub carried: Vec<(ValueId, Carriage)>,
     /// Their varyings; parts index `carried`.
@@ -66,7 +66,7 @@ impl CarriedValues {
 
 /// The cheapest choice whose rounding errors change an output by at most `most`; `None` if nothing
 /// pays.
-pub fn choose(
+pub(crate) fn choose(
     values: &Values<'_, '_>,
     judged: &Judged,
     most: f64,
@@ -116,7 +116,11 @@ pub fn choose(
 }
 
 /// Moves one value whether or not it pays; `None` if it does not fit.
-pub fn one(values: &Values<'_, '_>, verdicts: &[Verdict], id: ValueId) -> Option<CarriedValues> {
+pub(crate) fn one(
+    values: &Values<'_, '_>,
+    verdicts: &[Verdict],
+    id: ValueId,
+) -> Option<CarriedValues> {
     let mut items = items(values, verdicts, |_| false);
     let before = cut::minimum(&items, &values.roots)?.total(&items);
     // As with an incoming varying, the fragment stage cannot compute it.

@@ -7,7 +7,7 @@ use crate::graph::rate::{Interpolated, Rate};
 
 /// How a value depends on varyings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Form {
+pub(crate) enum Form {
     /// It does not depend on them.
     Uniform,
     /// Components of varyings, the same ones in the whole draw: interpolation gives the same bits.
@@ -54,7 +54,7 @@ impl Form {
 }
 
 /// The form of every value.
-pub fn forms(values: &Values<'_, '_>) -> Vec<Form> {
+pub(crate) fn forms(values: &Values<'_, '_>) -> Vec<Form> {
     // Fixed point from the bottom: a cycle first ignores itself.
     let mut forms: Vec<Option<Form>> = vec![None; values.values.len()];
     let users = values.users();

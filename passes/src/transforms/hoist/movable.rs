@@ -14,7 +14,7 @@ use crate::analysis::range::AllRanges;
 use crate::analysis::reach::with_operands;
 use crate::analysis::rounding::Roundings;
 use crate::analysis::values::{Node, ValueId, Values};
-use crate::analysis::{below, contraction, hazard, operations, subnormal};
+use crate::analysis::{contraction, hazard, operations, subnormal, transitive_cost};
 use crate::graph::effect;
 use crate::graph::rate::{At, Interpolated, Rate};
 use preshade_plan::pass::SourceRange;
@@ -195,7 +195,7 @@ pub enum Jumps {
 
 /// Assumptions about unmeasured values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Assumed {
+pub(crate) struct Assumed {
     /// Whether they are finite.
     pub finite: Finite,
     /// Whether they are continuous.
@@ -211,7 +211,7 @@ impl Assumed {
 }
 
 /// How a value may move, or why it must not.
-pub type Verdict = Result<Carriage, NotHoisted>;
+pub(crate) type Verdict = Result<Carriage, NotHoisted>;
 
 /// The verdicts of a fragment stage's values.
 #[derive(Clone, Debug)]
@@ -385,7 +385,7 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
 fn is_cheap(values: &Values<'_, '_>, id: ValueId) -> bool {
     let shape = values.shape(id);
     shape.is_some_and(|(_, width)| {
-        below::is_cheap(values, id, choose::FLAT_PRICE * f64::from(width))
+        transitive_cost::is_cheap(values, id, choose::FLAT_PRICE * f64::from(width))
     })
 }
 

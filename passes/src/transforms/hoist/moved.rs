@@ -12,7 +12,7 @@ use preshade_plan::program::Program;
 use preshade_plan::reflect;
 
 /// The note for the host; `None` if the vertex stage reads nothing new.
-pub fn note(before: (&GpuPass, &Program), after: (&GpuPass, &Program)) -> Option<String> {
+pub(crate) fn note(before: (&GpuPass, &Program), after: (&GpuPass, &Program)) -> Option<String> {
     let constants = &constants(after) - &constants(before);
     let is_new = |group, binding| {
         let mut known = before.0.bindings.iter();

@@ -10,7 +10,7 @@ use crate::graph::rate::{At, Interpolated};
 
 /// A value to assign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Load {
+pub(crate) struct Load {
     /// Components, 1 to 4.
     pub width: u8,
     /// Scalar kind, 32 bits wide.
@@ -32,8 +32,7 @@ impl Load {
 
 /// A varying with one or several values.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct VaryingSlot {
-    /// Kind of its scalars.
+pub(crate) struct VaryingSlot {
     pub kind: ScalarKind,
     /// Interpolation.
     pub interpolated: Interpolated,
@@ -47,7 +46,7 @@ pub struct VaryingSlot {
 
 /// Slots for all values, beside `taken` varyings and with at most `limit` in total; `None` if they
 /// do not fit even when packed. First-fit decreasing; no value is split.
-pub fn pack(loads: &[Load], taken: usize, limit: usize) -> Option<Vec<VaryingSlot>> {
+pub(crate) fn pack(loads: &[Load], taken: usize, limit: usize) -> Option<Vec<VaryingSlot>> {
     let mut slots: Vec<VaryingSlot> = Vec::new();
     let mut order: Vec<usize> = (0..loads.len()).collect();
     let tight = taken + loads.len() > limit;
@@ -78,7 +77,7 @@ pub fn pack(loads: &[Load], taken: usize, limit: usize) -> Option<Vec<VaryingSlo
 }
 
 /// The lowest free locations, one for each slot.
-pub fn free_locations(slots: &[VaryingSlot], taken: &BTreeSet<u32>) -> Vec<u32> {
+pub(crate) fn free_locations(slots: &[VaryingSlot], taken: &BTreeSet<u32>) -> Vec<u32> {
     (0..)
         .filter(|l| !taken.contains(l))
         .take(slots.len())

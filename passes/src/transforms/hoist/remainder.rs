@@ -19,8 +19,7 @@ use preshade_ir::interface;
 
 /// The remaining fragment stage in its module.
 #[derive(Clone, Debug)]
-pub struct Remainder {
-    /// The module.
+pub(crate) struct Remainder {
     pub module: Module,
     /// Locations of the author's varyings that it still reads.
     pub kept: BTreeSet<u32>,
@@ -33,7 +32,7 @@ pub struct Remainder {
 ///
 /// # Errors
 /// [`Failed`].
-pub fn rebuild(
+pub(crate) fn rebuild(
     module: &Module,
     moved: &MovedValues<'_, '_, '_>,
     slots: &[VaryingSlot],
@@ -118,15 +117,14 @@ fn vector_size(width: u8) -> VectorSize {
 }
 
 /// Number of components of a scalar or vector type.
-pub fn width(inner: &TypeInner) -> u8 {
+pub(crate) fn width(inner: &TypeInner) -> u8 {
     match inner {
         TypeInner::Vector { size, .. } => *size as u8,
         _ => 1,
     }
 }
 
-/// The type of a varying.
-pub fn slot_type(slot: &VaryingSlot) -> TypeInner {
+pub(crate) fn slot_type(slot: &VaryingSlot) -> TypeInner {
     let scalar = match slot.kind {
         ScalarKind::Sint => Scalar::I32,
         ScalarKind::Uint => Scalar::U32,
@@ -142,7 +140,7 @@ pub fn slot_type(slot: &VaryingSlot) -> TypeInner {
 }
 
 /// Name of a varying: the value's name, or a generic one for several values.
-pub fn slot_name(index: usize, slot: &VaryingSlot, wanted: &[Wanted]) -> String {
+pub(crate) fn slot_name(index: usize, slot: &VaryingSlot, wanted: &[Wanted]) -> String {
     match slot.parts[..] {
         [(one, _)] => wanted[one].name.clone(),
         _ => format!("packed_{}", named::letters(index)),
@@ -150,7 +148,7 @@ pub fn slot_name(index: usize, slot: &VaryingSlot, wanted: &[Wanted]) -> String 
 }
 
 /// Location and interpolation of a varying.
-pub fn slot_binding(slot: &VaryingSlot, location: u32) -> Binding {
+pub(crate) fn slot_binding(slot: &VaryingSlot, location: u32) -> Binding {
     let interpolation = match slot.interpolated {
         Interpolated::Flat => Interpolation::Flat,
         Interpolated::Perspective => Interpolation::Perspective,

@@ -29,12 +29,11 @@ use preshade_ir::interface;
 use preshade_plan::program::Program;
 
 /// The outputs of the new vertex stage.
-pub struct Outputs<'a> {
+pub(crate) struct Outputs<'a> {
     /// Locations of the author's varyings that the fragment stage still reads.
     pub kept: &'a BTreeSet<u32>,
     /// Moved values.
     pub wanted: &'a [Wanted],
-    /// Their varyings.
     pub slots: &'a [VaryingSlot],
     /// Location of each varying.
     pub locations: &'a [u32],
@@ -44,7 +43,7 @@ pub struct Outputs<'a> {
 ///
 /// # Errors
 /// [`Failed`].
-pub fn rebuild(
+pub(crate) fn rebuild(
     program: &Program,
     module: Module,
     vertex: usize,

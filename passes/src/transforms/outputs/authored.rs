@@ -18,9 +18,7 @@ pub enum Place {
     Input(usize),
     /// An argument of a function that the entry point calls.
     Argument(FunctionId, u32),
-    /// An expression.
     Expression(FunctionId, Handle<Expression>),
-    /// A variable of a function.
     Local(FunctionId, Handle<LocalVariable>),
     /// A private variable of the module.
     Global(Handle<GlobalVariable>),
@@ -28,7 +26,7 @@ pub enum Place {
 
 /// A value that the author named, or a member of one.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Authored {
+pub(crate) struct Authored {
     /// The name: `normal`, or `surface.normal` for a member.
     pub name: String,
     /// Name of its function; empty for inputs and variables of the module.
@@ -37,7 +35,6 @@ pub struct Authored {
     pub place: Place,
     /// The members that lead from there to the value.
     pub path: Vec<u32>,
-    /// Its type.
     pub inner: TypeInner,
     /// Where it is in the source; undefined for inputs.
     pub span: Span,
@@ -137,7 +134,7 @@ impl Authored {
 
 /// The calls that lead to a function from an entry point: those of the function itself or, if there
 /// is one alone, of its caller.
-pub fn calls_of(graph: &Graph<'_>, entry: usize, function: FunctionId) -> Vec<Span> {
+pub(crate) fn calls_of(graph: &Graph<'_>, entry: usize, function: FunctionId) -> Vec<Span> {
     let module = graph.module();
     let called = calls::called(module, &module.entry_points[entry].function.body);
     let callers = called.iter().map(|h| FunctionId::Function(*h));
@@ -164,7 +161,7 @@ pub fn calls_of(graph: &Graph<'_>, entry: usize, function: FunctionId) -> Vec<Sp
 
 /// The named values of an entry point and of the functions that it calls, matrices, arrays and
 /// structs among them.
-pub fn of_entry(program: &Program, entry: usize) -> Vec<Authored> {
+pub(crate) fn of_entry(program: &Program, entry: usize) -> Vec<Authored> {
     let module = program.module();
     let mut found = Vec::new();
     let point = &module.entry_points[entry];

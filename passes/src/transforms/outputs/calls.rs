@@ -7,7 +7,7 @@ use crate::analysis::opaque::Opaque;
 use preshade_plan::pass::Refusal;
 
 /// The value, if one call alone computes it.
-pub fn single(opaque: &Opaque<'_>, value: Authored) -> Result<Authored, Box<Refusal>> {
+pub(crate) fn single(opaque: &Opaque<'_>, value: Authored) -> Result<Authored, Box<Refusal>> {
     let (Some(entry), Some(function)) = (opaque.fragment, value.function_id()) else {
         return Ok(value);
     };

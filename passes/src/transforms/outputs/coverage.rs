@@ -19,8 +19,7 @@ use preshade_plan::program::Program;
 
 /// A program without what depends on the viewer.
 #[derive(Debug)]
-pub struct Dropped {
-    /// The program.
+pub(crate) struct Dropped {
     pub program: Program,
     /// What was left out, in a user's words.
     pub left_out: Vec<String>,
@@ -28,7 +27,7 @@ pub struct Dropped {
 
 /// Why the viewer cannot be left out.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Stays {
+pub(crate) enum Stays {
     /// Nobody can say what is discarded without it: why.
     Discard(String),
     /// The result is invalid: a bug.
@@ -40,7 +39,7 @@ pub enum Stays {
 ///
 /// # Errors
 /// [`Stays`].
-pub fn dropped(opaque: &Opaque<'_>, follows: &[String]) -> Result<Option<Dropped>, Stays> {
+pub(crate) fn dropped(opaque: &Opaque<'_>, follows: &[String]) -> Result<Option<Dropped>, Stays> {
     let Some(fragment) = opaque.fragment.filter(|_| opaque.decides.discards) else {
         return Ok(None);
     };

@@ -21,7 +21,10 @@ use preshade_plan::state::ColorTarget;
 ///
 /// # Errors
 /// There is no `cutoff`, or no alpha.
-pub fn tested(plan: &Plan, cutoff: Option<f32>) -> Result<Option<(Plan, String)>, Box<Refusal>> {
+pub(crate) fn tested(
+    plan: &Plan,
+    cutoff: Option<f32>,
+) -> Result<Option<(Plan, String)>, Box<Refusal>> {
     let Some(pass) = plan.main() else {
         return Ok(None);
     };

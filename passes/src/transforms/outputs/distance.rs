@@ -12,7 +12,11 @@ use preshade_plan::pass::Refusal;
 use preshade_plan::program::Program;
 
 /// The surface, the light and the range of the parameters.
-pub fn distance(opaque: &Opaque<'_>, params: &Params, said: &Said) -> Result<Shows, Box<Refusal>> {
+pub(crate) fn distance(
+    opaque: &Opaque<'_>,
+    params: &Params,
+    said: &Said,
+) -> Result<Shows, Box<Refusal>> {
     let program = opaque.program;
     let light = params.light.as_deref();
     let range = params.range.as_deref();
@@ -24,7 +28,11 @@ pub fn distance(opaque: &Opaque<'_>, params: &Params, said: &Said) -> Result<Sho
 }
 
 /// Where the surface is.
-pub fn surface(opaque: &Opaque<'_>, params: &Params, said: &Said) -> Result<Surface, Box<Refusal>> {
+pub(crate) fn surface(
+    opaque: &Opaque<'_>,
+    params: &Params,
+    said: &Said,
+) -> Result<Surface, Box<Refusal>> {
     if let Some(name) = &params.position {
         let value = calls::single(opaque, names::value(opaque, name)?)?;
         let described = value.described(opaque.program);
@@ -76,7 +84,7 @@ pub fn surface(opaque: &Opaque<'_>, params: &Params, said: &Said) -> Result<Surf
 }
 
 /// The range as a message tells it.
-pub fn described(distance: &Distance, params: &Params) -> String {
+pub(crate) fn described(distance: &Distance, params: &Params) -> String {
     let surface = match &distance.from {
         Surface::Value(value) => format!("`{}`", value.name),
         Surface::World(world) => world.described(),

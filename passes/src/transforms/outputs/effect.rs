@@ -10,7 +10,7 @@ use preshade_plan::pass::Misnamed;
 use preshade_plan::state::DepthFormat;
 
 /// What is wrong with the parameters, whatever the material is.
-pub fn slip(params: &Params) -> Option<Misnamed> {
+pub(crate) fn slip(params: &Params) -> Option<Misnamed> {
     let said = |message: String| {
         Some(Misnamed {
             message,
@@ -156,7 +156,7 @@ fn without_effect(params: &Params) -> Option<(&'static str, &'static str)> {
 }
 
 /// The first buffer of `static` that the position does not read.
-pub fn of_static(opaque: &Opaque<'_>, params: &Params) -> Option<Misnamed> {
+pub(crate) fn of_static(opaque: &Opaque<'_>, params: &Params) -> Option<Misnamed> {
     let position = [Criterion::Output(OutputFilter::Position)];
     let slice = slice::backward(&opaque.graph, opaque.vertex, &position);
     let idle = list(params.still.as_deref()).find(|name| {
@@ -171,7 +171,7 @@ pub fn of_static(opaque: &Opaque<'_>, params: &Params) -> Option<Misnamed> {
 }
 
 /// The first name of `map` that the material, or the layout, lacks.
-pub fn of_map(module: &Module, params: &Params) -> Option<Misnamed> {
+pub(crate) fn of_map(module: &Module, params: &Params) -> Option<Misnamed> {
     let mappings = params.mappings().ok()?;
     let unknown = |place: &str, e: Unknown| Misnamed {
         message: format!("in {place}, {e}"),

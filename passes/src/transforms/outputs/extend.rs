@@ -29,7 +29,7 @@ pub mod without_jitter;
 
 /// A picture to write.
 #[derive(Clone, Debug)]
-pub struct Wanted {
+pub(crate) struct Wanted {
     /// Name of its output.
     pub name: String,
     /// What it shows.
@@ -40,10 +40,9 @@ pub struct Wanted {
 
 /// What a picture shows.
 #[derive(Clone, Debug)]
-pub enum Shows {
+pub(crate) enum Shows {
     /// A value of the fragment stage.
     Value(Authored),
-    /// A direction.
     Direction(Normal, Direction),
     /// Where a point is on the screen, less where it was in the previous frame.
     Velocity(Velocity),
@@ -57,7 +56,7 @@ pub enum Shows {
 
 /// A direction of the surface.
 #[derive(Clone, Debug)]
-pub enum Normal {
+pub(crate) enum Normal {
     /// A value of the fragment stage.
     Value(Authored),
     /// The normal of the triangle.
@@ -66,7 +65,7 @@ pub enum Normal {
 
 /// The triangle whose normal is written.
 #[derive(Clone, Debug)]
-pub struct Face {
+pub(crate) struct Face {
     /// The surface. A value is an input of the fragment stage.
     pub from: Surface,
     /// Whether its axes are left-handed.
@@ -77,7 +76,7 @@ pub struct Face {
 
 /// How a direction is written.
 #[derive(Clone, Debug, Default)]
-pub struct Direction {
+pub(crate) struct Direction {
     /// A matrix in a buffer that turns it first.
     pub turned: Option<Member>,
     /// Whether it is encoded in two numbers.
@@ -87,12 +86,11 @@ pub struct Direction {
 }
 
 /// A buffer, or a part of one.
-pub type Member = mapping::Place;
+pub(crate) type Member = mapping::Place;
 
 /// What a distance is measured between.
 #[derive(Clone, Debug)]
-pub struct Distance {
-    /// The surface.
+pub(crate) struct Distance {
     pub from: Surface,
     /// The light's position, a vector of three or four; `None`: a uniform of the pass has it, with
     /// the range as the fourth component.
@@ -103,7 +101,7 @@ pub struct Distance {
 
 /// Where a surface is.
 #[derive(Clone, Debug)]
-pub enum Surface {
+pub(crate) enum Surface {
     /// A vector of three or four of the fragment stage.
     Value(Authored),
     /// A position of the vertex stage.
@@ -112,7 +110,7 @@ pub enum Surface {
 
 /// What the position of the previous frame is computed from.
 #[derive(Clone, Debug, Default)]
-pub struct Velocity {
+pub(crate) struct Velocity {
     /// Buffers, or loose uniforms, that do not change.
     pub still: Vec<Member>,
     /// Locations of attributes that change.
@@ -128,7 +126,7 @@ pub struct Velocity {
 
 /// The extended material.
 #[derive(Debug)]
-pub struct Extended {
+pub(crate) struct Extended {
     /// Its program, with the author's entry points extended.
     pub program: Program,
     /// Name of the fragment entry point.
@@ -145,7 +143,7 @@ pub struct Extended {
 
 /// Why a material cannot be extended.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Failed {
+pub(crate) enum Failed {
     /// No target has a format for the value of this name.
     Type(String),
     /// The position of the previous frame cannot be computed, for this reason.
@@ -196,7 +194,7 @@ struct Varyings {
 ///
 /// # Errors
 /// [`Failed`].
-pub fn extend(
+pub(crate) fn extend(
     opaque: &Opaque<'_>,
     wanted: &[Wanted],
     group: Option<u32>,
@@ -402,7 +400,6 @@ impl Extending<'_, '_> {
     }
 }
 
-/// The location of a binding.
 fn location_of(binding: Option<&Binding>) -> Option<u32> {
     match binding {
         Some(Binding::Location { location, .. }) => Some(*location),
@@ -410,7 +407,6 @@ fn location_of(binding: Option<&Binding>) -> Option<u32> {
     }
 }
 
-/// A varying.
 fn varying(location: u32, interpolation: Interpolation, sampling: Sampling) -> Binding {
     Binding::Location {
         location,

@@ -19,7 +19,7 @@ const LETTERS: [&str; 2] = ["xyzw", "rgba"];
 ///
 /// # Errors
 /// There is no such part, or it is or holds a whole matrix: without a matrix there is no position.
-pub fn of(program: &Program, name: &str) -> Result<Vec<Member>, Box<Refusal>> {
+pub(crate) fn of(program: &Program, name: &str) -> Result<Vec<Member>, Box<Refusal>> {
     let module = program.module();
     let found = match names::member(program, name) {
         Ok(found) => found,
@@ -38,7 +38,7 @@ pub fn of(program: &Program, name: &str) -> Result<Vec<Member>, Box<Refusal>> {
 ///
 /// # Errors
 /// One of them does not exist, or they are not of one type.
-pub fn twins(program: &Program, pair: &str) -> Result<[Member; 2], Box<Refusal>> {
+pub(crate) fn twins(program: &Program, pair: &str) -> Result<[Member; 2], Box<Refusal>> {
     let (without, with) = pair.split_once('=').unwrap_or((pair, pair));
     let [with, without] = [with, without].map(|name| names::member(program, name));
     let (with, without) = (with?, without?);
@@ -51,7 +51,7 @@ pub fn twins(program: &Program, pair: &str) -> Result<[Member; 2], Box<Refusal>>
 
 /// The plan with a main pass whose jitter is 0, for pictures that a light draws; `None`: the
 /// parameters name no jitter.
-pub fn without(plan: &Plan, params: &Params) -> Result<Option<Plan>, Box<Refusal>> {
+pub(crate) fn without(plan: &Plan, params: &Params) -> Result<Option<Plan>, Box<Refusal>> {
     let names = list(params.jitter.as_deref());
     let program = plan.main().and_then(|main| plan.program(main));
     let Some(program) = program.filter(|_| params.jitter.is_some()) else {

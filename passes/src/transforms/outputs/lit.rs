@@ -14,7 +14,7 @@ use crate::graph::Graph;
 /// Every unit vector that a dot product multiplies with a vector of a buffer (a light's direction or
 /// position, the camera's place) and that no such vector takes part in. A value is found once,
 /// however often it meets one. If there is none, a constant vector counts as a light's.
-pub fn normals(graph: &Graph<'_>, fragment: usize) -> Vec<Authored> {
+pub(crate) fn normals(graph: &Graph<'_>, fragment: usize) -> Vec<Authored> {
     let Ok(values) = Values::new(graph, fragment) else {
         return Vec::new();
     };

@@ -29,7 +29,7 @@ pub(super) fn refusal(code: &RefusalInfo, reason: impl Into<String>) -> Box<Refu
 }
 
 /// The first name among the parameters that the material lacks.
-pub fn misnamed(opaque: &Opaque<'_>, params: &Params) -> Option<Misnamed> {
+pub(crate) fn misnamed(opaque: &Opaque<'_>, params: &Params) -> Option<Misnamed> {
     let program = opaque.program;
     let values = || all_values(opaque).into_iter().map(|v| v.name);
     let paths = || buffers(program).into_iter().map(|(path, _)| path);
@@ -95,7 +95,7 @@ fn listed(all: &[String]) -> String {
 }
 
 /// The value of the fragment stage that the author calls `name`.
-pub fn value(opaque: &Opaque<'_>, name: &str) -> Result<Authored, Box<Refusal>> {
+pub(crate) fn value(opaque: &Opaque<'_>, name: &str) -> Result<Authored, Box<Refusal>> {
     let all = all_values(opaque);
     let program = opaque.program;
     let called = all.iter().filter(|v| v.is_called(name, program));
@@ -149,7 +149,7 @@ fn other_type(opaque: &Opaque<'_>, name: &str) -> Option<Authored> {
 }
 
 /// The values of the fragment stage that may be meant, for a message.
-pub fn described(opaque: &Opaque<'_>, is_candidate: &dyn Fn(&Authored) -> bool) -> String {
+pub(crate) fn described(opaque: &Opaque<'_>, is_candidate: &dyn Fn(&Authored) -> bool) -> String {
     let mut all = all_values(opaque);
     all.retain(is_candidate);
     let all: Vec<String> = all.iter().map(|v| v.described(opaque.program)).collect();
@@ -169,7 +169,7 @@ fn all_values(opaque: &Opaque<'_>) -> Vec<Authored> {
 }
 
 /// The material's normal: by name, or by its role.
-pub fn normal(opaque: &Opaque<'_>, name: Option<&str>) -> Result<Authored, Box<Refusal>> {
+pub(crate) fn normal(opaque: &Opaque<'_>, name: Option<&str>) -> Result<Authored, Box<Refusal>> {
     if let Some(name) = name {
         let found = value(opaque, name)?;
         let described = found.described(opaque.program);
@@ -222,7 +222,7 @@ fn is_unwritten(opaque: &Opaque<'_>, value: &Authored) -> bool {
 }
 
 /// The binding of a value that is an input of the fragment stage.
-pub fn binding(opaque: &Opaque<'_>, value: &Authored) -> Option<Binding> {
+pub(crate) fn binding(opaque: &Opaque<'_>, value: &Authored) -> Option<Binding> {
     let Place::Input(index) = value.place else {
         return None;
     };
@@ -287,7 +287,7 @@ fn is_buffer(module: &Module, variable: Handle<GlobalVariable>) -> bool {
 }
 
 /// The buffer, or the part of one, of that name or path. A path may leave its start out.
-pub fn member(program: &Program, name: &str) -> Result<Member, Box<Refusal>> {
+pub(crate) fn member(program: &Program, name: &str) -> Result<Member, Box<Refusal>> {
     let module = program.module();
     let path = name.parse::<Path>().ok();
     let whole = path.and_then(|path| path.resolve(module).ok());
@@ -325,7 +325,7 @@ pub fn member(program: &Program, name: &str) -> Result<Member, Box<Refusal>> {
 }
 
 /// A matrix of three or four columns and rows.
-pub fn matrix(program: &Program, name: &str) -> Result<Member, Box<Refusal>> {
+pub(crate) fn matrix(program: &Program, name: &str) -> Result<Member, Box<Refusal>> {
     let found = member(program, name)?;
     match is_matrix(program.module(), &found) {
         true => Ok(found),
@@ -340,7 +340,7 @@ pub fn matrix(program: &Program, name: &str) -> Result<Member, Box<Refusal>> {
 }
 
 /// The matrices that there are, for a message.
-pub fn matrices(program: &Program) -> String {
+pub(crate) fn matrices(program: &Program) -> String {
     let all = buffers(program).into_iter();
     let all = all.filter(|(_, member)| is_matrix(program.module(), member));
     let all: Vec<String> = all.map(|(path, _)| format!("`{path}`")).collect();
@@ -356,7 +356,7 @@ fn is_matrix(module: &Module, member: &Member) -> bool {
 }
 
 /// The buffers and the loose uniforms of these names.
-pub fn still<'n>(
+pub(crate) fn still<'n>(
     program: &Program,
     names: impl Iterator<Item = &'n str>,
 ) -> Result<Vec<Member>, Box<Refusal>> {
@@ -387,7 +387,7 @@ pub fn still<'n>(
 }
 
 /// Locations of the attributes of these names.
-pub fn attributes<'n>(
+pub(crate) fn attributes<'n>(
     opaque: &Opaque<'_>,
     names: impl Iterator<Item = &'n str>,
 ) -> Result<BTreeSet<u32>, Box<Refusal>> {

@@ -10,7 +10,7 @@ use preshade_ir::interface;
 const PLACES: [&str; 5] = ["instance", "transform", "model", "matrix", "object"];
 
 /// What a host should know of the pictures.
-pub fn notes(opaque: &Opaque<'_>, params: &Params, wanted: &[Wanted]) -> Vec<String> {
+pub(crate) fn notes(opaque: &Opaque<'_>, params: &Params, wanted: &[Wanted]) -> Vec<String> {
     let mut found = Vec::new();
     if wanted.is_empty() {
         found.push(

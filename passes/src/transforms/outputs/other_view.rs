@@ -16,10 +16,10 @@ use preshade_plan::plan::{BindingSource, GpuPass, Plan, Role};
 use preshade_plan::program::Program;
 
 /// Sources of the bindings of the other view, by group and binding.
-pub type Sources = BTreeMap<(u32, u32), BindingSource>;
+pub(crate) type Sources = BTreeMap<(u32, u32), BindingSource>;
 
 /// Maps the program of the pass.
-pub fn apply(
+pub(crate) fn apply(
     plan: &mut Plan,
     author: &Opaque<'_>,
     (params, said): (&Params, &Said),
@@ -225,7 +225,7 @@ fn check_partners(
 }
 
 /// Marks the bindings of the other view.
-pub fn mark(pass: &mut GpuPass, sources: &Sources) {
+pub(crate) fn mark(pass: &mut GpuPass, sources: &Sources) {
     for binding in &mut pass.bindings {
         if let Some(source) = sources.get(&(binding.group, binding.binding)) {
             binding.source = source.clone();

@@ -200,7 +200,6 @@ pub enum Asked {
     Depth,
     /// A light's depth.
     Shadow,
-    /// A normal.
     Normal,
     /// How far each point moved since the previous frame.
     Velocity,
@@ -243,7 +242,7 @@ impl Params {
 }
 
 /// The names of a list that is joined by `+`.
-pub fn list(text: Option<&str>) -> impl Iterator<Item = &str> {
+pub(crate) fn list(text: Option<&str>) -> impl Iterator<Item = &str> {
     let names = text.unwrap_or_default().split('+');
     names.map(str::trim).filter(|name| !name.is_empty())
 }

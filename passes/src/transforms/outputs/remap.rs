@@ -17,7 +17,7 @@ use preshade_plan::mapping::{Mapping, Path, Place, Unknown, name_of};
 
 /// A program that reads another view's resources.
 #[derive(Clone, Debug)]
-pub struct Remapped {
+pub(crate) struct Remapped {
     /// Its module. The author's variables are still there, and nothing reads them.
     pub module: Module,
     /// The other view's variables, by group and binding.
@@ -26,7 +26,7 @@ pub struct Remapped {
 
 /// Why resources cannot be replaced.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Unmapped {
+pub(crate) enum Unmapped {
     /// The program reads something that the other view lacks.
     #[error("the slice reads `{read}`, which the other view lacks; it has {}", .has.join(", "))]
     Lacks {
@@ -48,7 +48,7 @@ const NOWHERE: u32 = u32::MAX / 2;
 
 /// A part of the author's resources and what takes its place.
 #[derive(Clone, Debug)]
-pub struct Pair {
+pub(crate) struct Pair {
     /// The author's.
     pub ours: Place,
     /// The other.
@@ -60,7 +60,7 @@ pub struct Pair {
 ///
 /// # Errors
 /// [`Unmapped`].
-pub fn remap(
+pub(crate) fn remap(
     author: &Module,
     module: &Module,
     mappings: &[Mapping],
@@ -144,7 +144,7 @@ pub fn remap(
 }
 
 /// The module with a function that reads the others' parts in place of the author's.
-pub fn redirected(module: Module, id: FunctionId, pairs: &[Pair]) -> Module {
+pub(crate) fn redirected(module: Module, id: FunctionId, pairs: &[Pair]) -> Module {
     let parts = Parts::of(function(&module, id));
     let mut all = parts.0.values();
     if !all.any(|part| pairs.iter().any(|p| p.is_of(part))) {
@@ -344,7 +344,7 @@ impl Pair {
 
 /// The parts of variables that a function reads or writes: each variable, with the indices that lead
 /// to the part. Of an array with an unknown index it is the whole array.
-pub fn parts_read(function: &Function) -> Vec<(Handle<GlobalVariable>, Vec<usize>)> {
+pub(crate) fn parts_read(function: &Function) -> Vec<(Handle<GlobalVariable>, Vec<usize>)> {
     let parts = Parts::of(function);
     let mut used = BTreeSet::new();
     for (e, expression) in function.expressions.iter() {

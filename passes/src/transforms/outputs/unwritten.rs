@@ -10,7 +10,7 @@ use crate::graph::memory::Origin;
 
 /// Whether an entry point writes nothing to its output at `location`. Then it is 0 in each invocation. `false` if the
 /// entry point is too large, or has no such output.
-pub fn is_unwritten(graph: &Graph<'_>, entry: usize, location: u32) -> bool {
+pub(crate) fn is_unwritten(graph: &Graph<'_>, entry: usize, location: u32) -> bool {
     let Ok(values) = Values::new(graph, entry) else {
         return false;
     };

@@ -22,7 +22,7 @@ mod without_viewer;
 
 /// What takes the place of an expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Instead {
+pub(crate) enum Instead {
     /// Another expression of the author's, in the same function.
     Other(Handle<Expression>),
     /// A constant.
@@ -33,15 +33,15 @@ pub enum Instead {
 pub type At = (ContextId, Handle<Expression>);
 
 /// Replaced expressions.
-pub type Changes = BTreeMap<At, Instead>;
+pub(crate) type Changes = BTreeMap<At, Instead>;
 
 /// Nobody can say what this condition is without the viewer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Unclear(pub At);
+pub(crate) struct Unclear(pub At);
 
 /// Locations of the vertex stage's outputs that depend on the viewer. `follows` are its uniforms
 /// ([`view::view_dependent`]).
-pub fn varyings(graph: &Graph<'_>, vertex: usize, follows: &[String]) -> BTreeSet<u32> {
+pub(crate) fn varyings(graph: &Graph<'_>, vertex: usize, follows: &[String]) -> BTreeSet<u32> {
     let Ok(values) = Values::new(graph, vertex) else {
         return BTreeSet::new();
     };
@@ -56,8 +56,7 @@ pub fn varyings(graph: &Graph<'_>, vertex: usize, follows: &[String]) -> BTreeSe
 }
 
 /// A fragment stage and what depends on the viewer in it.
-pub struct Stage<'g, 'p> {
-    /// Its values.
+pub(crate) struct Stage<'g, 'p> {
     pub values: Values<'g, 'p>,
     /// Whether each value depends on the viewer.
     dependent: Vec<bool>,
@@ -80,7 +79,6 @@ enum Reads {
     Nothing,
     /// Interpolated inputs, or textures at a place of the picture's.
     Inputs,
-    /// Textures.
     Textures,
 }
 
@@ -136,7 +134,6 @@ impl<'g, 'p> Stage<'g, 'p> {
         changes
     }
 
-    /// The function of a context.
     pub fn f(&self, context: ContextId) -> &'g FunctionGraph<'p> {
         self.values.function(context)
     }

@@ -12,10 +12,8 @@ use crate::graph::{Graph, text};
 
 /// A vector of four, and the matrices that turn it into the world, outermost first.
 #[derive(Clone, Debug, PartialEq)]
-pub struct World {
-    /// The vector.
+pub(crate) struct World {
     pub vector: Authored,
-    /// The matrices.
     pub matrices: Vec<Authored>,
     /// Whether the fourth component is the literal 1.
     pub is_point: bool,
@@ -32,7 +30,7 @@ impl World {
 
 /// Why no position in the world is found.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum NoWorld {
+pub(crate) enum NoWorld {
     /// No product with a matrix of the view leads to the position.
     None,
     /// Several do.
@@ -50,7 +48,11 @@ pub enum NoWorld {
 ///
 /// # Errors
 /// [`NoWorld`].
-pub fn position(graph: &Graph<'_>, vertex: usize, follows: &[String]) -> Result<World, NoWorld> {
+pub(crate) fn position(
+    graph: &Graph<'_>,
+    vertex: usize,
+    follows: &[String],
+) -> Result<World, NoWorld> {
     let values = Values::new(graph, vertex).map_err(|_| NoWorld::None)?;
     let dependent = |names: &[String]| {
         let sources = (0..values.values.len()).filter(|v| view::is_read(&values, *v, names));

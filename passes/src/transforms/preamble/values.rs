@@ -9,13 +9,13 @@ use std::collections::BTreeSet;
 
 use naga::{AddressSpace, Expression, Handle, ResourceBinding, ScalarKind};
 
-use crate::analysis::below::{below, is_cheap};
 use crate::analysis::contraction::{self, Pruned};
 use crate::analysis::cut::{self, Cut};
 use crate::analysis::loops::{LoopEnds, iterated};
 use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::rounding::Roundings;
 use crate::analysis::subnormal;
+use crate::analysis::transitive_cost::{below, is_cheap};
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::graph::rate::Rate;
 use preshade_plan::pass::SourceRange;
@@ -40,7 +40,7 @@ pub enum Class {
 
 /// Why a value that only the draw decides stays.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub enum NotOncePerDraw {
+pub(crate) enum NotOncePerDraw {
     /// It changes more often, or never.
     NotOfDraw,
     /// It is no whole 32-bit scalar or vector, or costs no more than reading it.
@@ -112,7 +112,7 @@ pub struct Judged {
 
 /// Judges the values of a stage. `known` are ranges of its sources, `most` the largest change of an
 /// output by rounding. `is_steady` says which textures no other pass of the frame writes.
-pub fn judge(
+pub(crate) fn judge(
     values: &Values<'_, '_>,
     known: &[SourceRange],
     most: f64,
@@ -233,7 +233,7 @@ fn binding<'p>(
 }
 
 /// Names of the textures that values and their conditions depend on.
-pub fn textures(values: &Values<'_, '_>, ids: &[ValueId]) -> BTreeSet<String> {
+pub(crate) fn textures(values: &Values<'_, '_>, ids: &[ValueId]) -> BTreeSet<String> {
     let conditions = ids.iter().filter_map(|id| values.condition(*id));
     let needed = with_operands(values, ids.iter().copied().chain(conditions).collect());
     let needed = (0..needed.len()).filter(|id| needed[*id]);
@@ -259,7 +259,7 @@ fn shape(values: &Values<'_, '_>, id: ValueId) -> Option<u8> {
 
 /// The restrictions of a choice.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Terms {
+pub(crate) struct Terms {
     /// The weakest class that may move.
     pub weakest: Class,
     /// Most vectors of four scalars to store.
@@ -270,7 +270,7 @@ pub struct Terms {
 
 /// The values to compute once a draw.
 #[derive(Clone, Debug, PartialEq)]
-pub struct StoredValues {
+pub(crate) struct StoredValues {
     /// The values, in the order in which they are stored.
     pub moved: Vec<ValueId>,
     /// What moving them may change.
@@ -286,7 +286,11 @@ pub struct StoredValues {
 }
 
 /// The choice that saves an invocation most; `None` if none saves enough.
-pub fn choose(values: &Values<'_, '_>, judged: &Judged, terms: &Terms) -> Option<StoredValues> {
+pub(crate) fn choose(
+    values: &Values<'_, '_>,
+    judged: &Judged,
+    terms: &Terms,
+) -> Option<StoredValues> {
     let before = cut::uncut(values)?;
     let items = cut::items(values, |id| price(values, judged, terms.weakest, id));
     let pruned = Pruned::new(values);

@@ -14,7 +14,7 @@ use preshade_ir::writer::FunctionWriter;
 
 /// The module in which each term is computed only if its weight's magnitude exceeds `threshold`,
 /// and is 0 otherwise.
-pub fn skipping(graph: &Graph<'_>, terms: &[Term], threshold: f32) -> Module {
+pub(crate) fn skipping(graph: &Graph<'_>, terms: &[Term], threshold: f32) -> Module {
     let mut module = graph.module().clone();
     let functions: BTreeSet<FunctionId> = terms.iter().map(|t| t.function).collect();
     for id in functions {

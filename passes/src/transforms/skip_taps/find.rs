@@ -22,7 +22,7 @@ use preshade_plan::plan::GpuPass;
 
 /// The scalar weight of a term.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Weight {
+pub(crate) enum Weight {
     /// A scalar.
     Value(Handle<Expression>),
     /// A component of a vector.
@@ -33,7 +33,7 @@ pub enum Weight {
 
 /// A term that can be skipped.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Term {
+pub(crate) struct Term {
     /// The function that contains it.
     pub function: FunctionId,
     /// The product, or the expression that takes both the term and its weight.
@@ -42,7 +42,6 @@ pub struct Term {
     pub vector: Option<Handle<Expression>>,
     /// The weighted expression.
     pub tap: Handle<Expression>,
-    /// Its weight.
     pub weight: Weight,
     /// The expressions that only this term needs, including itself. A call is represented by its
     /// result.
@@ -57,7 +56,7 @@ pub struct Term {
 
 /// Terms, and the candidates that are none.
 #[derive(Clone, Debug, Default)]
-pub struct Terms {
+pub(crate) struct Terms {
     /// Terms in the order of functions and of their products.
     pub terms: Vec<Term>,
     /// Rejected candidates, most expensive first.
@@ -101,7 +100,7 @@ impl Terms {
 }
 
 /// The terms of these functions.
-pub fn terms(
+pub(crate) fn terms(
     graph: &Graph<'_>,
     pass: &GpuPass,
     fragment: usize,

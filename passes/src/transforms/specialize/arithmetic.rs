@@ -10,7 +10,7 @@ use naga_interp::accuracy::Accuracy;
 use naga_interp::interval::{Arithmetic, Interval};
 
 /// Applies a unary operator.
-pub fn unary(op: UnaryOperator, operand: &AbstractValue) -> AbstractValue {
+pub(crate) fn unary(op: UnaryOperator, operand: &AbstractValue) -> AbstractValue {
     AbstractValue::zip(&[operand], &|s| match (op, s) {
         (UnaryOperator::LogicalNot, [Scalar::Bool(b)]) => Some(Scalar::Bool(!b)),
         (UnaryOperator::Negate, [Scalar::Number(kind, x)]) => Scalar::number(*kind, x.negated()),
@@ -30,7 +30,11 @@ pub fn unary(op: UnaryOperator, operand: &AbstractValue) -> AbstractValue {
 }
 
 /// Applies a binary operator to scalars, or component by component to vectors. Not for matrices.
-pub fn binary(op: BinaryOperator, left: &AbstractValue, right: &AbstractValue) -> AbstractValue {
+pub(crate) fn binary(
+    op: BinaryOperator,
+    left: &AbstractValue,
+    right: &AbstractValue,
+) -> AbstractValue {
     use BinaryOperator as B;
     use Scalar::{Bool, Number};
     if let (B::LogicalAnd | B::LogicalOr, Some(known)) = (op, one_sided(op, left, right)) {
@@ -108,7 +112,7 @@ fn integer(op: BinaryOperator, a: i64, b: i64) -> Option<i64> {
 }
 
 /// Applies a math function, component by component if it works so.
-pub fn math(fun: MathFunction, arguments: &[&AbstractValue]) -> AbstractValue {
+pub(crate) fn math(fun: MathFunction, arguments: &[&AbstractValue]) -> AbstractValue {
     use MathFunction as M;
     match (fun, arguments) {
         (M::Abs | M::Sign | M::Saturate | M::Floor | M::Ceil | M::Trunc, _)
@@ -142,7 +146,7 @@ fn of_components(fun: MathFunction, scalars: &[Scalar]) -> Option<Scalar> {
 }
 
 /// Converts a value to 32 bits or to `bool`.
-pub fn converted(kind: ScalarKind, operand: &AbstractValue) -> AbstractValue {
+pub(crate) fn converted(kind: ScalarKind, operand: &AbstractValue) -> AbstractValue {
     AbstractValue::zip(&[operand], &|s| {
         let [s] = s else { return None };
         match (kind, *s) {
@@ -166,7 +170,7 @@ pub fn converted(kind: ScalarKind, operand: &AbstractValue) -> AbstractValue {
 }
 
 /// `all` and `any`.
-pub fn relational(fun: RelationalFunction, argument: &AbstractValue) -> AbstractValue {
+pub(crate) fn relational(fun: RelationalFunction, argument: &AbstractValue) -> AbstractValue {
     let op = match fun {
         RelationalFunction::All => BinaryOperator::LogicalAnd,
         RelationalFunction::Any => BinaryOperator::LogicalOr,
@@ -184,7 +188,7 @@ pub fn relational(fun: RelationalFunction, argument: &AbstractValue) -> Abstract
 
 /// Whether an integer literal may replace `operand` in `expression`. If the value flows into other
 /// numbers we keep the read: it may become a float, and front ends fold float literals on the CPU.
-pub fn takes_literal(expression: &Expression, operand: naga::Handle<Expression>) -> bool {
+pub(crate) fn takes_literal(expression: &Expression, operand: naga::Handle<Expression>) -> bool {
     use BinaryOperator as B;
     match expression {
         Expression::Binary { op, .. } => matches!(

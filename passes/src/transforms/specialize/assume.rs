@@ -32,7 +32,7 @@ fn content(
 
 /// A setting that does not fit the material.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub enum Unfit {
+pub(crate) enum Unfit {
     /// Not of the form `name=value+name=value`.
     #[error("`{0}` is not `name=number`")]
     Syntax(String),
@@ -54,7 +54,6 @@ pub enum Unfit {
          must be known when the text is read: change the default in the text"
     )]
     Final(String, String),
-    /// A push constant.
     #[error(
         "`{0}` is a push constant (immediate data), which `specialize` cannot take for known: read \
          it from a uniform buffer or a specialisation constant"
@@ -67,7 +66,7 @@ pub enum Unfit {
 
 /// All assumptions, and the abstract values that follow from them.
 #[derive(Debug, Default)]
-pub struct Assumptions {
+pub(crate) struct Assumptions {
     /// Abstract values refer to these by index.
     pub values: Vec<Assumed>,
     globals: BTreeMap<Handle<GlobalVariable>, AbstractValue>,

@@ -10,7 +10,6 @@ use naga_operands as operands;
 
 /// The target of a `break`.
 pub(super) enum Breaks {
-    /// A loop.
     Loop {
         /// Whether this is a speculative unroll. It fails at the first undecided branch that may
         /// leave an iteration.
@@ -23,7 +22,6 @@ pub(super) enum Breaks {
         /// Number of blocks around the body.
         depth: usize,
     },
-    /// A switch.
     Switch {
         /// The locals' abstract values at each break.
         locals: Vec<Vec<AbstractValue>>,
@@ -245,7 +243,6 @@ impl<'p> Folder<'p> {
     }
 }
 
-/// The case for a selector.
 pub(super) fn taken(cases: &[SwitchCase], selector: Literal) -> Option<usize> {
     let is = |value: &SwitchValue| match (value, selector) {
         (SwitchValue::I32(a), Literal::I32(b)) => *a == b,

@@ -13,7 +13,7 @@ use crate::graph::{FunctionId, Graph, Rate, StmtId};
 
 /// The statement kind of a decision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DecisionKind {
+pub(crate) enum DecisionKind {
     /// `if`, with an arm for true and one for false.
     Branch,
     /// `switch`, with an arm per case.
@@ -27,7 +27,7 @@ pub enum DecisionKind {
 
 /// Statements that run or do not run together.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Arm {
+pub(crate) struct Arm {
     /// Ranges of statements, with exclusive ends. If another arm leaves the function or loop, the
     /// statements behind the decision follow.
     pub statements: Vec<(StmtId, StmtId)>,
@@ -35,18 +35,15 @@ pub struct Arm {
 
 /// A condition that is uniform over a draw.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Decision {
+pub(crate) struct Decision {
     /// The function that contains it.
     pub function: FunctionId,
-    /// The statement.
     pub statement: StmtId,
     /// Its condition or selector.
     pub condition: Handle<Expression>,
-    /// Its kind.
     pub kind: DecisionKind,
     /// The arm that is taken; `None` if unknown, or for a loop.
     pub taken: Option<usize>,
-    /// Its arms.
     pub arms: Vec<Arm>,
     /// Whether an arm leaves the function, so that the decision affects all following statements.
     pub leaves: bool,
@@ -69,17 +66,16 @@ pub struct Call {
 
 /// An event of folding a function, in the order of its statements.
 #[derive(Clone, Debug, PartialEq)]
-pub enum Noted {
+pub(crate) enum Noted {
     /// A draw-uniform decision.
     Decision(Decision),
-    /// A call.
     Call(Call),
 }
 
 /// The result of folding one function, without its callees. A stage therefore depends only on the
 /// functions it still calls.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Record {
+pub(crate) struct Record {
     /// Assumptions that a fold depends on.
     pub used: BTreeSet<usize>,
     /// Float operations that were removed as neutral additions or multiplications.
@@ -116,10 +112,9 @@ impl Record {
 
 /// A decision of a stage.
 #[derive(Clone, Debug, PartialEq)]
-pub struct Placed {
+pub(crate) struct Placed {
     /// `vertex` or `fragment`.
     pub stage: &'static str,
-    /// The decision.
     pub decision: Decision,
     /// Index in the list of the enclosing decision, across callers.
     pub within: Option<usize>,
@@ -128,7 +123,7 @@ pub struct Placed {
 }
 
 /// Adds the decisions of a stage and its callees, each once, outer decisions first.
-pub fn of_stage(
+pub(crate) fn of_stage(
     graph: &Graph<'_>,
     name: &'static str,
     stage: &Record,

@@ -25,11 +25,11 @@ use preshade_ir::writer::{FunctionWriter, OpenEmit};
 
 /// Whether an expression of a function may be replaced by one of its operands, and the other, if there
 /// is one that is not 0, dropped.
-pub type Leaves<'p> =
+pub(crate) type Leaves<'p> =
     &'p dyn Fn(FunctionId, Handle<Expression>, Option<Handle<Expression>>) -> bool;
 
 /// Folds the stages of a program.
-pub struct Folder<'p> {
+pub(crate) struct Folder<'p> {
     pub(super) graph: &'p Graph<'p>,
     pub(super) module: &'p Module,
     pub(super) assumptions: &'p Assumptions,
@@ -45,8 +45,7 @@ pub struct Folder<'p> {
     pub(super) versions: BTreeMap<Handle<Function>, Vec<Version>>,
 }
 
-/// A folded stage.
-pub struct FoldedStage {
+pub(crate) struct FoldedStage {
     /// The entry point's function.
     pub function: Function,
     /// The abstract value of its result.
@@ -97,7 +96,6 @@ pub(super) struct FoldFrame<'p> {
 }
 
 impl<'p> Folder<'p> {
-    /// A new folder.
     pub fn new(
         graph: &'p Graph<'p>,
         assumptions: &'p Assumptions,
@@ -410,7 +408,6 @@ impl FoldFrame<'_> {
         self.function.expressions.append(expression, span)
     }
 
-    /// A literal.
     pub fn literal(&mut self, literal: Literal, out: &mut Block) -> Handle<Expression> {
         self.flush(out);
         let literal = Expression::Literal(literal);

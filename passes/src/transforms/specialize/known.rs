@@ -12,16 +12,15 @@ use naga::{Literal, ScalarKind};
 use naga_interp::interval::Interval;
 
 /// Indices of the assumptions that a value depends on.
-pub type Sources = Rc<BTreeSet<usize>>;
+pub(crate) type Sources = Rc<BTreeSet<usize>>;
 
 /// Stands for the assumption that a factor of a product with 0 is finite. No value can prove it;
 /// `fold=rounding` assumes it for summed floats, but never bases a decision on it.
-pub const FINITE: usize = usize::MAX;
+pub(crate) const FINITE: usize = usize::MAX;
 
 /// A scalar with inclusive bounds.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Scalar {
-    /// A `bool`.
+pub(crate) enum Scalar {
     Bool(bool),
     /// An `i32`, `u32` or `f32`.
     Number(ScalarKind, Interval),
@@ -73,10 +72,8 @@ impl Scalar {
     }
 }
 
-/// An abstract value.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub enum AbstractValue {
-    /// Unknown.
+pub(crate) enum AbstractValue {
     #[default]
     Unknown,
     /// A scalar's bounds.
@@ -130,7 +127,6 @@ impl AbstractValue {
         Some((u32::try_from(scalar.integer()?).ok()?, sources))
     }
 
-    /// A part.
     pub fn part(&self, index: usize) -> Self {
         match self {
             Self::Parts(parts) => parts.get(index).cloned().unwrap_or_default(),
@@ -265,7 +261,7 @@ impl AbstractValue {
 }
 
 /// The union of two dependences.
-pub fn both(a: &Sources, b: &Sources) -> Sources {
+pub(crate) fn both(a: &Sources, b: &Sources) -> Sources {
     if b.is_subset(a) {
         return Rc::clone(a);
     }

@@ -16,8 +16,7 @@ use preshade_text::source::Invalid;
 const SUFFIXES: [&str; 2] = ["read", "live"];
 
 /// The program after dead-code elimination.
-pub struct Shrunk {
-    /// The program.
+pub(crate) struct Shrunk {
     pub program: Program,
     /// Hash of the remaining slice of the last stage.
     pub hash: String,
@@ -29,7 +28,7 @@ pub struct Shrunk {
 ///
 /// # Errors
 /// The result does not validate: a bug.
-pub fn shrink(
+pub(crate) fn shrink(
     program: &Program,
     vertex: &str,
     fragment: Option<&str>,

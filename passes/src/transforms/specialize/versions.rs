@@ -10,7 +10,7 @@ use crate::graph::FunctionId;
 const MOST_VERSIONS: usize = 24;
 
 /// A function with the abstract values of its arguments.
-pub(super) struct Version {
+pub struct Version {
     arguments: Vec<AbstractValue>,
     function: Handle<Function>,
     result: AbstractValue,

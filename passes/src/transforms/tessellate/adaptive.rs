@@ -29,7 +29,7 @@ use crate::rebuild::snippet::{Linked, ours, word};
 /// # Errors
 /// A message: our own text does not parse or link, or the author's stage has an input that no
 /// vertex stage has.
-pub fn adaptive(
+pub(crate) fn adaptive(
     module: Module,
     entry: usize,
     split: &Split,
@@ -200,7 +200,7 @@ fn corners(
 }
 
 /// The functions that place a vertex, for edges of about `edge_pixels` and at most `most` segments.
-pub fn text(edge_pixels: u32, most: u32) -> String {
+pub(crate) fn text(edge_pixels: u32, most: u32) -> String {
     format!(
         "{POINT}
 /// Segments of an edge: the fewest that are no longer than asked for, in whole numbers, so that

@@ -22,7 +22,7 @@ use crate::rebuild::snippet::{Linked, define, ours, word};
 
 /// The functions, in their module.
 #[derive(Clone, Debug)]
-pub struct Functions {
+pub(crate) struct Functions {
     /// The module, with an unchanged entry point.
     pub module: Module,
     /// `tessellated_place(vertex, instance) -> place`.
@@ -40,7 +40,7 @@ pub struct Functions {
 /// # Errors
 /// A message: our own text does not parse or link, or the author's stage has an input that no
 /// vertex stage has.
-pub fn add(
+pub(crate) fn add(
     module: Module,
     name: &str,
     split: Split,
@@ -314,7 +314,7 @@ fn between(
 }
 
 /// `module` with its vertex entry point drawing the pattern through `functions`.
-pub fn pulled(functions: &Functions, entry: usize) -> Module {
+pub(crate) fn pulled(functions: &Functions, entry: usize) -> Module {
     let mut module = functions.module.clone();
     let word = word(&mut module);
     let point = &mut module.entry_points[entry].function;

@@ -28,14 +28,14 @@ use preshade_plan::plan::{BindingSource, BindingUse};
 use preshade_plan::program::Program;
 
 /// Reason if the slice reads neither the corners nor the place between them.
-pub const NO_CORNERS: &str = "what was hoisted does not know its vertex";
+pub(crate) const NO_CORNERS: &str = "what was hoisted does not know its vertex";
 
 /// `functions`' module with a compute entry point `name` that stores only the hoisted values of
 /// every new vertex. `program` is any program of the same source.
 ///
 /// # Errors
 /// A message: our own text is incomplete or does not validate.
-pub fn kept(
+pub(crate) fn kept(
     program: &Program,
     functions: &Functions,
     vertex: usize,
@@ -86,7 +86,7 @@ pub fn kept(
 ///
 /// # Errors
 /// A message: our own text is incomplete.
-pub fn read(
+pub(crate) fn read(
     functions: &Functions,
     vertex: usize,
     origins: &[Origin],
@@ -134,10 +134,8 @@ pub fn read(
 
 /// A variable that a program reads.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub struct Read {
-    /// `@group`.
+pub(crate) struct Read {
     pub group: u32,
-    /// `@binding`.
     pub binding: u32,
     /// The variable.
     pub name: String,
@@ -158,7 +156,7 @@ impl std::fmt::Display for Read {
 
 /// The author's variables that a program with these `bindings` reads, without samplers: they do not
 /// change.
-pub fn reads(program: &Program, bindings: &[BindingUse]) -> BTreeSet<Read> {
+pub(crate) fn reads(program: &Program, bindings: &[BindingUse]) -> BTreeSet<Read> {
     let module = program.module();
     let mut found = BTreeSet::new();
     for (handle, global) in module.global_variables.iter() {

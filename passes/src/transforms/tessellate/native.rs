@@ -46,7 +46,6 @@ pub struct Patch {
     pub position: u32,
 }
 
-/// A varying of a patch.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct PatchVarying {
     /// Location in the corner's outputs and the evaluation stage's inputs.

@@ -11,7 +11,7 @@ use preshade_ir::writer::emit_existing;
 
 /// A vertex stage of the form `rest(author(inputs))`.
 #[derive(Clone, Debug)]
-pub struct Split {
+pub(crate) struct Split {
     /// The author's stage, from vertex inputs to `given`.
     pub author: Handle<Function>,
     /// Its result type.
@@ -24,7 +24,7 @@ pub struct Split {
 
 /// Splits an entry point; `None` unless it is straight-line code that first passes all its inputs
 /// on.
-pub fn split(module: &Module, entry: usize) -> Option<Split> {
+pub(crate) fn split(module: &Module, entry: usize) -> Option<Split> {
     let function = &module.entry_points[entry].function;
     let (author, arguments, given) = function.body.iter().find_map(|s| match s {
         Statement::Call {
@@ -161,7 +161,7 @@ fn body(
 
 /// How an output of the author's stage reaches a new vertex.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Carried {
+pub(crate) enum Carried {
     /// Interpolated, with this many `f32`.
     Blended(u8),
     /// Taken from the first vertex.
@@ -170,8 +170,7 @@ pub enum Carried {
 
 /// Outputs of the author's stage in order, with the index of the position.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Outputs {
-    /// Each output.
+pub(crate) struct Outputs {
     pub carried: Vec<Carried>,
     /// Index of the position.
     pub position: usize,

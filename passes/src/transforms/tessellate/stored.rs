@@ -29,8 +29,7 @@ struct Member {
 
 /// The layout of a new vertex in the buffer.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Stored {
-    /// The stored members.
+pub(crate) struct Stored {
     members: Vec<Member>,
     /// Words per vertex.
     pub words: u32,
@@ -157,7 +156,7 @@ fn bits(
 
 /// The values that a compute stage stores.
 #[derive(Clone, Copy)]
-pub enum Evaluation {
+pub(crate) enum Evaluation {
     /// The vertex stage's whole result.
     Vertex,
     /// The result of this function of (vertex, instance): the stored members in order, or the only
@@ -169,7 +168,7 @@ pub enum Evaluation {
 ///
 /// # Errors
 /// A message: our own text is incomplete.
-pub fn stored(
+pub(crate) fn stored(
     functions: &Functions,
     vertex: usize,
     name: &str,
@@ -266,7 +265,7 @@ pub fn stored(
 ///
 /// # Errors
 /// A message: our own text is incomplete.
-pub fn loaded(
+pub(crate) fn loaded(
     module: Module,
     vertex: usize,
     slots: Slots,

@@ -25,7 +25,7 @@ const NAMES: Names = Names {
 };
 
 /// The options of the text.
-pub struct Text<'a> {
+pub(crate) struct Text<'a> {
     /// The author's attributes, in the order of the streams in the constants.
     pub attributes: &'a [AttributeUse],
     /// Widths of the interpolated varyings, 1 to 4, including the position's 4.
@@ -42,7 +42,7 @@ pub struct Text<'a> {
 
 /// Order of an edge's ends. Points on the edge are computed in this order on both sides.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Order {
+pub(crate) enum Order {
     /// By the bits of the clip position, which agree across a seam of vertices.
     ByPosition,
     /// By index. It reads no position; across a seam the two sides may round differently.
@@ -80,7 +80,7 @@ pub enum Place {
 }
 
 /// Workgroup size of the compute pass.
-pub const WORKGROUP: u32 = 64;
+pub(crate) const WORKGROUP: u32 = 64;
 
 /// Access to the buffer of new vertices: `tessellated_store_N(at, value)` in a compute stage,
 /// `tessellated_load_N(at)` in the vertex stage.
@@ -94,7 +94,7 @@ pub enum Points {
 
 /// The functions that access the buffer of new vertices, bound at `first + 2`, in vectors of these
 /// widths, and the vertex index of an invocation in it.
-pub fn points(slots: Slots, points: Points, widths: &[u8]) -> String {
+pub(crate) fn points(slots: Slots, points: Points, widths: &[u8]) -> String {
     let Slots { group, first } = slots;
     let access = match points {
         Points::Stored => "read_write",
@@ -166,7 +166,7 @@ fn tessellated_instance_of(index: u32) -> u32 {{
 
 /// The uniform buffer of a draw's constants, with this many attributes, and the place's constants
 /// before them.
-pub fn constants(slots: Slots, attributes: usize, place: Option<Place>) -> String {
+pub(crate) fn constants(slots: Slots, attributes: usize, place: Option<Place>) -> String {
     let Slots { group, first } = slots;
     let viewport = match place {
         Some(Place::Adaptive { .. }) => "\n    viewport: vec4<u32>,",
@@ -193,7 +193,6 @@ pub fn constants(slots: Slots, attributes: usize, place: Option<Place>) -> Strin
 }
 
 impl Text<'_> {
-    /// The text.
     pub fn wgsl(&self) -> String {
         let mut out = constants(self.slots, self.attributes.len(), Some(self.place));
         self.places(&mut out);

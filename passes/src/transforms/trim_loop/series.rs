@@ -14,7 +14,11 @@ use naga_operands as operands;
 
 /// The scene data that a loop reads by its counter, one item per iteration: `lights[i]`, the layer
 /// of a texture, a texel. `None` if it reads none, in the function or its callees.
-pub fn scene_data(graph: &Graph<'_>, function: FunctionId, counted: &Counted) -> Option<String> {
+pub(crate) fn scene_data(
+    graph: &Graph<'_>,
+    function: FunctionId,
+    counted: &Counted,
+) -> Option<String> {
     let counters = BTreeSet::from([counted.counter]);
     read_by(graph, function, counters, &BTreeSet::new(), 0)
 }
@@ -144,7 +148,6 @@ fn is_data(variable: &GlobalVariable) -> bool {
     )
 }
 
-/// The local of a pointer.
 fn local(function: &Function, pointer: Handle<Expression>) -> Option<Handle<LocalVariable>> {
     match function.expressions[pointer] {
         Expression::LocalVariable(local) => Some(local),
@@ -170,7 +173,7 @@ fn global(function: &Function, of: Handle<Expression>) -> Option<Handle<GlobalVa
 /// Whether a loop-carried local shrinks in each iteration: it is multiplied by a number of
 /// magnitude below 1, or divided by one above 1, as the weight of a convergent series. A local with
 /// other stores in the loop restarts there, and an inner loop's local belongs to that loop.
-pub fn ebbs(module: &Module, f: &FunctionGraph<'_>, at: StmtId) -> bool {
+pub(crate) fn ebbs(module: &Module, f: &FunctionGraph<'_>, at: StmtId) -> bool {
     let end = f.statements.get(at).end;
     let inner: Vec<(StmtId, StmtId)> = f
         .statements

@@ -2,13 +2,13 @@
 
 use naga::{Binding, ShaderStage};
 
+use super::binding_sources::parts;
 use super::gradients::{self, Failed, Shaded};
 use super::ids::{self, Triangles};
 use super::lists::{self, Lists};
-use super::parts::parts;
 use super::resolve::{self, Built, Keeps, Resolve, Runs};
 use super::text::{self, Slots};
-use super::{Ids, Params, Select, SplitMaterial, VisibilityBuffer, kept, legal, refuse};
+use super::{Ids, Params, Select, SplitMaterial, VisibilityBuffer, legal, refuse, stored_vertices};
 use crate::rebuild::place;
 use crate::rebuild::snippet::Linked;
 use preshade_ir::declared::Declared;
@@ -210,13 +210,16 @@ impl SplitMaterial<'_> {
         params: &Params,
         slots: Slots,
     ) -> Result<BindingUse, String> {
-        let module = place::retain(&keeps.module, &[(ShaderStage::Compute, kept::ENTRY)]);
+        let module = place::retain(
+            &keeps.module,
+            &[(ShaderStage::Compute, stored_vertices::ENTRY)],
+        );
         let program = self.opaque.program.with_module(module);
         let program = program.map_err(|e| e.to_string())?;
         let bound = |attributes: usize| {
             let binding = slots.first + Slots::STREAMS + attributes as u32;
             let part = GeometryPart::Vertices {
-                buffer: kept::BUFFER.to_owned(),
+                buffer: stored_vertices::BUFFER.to_owned(),
             };
             lists::bound((slots.group, binding), BindingSource::Geometry { part })
         };
@@ -227,11 +230,16 @@ impl SplitMaterial<'_> {
         let pass = ComputePass {
             draws: Draws::Opaque,
             bindings,
-            ..ComputePass::new("vertices", kept::ENTRY, kept::WORKGROUP, geometry)
+            ..ComputePass::new(
+                "vertices",
+                stored_vertices::ENTRY,
+                stored_vertices::WORKGROUP,
+                geometry,
+            )
         };
         plan.add_compute(pass, program);
         plan.vertex_buffers.push(VertexBuffer {
-            name: kept::BUFFER.to_owned(),
+            name: stored_vertices::BUFFER.to_owned(),
             stride: keeps.words * 4,
         });
         Ok(bound(0))

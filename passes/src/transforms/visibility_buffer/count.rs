@@ -2,7 +2,7 @@
 
 use naga::ShaderStage;
 
-use super::parts::parts;
+use super::binding_sources::parts;
 use super::text::{self, Slots};
 use super::{Words, resolve};
 use crate::rebuild::place;

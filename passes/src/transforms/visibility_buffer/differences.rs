@@ -15,7 +15,7 @@ use preshade_ir::interface::Io;
 
 /// What rasteriser and resolve round differently, in a fragment stage sliced to its colours.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Reached {
+pub(crate) struct Reached {
     /// Place of the first expression that reads an interpolated value, or that samples at an
     /// implicit level.
     pub rounded: Option<Span>,
@@ -27,7 +27,7 @@ pub struct Reached {
 
 /// The stage's uses of quad neighbours, if the driver chooses them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Taken {
+pub(crate) struct Taken {
     /// `dpdx`, `dpdy`, `fwidth`.
     pub derivatives: bool,
     /// The `Coarse` variants.
@@ -46,7 +46,7 @@ impl Taken {
 }
 
 /// Looks through the values of a stage.
-pub fn reached(values: &Values<'_, '_>) -> Reached {
+pub(crate) fn reached(values: &Values<'_, '_>) -> Reached {
     let users = values.users();
     let mut out = Reached::default();
     let mut first: Option<ValueId> = None;

@@ -33,7 +33,7 @@ use preshade_plan::rasterizer::{Neighbours, Rasterizer};
 use preshade_text::refusals::RefusalInfo;
 
 /// First location of gradient inputs, beyond all of the author's.
-pub const GRADIENTS: u32 = 1 << 16;
+pub(crate) const GRADIENTS: u32 = 1 << 16;
 
 /// Names of a level's functions.
 const NAMES: outline::Names = outline::Names {
@@ -43,7 +43,7 @@ const NAMES: outline::Names = outline::Names {
 
 /// A function whose differences between pixels are gradients.
 #[derive(Clone, Debug)]
-pub struct Level {
+pub(crate) struct Level {
     /// The function of the fragment stage's inputs.
     pub function: Handle<naga::Function>,
     /// The input for each argument, or for each member of a struct argument.
@@ -59,7 +59,7 @@ pub struct Level {
 
 /// A program whose fragment stage has no derivatives.
 #[derive(Clone, Debug)]
-pub struct Explicit {
+pub(crate) struct Explicit {
     /// The program, including the functions of the levels.
     pub program: Program,
     /// Levels in call order.
@@ -68,7 +68,7 @@ pub struct Explicit {
 
 /// Why a derivative cannot be computed from neighbouring evaluations.
 #[derive(Clone, Debug)]
-pub enum Failed {
+pub(crate) enum Failed {
     /// The author's code prevents it: code, reason and place.
     Refused(&'static RefusalInfo, String, Span),
     /// A bug in preshade.
@@ -82,7 +82,7 @@ impl Failed {
 }
 
 /// The remedy for a refused derivative.
-pub fn remedy(info: &RefusalInfo) -> &'static str {
+pub(crate) fn remedy(info: &RefusalInfo) -> &'static str {
     match info.code {
         "gradient-in-loop" => {
             "compute the derivative before the loop; within it, sample with explicit gradients or \
@@ -101,7 +101,7 @@ pub fn remedy(info: &RefusalInfo) -> &'static str {
 }
 
 /// A fragment stage that was sliced to its colours.
-pub struct Shaded<'g, 'p> {
+pub(crate) struct Shaded<'g, 'p> {
     /// The values of the stage, unless there are too many.
     pub values: Result<Values<'g, 'p>, TooLarge>,
     /// Index of the stage.
@@ -125,7 +125,7 @@ impl<'g, 'p> Shaded<'g, 'p> {
 ///
 /// # Errors
 /// [`Failed`].
-pub fn explicit(shaded: &Shaded<'_, '_>, like: &Rasterizer) -> Result<Explicit, Failed> {
+pub(crate) fn explicit(shaded: &Shaded<'_, '_>, like: &Rasterizer) -> Result<Explicit, Failed> {
     let entry = shaded.fragment;
     let mut made = Levels {
         levels: Vec::new(),

@@ -24,13 +24,13 @@ use preshade_plan::geometry::Formats;
 use preshade_plan::plan::AttributeUse;
 
 /// Entry point name.
-pub const VERTEX: &str = "vs_visible_ids";
+pub(crate) const VERTEX: &str = "vs_visible_ids";
 /// Entry point name.
-pub const FRAGMENT: &str = "fs_visible_ids";
+pub(crate) const FRAGMENT: &str = "fs_visible_ids";
 
 /// How a resolve knows the facing of a pixel's triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Facing {
+pub(crate) enum Facing {
     /// It does not read it, or only front faces are visible.
     Front,
     /// Only back faces are visible.
@@ -41,7 +41,7 @@ pub enum Facing {
 }
 
 /// How a fragment knows its triangle.
-pub enum Triangles<'a> {
+pub(crate) enum Triangles<'a> {
     /// From the builtin `primitive_index`.
     PrimitiveIndex,
     /// From a flat varying of unshared vertices: the attributes to fetch and their bindings.
@@ -102,7 +102,7 @@ impl IdStage {
 ///
 /// # Errors
 /// A message: our own text does not parse or link, or an input has no source.
-pub fn add(
+pub(crate) fn add(
     module: Module,
     vertex: &str,
     fragment: Option<&str>,
@@ -287,7 +287,7 @@ fn vertex_result(
 }
 
 /// Appends an empty entry point and returns its index.
-pub fn new_entry(
+pub(crate) fn new_entry(
     module: &mut Module,
     stage: ShaderStage,
     name: &str,

@@ -17,7 +17,7 @@ use preshade_text::refusals::RefusalInfo;
 use preshade_text::source::SourceMap;
 
 /// Checks the state of a pass.
-pub fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
+pub(crate) fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
     let mut refusals = Vec::new();
     if pass.primitive.topology != Topology::TriangleList {
         refusals.push(refuse(
@@ -58,7 +58,7 @@ pub fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
 
 /// The refusal of a rounding contract, if colours depend on what rasteriser and resolve round
 /// differently.
-pub fn rounding(reached: &Reached, sources: &SourceMap) -> Option<Refusal> {
+pub(crate) fn rounding(reached: &Reached, sources: &SourceMap) -> Option<Refusal> {
     let reason = "the colours depend on interpolated values or on an implicit level of detail. \
                   No language defines the last bits of either, and shading may multiply them";
     let remedy = "set budget=0.05, for example, and let `verify` measure the difference";
@@ -66,7 +66,7 @@ pub fn rounding(reached: &Reached, sources: &SourceMap) -> Option<Refusal> {
 }
 
 /// Checks that the vertex stage can run for three corners in one invocation.
-pub fn vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
+pub(crate) fn vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
     let mut refusals = Vec::new();
     let module = opaque.program.module();
     let entry = &module.entry_points[opaque.vertex];
@@ -103,7 +103,7 @@ pub fn vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
 
 /// Depth ranges of the viewports of a material's draws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum DepthRange {
+pub(crate) enum DepthRange {
     /// 0 to 1, as far as known.
     Whole,
     /// A draw has another.
@@ -112,7 +112,7 @@ pub enum DepthRange {
 
 /// Checks that the fragment stage can run on reconstructed inputs. `colors` is the slice of its
 /// colours, because a struct of inputs may have members that they do not need.
-pub fn fragment(opaque: &Opaque<'_>, colors: &Slice, depths: DepthRange) -> Vec<Refusal> {
+pub(crate) fn fragment(opaque: &Opaque<'_>, colors: &Slice, depths: DepthRange) -> Vec<Refusal> {
     let mut refusals = Vec::new();
     let module = opaque.program.module();
     let fragment = colors.entry;
@@ -236,7 +236,7 @@ fn user(module: &Module, variable: Handle<GlobalVariable>) -> Option<&str> {
 }
 
 /// How the resolve knows the facing of a pixel.
-pub fn facing(opaque: &Opaque<'_>, colors: &Slice) -> Facing {
+pub(crate) fn facing(opaque: &Opaque<'_>, colors: &Slice) -> Facing {
     let module = opaque.program.module();
     let all = interface::inputs(module, &module.entry_points[colors.entry].function);
     let asks = colors
@@ -253,7 +253,7 @@ pub fn facing(opaque: &Opaque<'_>, colors: &Slice) -> Facing {
 
 /// A colour that a compute stage writes.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Stored {
+pub(crate) struct Stored {
     pub location: u32,
     /// Storage texture format in WGSL.
     pub format: &'static str,
@@ -269,14 +269,14 @@ impl Stored {
 
 /// Encoding before a storage write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Encoding {
+pub(crate) enum Encoding {
     Linear,
     /// sRGB: a render target would encode it, a storage texture does not.
     Srgb,
 }
 
 /// The colours that a compute stage would write.
-pub fn stored(pass: &GpuPass) -> Result<Vec<Stored>, Box<Refusal>> {
+pub(crate) fn stored(pass: &GpuPass) -> Result<Vec<Stored>, Box<Refusal>> {
     const FORMATS: [(&str, &str, Encoding); 4] = [
         ("rgba8unorm", "rgba8unorm", Encoding::Linear),
         ("rgba8unorm-srgb", "rgba8unorm", Encoding::Srgb),

@@ -29,7 +29,7 @@ use preshade_plan::program::Program;
 
 /// The lists of a resolve.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Lists {
+pub(crate) enum Lists {
     /// No list: all pixels of the screen.
     None,
     /// Tiles, drawn as two triangles each.
@@ -280,7 +280,7 @@ fn of_frame(buffer: &str) -> BindingSource {
 }
 
 /// A read-only buffer or texture of the plan's own.
-pub fn bound((group, binding): (u32, u32), source: BindingSource) -> BindingUse {
+pub(crate) fn bound((group, binding): (u32, u32), source: BindingSource) -> BindingUse {
     BindingUse::new([group, binding], BindingKind::StorageRead, source)
 }
 

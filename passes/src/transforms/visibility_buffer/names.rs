@@ -17,7 +17,7 @@ const ENTRY_POINTS: [&str; 5] = [
 ];
 
 /// A name of the author's that avoids those of generated entry points.
-pub fn given(name: &str) -> String {
+pub(crate) fn given(name: &str) -> String {
     match ENTRY_POINTS.contains(&name) {
         true => format!("{name}_given"),
         false => name.to_owned(),
@@ -26,7 +26,7 @@ pub fn given(name: &str) -> String {
 
 /// Renames the author's entry points, functions, types, variables and constants that collide with
 /// generated entry points. Overrides keep their names, because hosts set them by name.
-pub fn without_ours(module: &mut Module) {
+pub(crate) fn without_ours(module: &mut Module) {
     let rename = |name: &mut Option<String>| {
         if let Some(name) = name {
             *name = given(name);
@@ -59,7 +59,7 @@ pub fn without_ours(module: &mut Module) {
 }
 
 /// Renames locals that collide with overrides, because hosts set overrides by name.
-pub fn give_way_to_overrides(module: &mut Module) {
+pub(crate) fn give_way_to_overrides(module: &mut Module) {
     let overrides = module.overrides.iter();
     let held: BTreeSet<String> = overrides.filter_map(|(_, o)| o.name.clone()).collect();
     for (_, function) in module.functions.iter_mut() {

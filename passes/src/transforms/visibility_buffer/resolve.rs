@@ -16,10 +16,10 @@ use naga::{
 
 use super::gradients::{Explicit, GRADIENTS, Level};
 use super::ids::{Facing, new_entry};
-use super::kept::{Access, KeptVertices};
 use super::legal::Stored;
 use super::lists::Lists;
 use super::stage::{ResolveStage, Shader, colors};
+use super::stored_vertices::{Access, KeptVertices};
 use super::text::{self, Slots};
 use super::{Select, Vertices, Words};
 use crate::graph::{FunctionId, Graph};
@@ -35,14 +35,14 @@ use preshade_plan::program::Program;
 use preshade_plan::rasterizer::Corners;
 
 /// Entry point name.
-pub const VERTEX: &str = "vs_visible";
+pub(crate) const VERTEX: &str = "vs_visible";
 /// Entry point name.
-pub const FRAGMENT: &str = "fs_visible";
+pub(crate) const FRAGMENT: &str = "fs_visible";
 /// Entry point name.
-pub const COMPUTE: &str = "cs_visible";
+pub(crate) const COMPUTE: &str = "cs_visible";
 
 /// The inputs of the resolve pass.
-pub struct Resolve<'a> {
+pub(crate) struct Resolve<'a> {
     /// The graph of the author's program.
     pub graph: &'a Graph<'a>,
     /// The fragment stage without derivatives, sliced to its colours.
@@ -73,7 +73,7 @@ pub struct Resolve<'a> {
 
 /// Where the resolve runs.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub enum Runs {
+pub(crate) enum Runs {
     /// In the fragment stage of a full-screen pass.
     Fragment,
     /// In a compute stage that writes these colours.
@@ -81,10 +81,10 @@ pub enum Runs {
 }
 
 /// Side of the compute workgroups, in pixels.
-pub const WORKGROUP: u32 = 8;
+pub(crate) const WORKGROUP: u32 = 8;
 
 /// A resolve stage and the attributes it fetches.
-pub struct Built {
+pub(crate) struct Built {
     pub module: Module,
     pub attributes: Vec<AttributeUse>,
     /// The stage that stores vertices for it, and the attributes that stage fetches.
@@ -92,7 +92,7 @@ pub struct Built {
 }
 
 /// The compute stage that stores vertices.
-pub struct Keeps {
+pub(crate) struct Keeps {
     pub module: Module,
     pub attributes: Vec<AttributeUse>,
     /// Words per vertex.
@@ -100,7 +100,7 @@ pub struct Keeps {
 }
 
 /// The criteria for the colours of a fragment stage.
-pub fn colors_of(module: &Module, fragment: &Function) -> Vec<Criterion> {
+pub(crate) fn colors_of(module: &Module, fragment: &Function) -> Vec<Criterion> {
     interface::outputs(module, fragment)
         .iter()
         .filter_map(|o| match o.binding {
@@ -116,7 +116,7 @@ pub fn colors_of(module: &Module, fragment: &Function) -> Vec<Criterion> {
 ///
 /// # Errors
 /// The slice doesn't validate: a bug.
-pub fn shaded(graph: &Graph<'_>, colors: &Slice) -> Result<Program, String> {
+pub(crate) fn shaded(graph: &Graph<'_>, colors: &Slice) -> Result<Program, String> {
     let program = graph.program();
     let name = format!(
         "{}_shaded",
@@ -442,7 +442,7 @@ impl VertexStage {
 }
 
 /// Number of components of a scalar or vector.
-pub fn width(inner: &TypeInner) -> u8 {
+pub(crate) fn width(inner: &TypeInner) -> u8 {
     match inner {
         TypeInner::Vector { size, .. } => *size as u8,
         _ => 1,

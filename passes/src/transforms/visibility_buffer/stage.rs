@@ -75,7 +75,7 @@ impl Shader {
 }
 
 /// The fragment stage under construction, and its callees.
-pub struct ResolveStage<'a> {
+pub(crate) struct ResolveStage<'a> {
     pub corner: Handle<Function>,
     pub author: &'a VertexStage,
     pub shade: &'a Shader,
@@ -89,7 +89,7 @@ pub struct ResolveStage<'a> {
 }
 
 /// The colours in the fragment stage's result.
-pub enum Colors {
+pub(crate) enum Colors {
     /// The result is a colour.
     One(Colored),
     /// They are members. `None`: the second source of a blend, which an opaque pass does not read.
@@ -98,14 +98,14 @@ pub enum Colors {
 
 /// A colour.
 #[derive(Clone, Copy)]
-pub struct Colored {
+pub(crate) struct Colored {
     location: u32,
     /// Bytes per component.
     width: u8,
 }
 
 /// The colours in the author's result.
-pub fn colors(module: &Module, result: &FunctionResult) -> Colors {
+pub(crate) fn colors(module: &Module, result: &FunctionResult) -> Colors {
     let color = |ty: Handle<Type>, b: &Option<Binding>| Colored {
         location: match b {
             Some(Binding::Location { location, .. }) => *location,

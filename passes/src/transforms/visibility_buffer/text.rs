@@ -20,7 +20,7 @@ use preshade_plan::plan::AttributeUse;
 use preshade_plan::rasterizer::Corners;
 
 /// Prefixes of generated functions and variables.
-pub const NAMES: Names = Names {
+pub(crate) const NAMES: Names = Names {
     function: "visible",
     variable: "visibility",
 };
@@ -28,7 +28,7 @@ pub const NAMES: Names = Names {
 /// Generated bindings from `first` on, in this order: the draw's entry, the ids, the indices, a
 /// stream per attribute.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Slots {
+pub(crate) struct Slots {
     pub group: u32,
     pub first: u32,
 }
@@ -38,14 +38,13 @@ impl Slots {
     pub const ENTRY: u32 = 0;
     /// The texture of ids.
     pub const IDS: u32 = 1;
-    /// The indices.
     pub const INDICES: u32 = 2;
     /// The first attribute's stream.
     pub const STREAMS: u32 = 3;
 }
 
 /// The draw's entry with this many attributes ([`preshade_plan::draw_table::Entry`]).
-pub fn entry(slots: Slots, attributes: usize) -> String {
+pub(crate) fn entry(slots: Slots, attributes: usize) -> String {
     let Slots { group, first } = slots;
     let streams = match attributes {
         0 => String::new(),
@@ -72,7 +71,7 @@ pub fn entry(slots: Slots, attributes: usize) -> String {
 
 /// The functions of an id pass: `visible_id_of(instance)` and `visible_written(id)`, which encodes
 /// an id for writing; with facing, `visible_written(id, front)`.
-pub fn ids(words: Words, facing: Facing) -> String {
+pub(crate) fn ids(words: Words, facing: Facing) -> String {
     let bits = "visibility.triangle_bits";
     let (ty, written) = match words {
         Words::Two => ("vec2<u32>", "id".to_owned()),
@@ -101,7 +100,7 @@ fn visible_written(id: vec2<u32>{argument}) -> {ty} {{
 }
 
 /// Corners of triangles and their attributes.
-pub fn vertices(slots: Slots, attributes: &[AttributeUse], formats: Formats) -> String {
+pub(crate) fn vertices(slots: Slots, attributes: &[AttributeUse], formats: Formats) -> String {
     let Slots { group, first } = slots;
     let mut out = fetch::corners(NAMES, group, first + Slots::INDICES);
     out.push_str(&fetch::attributes(
@@ -115,7 +114,7 @@ pub fn vertices(slots: Slots, attributes: &[AttributeUse], formats: Formats) -> 
 
 /// The additional functions of a resolve pass: the pixel's id, and its place in the triangle.
 /// `widths` are those of the interpolated varyings.
-pub fn resolve(slots: Slots, widths: &[u8], words: Words, corners: Corners) -> String {
+pub(crate) fn resolve(slots: Slots, widths: &[u8], words: Words, corners: Corners) -> String {
     let bits = "visibility.triangle_bits";
     let mut out = texture_of_ids(slots.group, slots.first + Slots::IDS, words, bits);
     out.push_str(NUMBER);
@@ -146,7 +145,7 @@ pub fn resolve(slots: Slots, widths: &[u8], words: Words, corners: Corners) -> S
 }
 
 /// The vertex stage of a full-screen pass at the depth of its draw.
-pub const SCREEN: &str = "@vertex
+pub(crate) const SCREEN: &str = "@vertex
 fn vs_visible(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
     let depth = visible_number(visibility.number);
     return vec4<f32>(f32(vertex & 1u) * 4.0 - 1.0, f32(vertex >> 1u) * 4.0 - 1.0, depth, 1.0);
@@ -172,7 +171,7 @@ const NORMALIZED: &str = "fn visible_number_of(color: vec4<f32>) -> vec4<f32> {
 
 /// The additional code of a compute resolve: pixels, and the colours to write, bound from `first`
 /// on.
-pub fn compute(group: u32, first: u32, targets: &[Stored]) -> String {
+pub(crate) fn compute(group: u32, first: u32, targets: &[Stored]) -> String {
     let mut out = "fn visible_outside(id: vec3<u32>) -> bool {
     let size = textureDimensions(visibility_ids);
     return id.x >= size.x || id.y >= size.y;
@@ -211,7 +210,7 @@ fn visible_store_{location}_(id: vec3<u32>, color: vec4<f32>) {{
 }
 
 /// The pass that clears the scene's colour: a triangle out of sight.
-pub fn clear(locations: &[u32]) -> String {
+pub(crate) fn clear(locations: &[u32]) -> String {
     let members: String = locations
         .iter()
         .map(|l| format!("    @location({l}) color_{l}_: vec4<f32>,\n"))
@@ -232,7 +231,7 @@ fn fs_clear() -> VisibleCleared {{
 }
 
 /// The pass that counts the pixels of a draw.
-pub fn count(words: Words) -> String {
+pub(crate) fn count(words: Words) -> String {
     let slots = Slots { group: 0, first: 0 };
     let mut out = entry(slots, 0);
     out.push_str(&resolve(slots, &[], words, Corners::AsGiven));
@@ -280,13 +279,13 @@ fn visible_id(at: vec4<f32>) -> vec2<u32> {{
 }
 
 /// Binding of the ids in the pass that separates draws.
-pub const CLASSIFY_IDS: u32 = 0;
+pub(crate) const CLASSIFY_IDS: u32 = 0;
 /// Binding of the draw table in the pass that separates draws.
-pub const CLASSIFY_TABLE: u32 = 1;
+pub(crate) const CLASSIFY_TABLE: u32 = 1;
 
 /// The ids, the draw table, and `visible_draw(id)`: the number of the last draw whose first id is
 /// not beyond the pixel's.
-pub fn drawn(words: Words) -> String {
+pub(crate) fn drawn(words: Words) -> String {
     let mut out = format!(
         "@group(0) @binding({CLASSIFY_TABLE}) var<storage, read> visibility_table: array<u32>;\n"
     );
@@ -317,7 +316,7 @@ pub fn drawn(words: Words) -> String {
 }
 
 /// The pass that separates draws: it writes the number of each pixel's draw as depth.
-pub fn classify(words: Words) -> String {
+pub(crate) fn classify(words: Words) -> String {
     let mut out = drawn(words);
     out.push_str(NUMBER);
     let _ = write!(

@@ -98,7 +98,6 @@ pub(super) enum SamplerMemberType {
 }
 
 impl SamplerMember {
-    /// The struct it is of.
     pub fn of_struct(&self) -> Option<&String> {
         match &self.ty {
             SamplerMemberType::Struct(name) => Some(name),

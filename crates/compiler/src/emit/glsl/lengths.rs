@@ -106,7 +106,7 @@ pub(super) fn numbered(program: &Program, module: &Module) -> Option<Module> {
 }
 
 /// The lengths of a stage's text.
-pub(super) struct Written<'p> {
+pub struct Written<'p> {
     /// In brackets, the number in naga's text.
     number: String,
     default: u32,

@@ -29,7 +29,6 @@ pub(super) struct SplitUniforms {
 pub(super) struct LooseUniform {
     /// The author's name.
     pub name: String,
-    /// Its variable.
     pub variable: Handle<GlobalVariable>,
     /// The block's group and binding.
     pub binding: [u32; 2],
@@ -103,7 +102,6 @@ pub(super) fn split(module: &Module, declared: &Declared) -> Result<SplitUniform
 
 /// A uniform variable of the rebuilt module.
 enum UniformRoot {
-    /// A block.
     Block,
     /// The block of loose uniforms: variable and type of each member, `None` for padding.
     LooseUniform(Vec<Option<(Handle<GlobalVariable>, Handle<Type>)>>),

@@ -18,7 +18,6 @@ pub(super) struct TextureCopies {
     pub of: HashMap<ResourceBinding, ResourceBinding>,
 }
 
-/// A texture and its sampler.
 type TextureSampler = (Handle<GlobalVariable>, Handle<GlobalVariable>);
 
 /// A texture with several samplers that cannot be split.

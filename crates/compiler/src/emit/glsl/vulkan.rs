@@ -8,7 +8,7 @@ use preshade_ir::declared::{self, Chosen, CombinedSampler};
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 
-use super::apart::{self, Separate};
+use super::separate_textures::{self, Separate};
 use super::text::Unexpected;
 use crate::emit::combined::{CombinedSamplers, Place, element};
 use crate::emit::overrides::{SpecIds, Variable};
@@ -306,7 +306,7 @@ fn textures(
         };
         let ty = line[at..].split(' ').next().unwrap_or_default();
         let prefix = line[..at].rsplit(' ').next().unwrap_or_default();
-        let [texture_type, sampler_type] = apart::split(ty);
+        let [texture_type, sampler_type] = separate_textures::split(ty);
         declarations.push(format!("{}{texture_type} {name};", &line[..at]));
         let Some(sampler) = sampler else {
             fetched = true;
@@ -328,7 +328,7 @@ fn textures(
         constructed.insert(name.clone(), separate);
     }
     let whole: String = declarations.iter().map(|l| format!("{l}\n")).collect();
-    let mut out = apart::combined_at_use(&whole, &constructed).map_err(|name| {
+    let mut out = separate_textures::combined_at_use(&whole, &constructed).map_err(|name| {
         Unexpected(format!(
             "the combined sampler `{name}` passed to a function that takes a texture too"
         ))

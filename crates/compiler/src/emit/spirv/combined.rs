@@ -236,7 +236,6 @@ fn array(module: &Builder, ty: u32) -> Option<[Option<u32>; 2]> {
     })
 }
 
-/// The variable of a binding.
 fn variable_at(module: &Builder, (set, binding): Place) -> Option<u32> {
     let decorations = interface::decorations(module.module_ref());
     let is = |id: u32, decoration, n| {

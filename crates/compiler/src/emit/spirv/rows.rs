@@ -24,7 +24,6 @@ use naga_spirv::words::{ids, replace_ids, rewrite};
 struct Turned {
     /// As the IR has it.
     own: u32,
-    /// As the author has it.
     author: u32,
 }
 

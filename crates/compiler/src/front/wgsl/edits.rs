@@ -19,7 +19,6 @@ impl Edits {
         self.0.is_empty()
     }
 
-    /// The edited text.
     pub(super) fn applied(&self, text: &str) -> String {
         let mut out = String::with_capacity(text.len());
         let mut copied = 0;

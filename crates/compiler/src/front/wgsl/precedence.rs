@@ -27,9 +27,7 @@ const KEYWORDS: [&str; 12] = [
 struct Before<'t> {
     /// Any of them.
     any: Option<&'t str>,
-    /// `&`, `|` or `^`.
     bits: Option<&'t str>,
-    /// `&&` or `||`.
     logic: Option<&'t str>,
     /// Since the last `&&` or `||`.
     comparison: Option<&'t str>,

@@ -39,7 +39,6 @@ const SIGNS: [&str; 21] = [
     "*=", "/=", "%=", "&=", "|=", "^=",
 ];
 
-/// The tokens of `text`.
 pub(super) fn tokens(text: &str) -> Vec<Token<'_>> {
     let blank = without_comments(text);
     let raw: Vec<(TokenKind, Range<usize>)> = text::tokens(&blank).collect();

@@ -33,12 +33,11 @@ use webgl::Programs;
 pub struct LeftOut {
     /// The object: `render pipeline 3`.
     pub what: String,
-    /// Why.
     pub why: String,
 }
 
 /// A capture on a device.
-pub struct Replay<'a> {
+pub(crate) struct Replay<'a> {
     gpu: &'a Gpu,
     capture: &'a Capture,
     objects: Objects,
@@ -60,7 +59,7 @@ impl std::fmt::Debug for Replay<'_> {
 
 /// Where a frame ends for the replay.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Until {
+pub(crate) enum Until {
     /// After its last command.
     End,
     /// Before the command of this number.

@@ -7,13 +7,13 @@ use glam::{Mat4, Vec3};
 use gltf::mesh::Mode;
 use preshade_plan::state::{ColorTarget, MaterialState, Topology};
 
-use super::asked::{Drawn, Reads, instances, posed, state};
 use super::built_in::{self, Words};
+use super::cameras_and_lights::{self, Lit, MOST_LIGHTS, Seen};
 use super::file::{Asset, Below, Nodes, Read};
 use super::look::{Look, Pictures};
 use super::mapping::{self, Mapped};
 use super::primitive::{self, Missing};
-use super::seen::{self, Lit, MOST_LIGHTS, Seen};
+use super::requirements::{Drawn, Reads, instances, posed, state};
 use crate::scene::file::DrawEntry;
 use crate::scene::load::{Loader, transform, values};
 use crate::scene::mesh::{Gltf, Placed, Rigged, bounds};
@@ -153,7 +153,11 @@ impl Loader<'_> {
                 })
             })
         });
-        Some(vec![seen::framing(bounds(corners), aspect, direction)])
+        Some(vec![cameras_and_lights::framing(
+            bounds(corners),
+            aspect,
+            direction,
+        )])
     }
 
     /// Adds the draws of a part of a glTF file.
@@ -204,7 +208,7 @@ impl Loader<'_> {
         let placed = gltf.placed(&asset.document, &below);
         gltf.check_sizes(&placed, &asset, &take)?;
         let place = transform(entry.translate, entry.rotate, entry.scale.as_ref());
-        let mut lights = seen::lights(&below, &nodes, place);
+        let mut lights = cameras_and_lights::lights(&below, &nodes, place);
         let first = lights.iter().find(|l| l.is_directional());
         parts.light = parts.light.or(first.map(|l| (-l.direction, l.color)));
         if lights.is_empty() {
@@ -218,7 +222,9 @@ impl Loader<'_> {
             ));
             lights.truncate(MOST_LIGHTS);
         }
-        parts.cameras.extend(seen::cameras(&below, &nodes, place));
+        parts
+            .cameras
+            .extend(cameras_and_lights::cameras(&below, &nodes, place));
         parts.is_asset = true;
         let hold = |bytes| self.hold(bytes);
         let pictures = Pictures::new(&asset, read, limits, &hold);

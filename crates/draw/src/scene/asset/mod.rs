@@ -1,13 +1,13 @@
 //! glTF files as they are: nodes, primitives, materials, cameras and lights as a scene's draws.
 
-mod asked;
 mod built_in;
+mod cameras_and_lights;
 pub(super) mod file;
 mod import;
 mod look;
 mod mapping;
 pub(super) mod primitive;
-mod seen;
+mod requirements;
 
 use std::path::{Path, PathBuf};
 

@@ -27,7 +27,6 @@ pub(super) enum ValueOrigin {
 /// An input that the scene does not set.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Guessed {
-    /// Material.
     pub material: String,
     /// Variable, `variable.member`, or attribute.
     pub name: String,
@@ -62,10 +61,7 @@ pub enum Guess {
     /// A depth texture, cleared to 1.
     TextureCleared,
     /// A vertex attribute whose name says nothing, with a stream of the mesh.
-    AttributeByUse {
-        /// The stream.
-        stream: String,
-    },
+    AttributeByUse { stream: String },
     /// A vertex attribute that the mesh does not have.
     AttributeSynthesised,
 }

@@ -82,7 +82,6 @@ const INSTANCE_BUFFERS: &[&str] = &[
     "perinstance",
 ];
 
-/// The source of an attribute.
 #[derive(Clone, Debug, PartialEq)]
 enum AttributeSource {
     Vertex(String),

@@ -11,7 +11,7 @@ use preshade_text::limits::Limits;
 
 /// How to read the texels of a file that does not say it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(in crate::scene) struct Reading {
+pub struct Reading {
     /// Whether bytes are sRGB-encoded. Floats never are, and a KTX2 file says it.
     pub srgb: bool,
     /// Whether to compute mip levels, where the file has none.

@@ -9,8 +9,7 @@ use Dimensions::{Mat4, Scalar, Vec2, Vec3, Vec4};
 
 /// The size of a primitive's data.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub(super) struct Cost {
-    /// Vertices.
+pub struct Cost {
     pub vertices: u64,
     /// Bytes of the data, with 4 bytes per number.
     pub bytes: u64,
@@ -90,7 +89,7 @@ pub(super) fn of_skin(skin: &gltf::Skin<'_>, buffers: &[usize]) -> Result<(), St
 
 /// Checks that an accessor has one of these types and fits its buffer (glTF 2.0, sections 3.6.2.2
 /// to 3.6.2.4).
-pub(in crate::scene) fn check(
+pub fn check(
     accessor: &Accessor<'_>,
     types: &[DataType],
     shapes: &[Dimensions],

@@ -38,7 +38,6 @@ impl Default for Stairs {
 }
 
 impl Stairs {
-    /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
         let mut b = MeshBuilder::default();
         let steps = self.steps.clamp(1, 1000);
@@ -129,7 +128,6 @@ impl Default for Arch {
 }
 
 impl Arch {
-    /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
         let mut b = MeshBuilder::default();
         let n = self.segments.clamp(2, 4096);
@@ -237,7 +235,6 @@ impl Default for Column {
 const GAP: f32 = 0.01;
 
 impl Column {
-    /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
         let mut b = MeshBuilder::default();
         let slab = self.radius * 0.4;
@@ -311,7 +308,6 @@ impl Default for Curtain {
 }
 
 impl Curtain {
-    /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
         let mut b = MeshBuilder::default();
         let [w, h] = self.size;

@@ -32,7 +32,6 @@ impl Default for Cards {
 }
 
 impl Cards {
-    /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
         let mut builder = MeshBuilder::default();
         let [width, height] = self.size;

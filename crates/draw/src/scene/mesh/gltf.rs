@@ -36,7 +36,6 @@ pub(in crate::scene) type Placed<'g> = (gltf::Mesh<'g>, Option<gltf::Node<'g>>);
 /// A mesh with its pose.
 #[derive(Clone, Debug)]
 pub struct Rigged {
-    /// The mesh.
     pub mesh: Mesh,
     /// Joint matrices of the file's pose with the inverse bind pose applied; empty without a skin.
     pub joints: Arc<[Mat4]>,

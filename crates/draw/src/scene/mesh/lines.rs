@@ -13,7 +13,6 @@ use crate::scene::{Mesh, Stream};
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct WireSphere {
-    /// Radius.
     pub radius: f32,
     /// Meridians.
     pub segments: u32,
@@ -32,7 +31,6 @@ impl Default for WireSphere {
 }
 
 impl WireSphere {
-    /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
         let (n, m) = (self.segments.max(3), self.rings.max(2));
         let (mut positions, mut normals, mut indices) = (Vec::new(), Vec::new(), Vec::new());
@@ -77,7 +75,6 @@ pub struct Vertices {
 }
 
 impl Vertices {
-    /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
         Mesh {
             name: name.to_owned(),

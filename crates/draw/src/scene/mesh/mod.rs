@@ -106,7 +106,7 @@ impl MeshBuilder {
 }
 
 /// The bounding box of points; all zero without points.
-pub fn bounds(points: impl IntoIterator<Item = Vec3>) -> [Vec3; 2] {
+pub(crate) fn bounds(points: impl IntoIterator<Item = Vec3>) -> [Vec3; 2] {
     points
         .into_iter()
         .map(|p| [p, p])

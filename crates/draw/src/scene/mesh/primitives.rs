@@ -57,7 +57,6 @@ impl Cuboid {
         }
     }
 
-    /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
         let mut builder = MeshBuilder::default();
         self.add(&mut builder, Vec3::ZERO);
@@ -88,7 +87,6 @@ impl Default for Plane {
 }
 
 impl Plane {
-    /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
         let mut builder = MeshBuilder::default();
         let [w, d] = self.size;
@@ -110,7 +108,6 @@ impl Plane {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Sphere {
-    /// Radius.
     pub radius: f32,
     /// Cells around the equator.
     pub segments: u32,
@@ -129,7 +126,6 @@ impl Default for Sphere {
 }
 
 impl Sphere {
-    /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
         let mut builder = MeshBuilder::default();
         builder.patch([self.segments.max(3), self.rings.max(2)], |s, t| {

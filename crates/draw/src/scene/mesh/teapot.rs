@@ -89,7 +89,6 @@ enum Rows {
 }
 
 impl Teapot {
-    /// The mesh.
     pub fn mesh(self, name: &str) -> Mesh {
         let mut b = MeshBuilder::default();
         let [round, along] = self.segments.map(|n| n.clamp(1, 256));

@@ -7,17 +7,16 @@ use naga::{
 use preshade_ir::writer::emit_existing;
 
 /// A 32-bit word of a buffer.
-pub const WORD: TypeInner = TypeInner::Scalar(Scalar::U32);
+pub(crate) const WORD: TypeInner = TypeInner::Scalar(Scalar::U32);
 
-/// The handle of a type.
-pub fn ty(module: &mut Module, inner: TypeInner) -> Handle<Type> {
+pub(crate) fn ty(module: &mut Module, inner: TypeInner) -> Handle<Type> {
     module
         .types
         .insert(Type { name: None, inner }, Span::UNDEFINED)
 }
 
 /// A function that is being written. Types are the module's.
-pub struct Body<'m> {
+pub(crate) struct Body<'m> {
     pub module: &'m mut Module,
     pub function: Function,
 }
@@ -145,7 +144,7 @@ impl<'m> Body<'m> {
 /// # Errors
 ///
 /// A runtime-sized array, or a type that is no value.
-pub fn parts(module: &mut Module, of: Handle<Type>) -> Result<Vec<Handle<Type>>, String> {
+pub(crate) fn parts(module: &mut Module, of: Handle<Type>) -> Result<Vec<Handle<Type>>, String> {
     let scalar = |module: &mut Module, scalar: Scalar| match scalar.width {
         4 | 1 => Ok(ty(module, TypeInner::Scalar(scalar))),
         _ => Err("it has numbers that are not of 32 bits".to_owned()),

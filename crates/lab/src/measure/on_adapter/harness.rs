@@ -19,21 +19,21 @@ use naga_interp::RUNTIME_ELEMENTS;
 use preshade_ir::interface::{self, Io};
 use preshade_ir::variable::private;
 use preshade_passes::rebuild::place;
-use preshade_validate::elsewhere::Draw;
+use preshade_validate::environment::{PassStages, TestPoint};
+use preshade_validate::executor::Draw;
 use preshade_validate::levels::Levels;
 use preshade_validate::stage::{Slot, Stage, VaryingKind, kind};
-use preshade_validate::world::{PassStages, TestPoint};
 
 use super::body::{Body, WORD, ty};
 use super::rewrite::{Ours, rewritten};
 use super::textures::settled;
 
 /// Name of the entry point.
-pub const ENTRY: &str = "main";
+pub(crate) const ENTRY: &str = "main";
 
 /// A number of an input, by where the words of one draw have it.
 #[derive(Debug)]
-pub enum Given {
+pub(crate) enum Given {
     /// An attribute of a corner.
     Attribute(Io, usize),
     /// Inputs of a fragment stage besides its varyings.
@@ -47,7 +47,7 @@ pub enum Given {
 }
 
 /// A compute stage and the layout of its words.
-pub struct Harness {
+pub(crate) struct Harness {
     /// With an entry point [`ENTRY`] of one invocation a workgroup.
     pub module: Module,
     /// The stage under test.
@@ -87,7 +87,7 @@ struct Making {
 /// # Errors
 ///
 /// The operation that a compute stage does not support, in words.
-pub fn harness(
+pub(crate) fn harness(
     stages: PassStages<'_>,
     at: TestPoint,
     levels: &Arc<Levels>,
@@ -694,9 +694,9 @@ fn initial(
 /// # Errors
 ///
 /// A number is missing.
-pub fn words(harness: &Harness, draw: &Draw<'_>) -> Result<Vec<u32>, String> {
+pub(crate) fn words(harness: &Harness, draw: &Draw<'_>) -> Result<Vec<u32>, String> {
     use naga_interp::Value;
-    use preshade_validate::world::slopes;
+    use preshade_validate::environment::slopes;
     let mut words = Vec::new();
     let missing = |what: &str| format!("there are no numbers for {what}");
     for given in &harness.given {
@@ -759,7 +759,7 @@ fn push(value: &naga_interp::Value, words: &mut Vec<u32>) -> Result<(), String> 
 /// # Errors
 ///
 /// A number is missing.
-pub fn buffers(harness: &Harness, draw: &Draw<'_>) -> Result<Vec<u32>, String> {
+pub(crate) fn buffers(harness: &Harness, draw: &Draw<'_>) -> Result<Vec<u32>, String> {
     let mut words = vec![0; harness.words_of_buffers as usize];
     for (at, ty, offset) in &harness.buffers {
         let value = draw.inputs.resources.get(at);
@@ -811,7 +811,7 @@ fn lay(
 }
 
 /// A value of a type out of words, which are taken from the front.
-pub fn value(
+pub(crate) fn value(
     module: &mut Module,
     ty: Handle<Type>,
     words: &mut impl Iterator<Item = u32>,

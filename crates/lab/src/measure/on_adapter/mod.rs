@@ -16,9 +16,9 @@ use std::sync::Arc;
 
 use preshade_plan::plan::{Plan, Role};
 use preshade_validate as validate;
-use preshade_validate::elsewhere::{Draw, Runner};
+use preshade_validate::environment::{PassStages, TestPoint};
+use preshade_validate::executor::{Draw, Runner};
 use preshade_validate::stage::Ran;
-use preshade_validate::world::{PassStages, TestPoint};
 use preshade_validate::{By, Check, Effort};
 
 use harness::{ENTRY, Harness, buffers, harness, value, words};

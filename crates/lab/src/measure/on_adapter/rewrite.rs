@@ -19,7 +19,7 @@ use preshade_validate::inputs::{
 use preshade_validate::levels::Levels;
 
 /// Variables of ours that a rewritten function reads and writes.
-pub struct Ours {
+pub(crate) struct Ours {
     /// Whether the fragment is discarded.
     pub killed: Handle<GlobalVariable>,
     /// Derivatives of a unit, along x and along y.
@@ -57,7 +57,7 @@ struct Rewriter<'a> {
 /// # Errors
 ///
 /// The operation that a compute stage does not support, in words.
-pub fn rewritten(
+pub(crate) fn rewritten(
     module: &Module,
     old: &Function,
     info: &FunctionInfo,

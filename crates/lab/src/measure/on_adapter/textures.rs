@@ -23,7 +23,7 @@ struct Settling<'m> {
 /// # Errors
 ///
 /// There are too many combinations.
-pub fn settled(module: &Module) -> Result<Module, String> {
+pub(crate) fn settled(module: &Module) -> Result<Module, String> {
     let mut settling = Settling {
         old: module,
         functions: Arena::new(),

@@ -61,7 +61,7 @@ impl<'a> Drawn<'a> {
 }
 
 /// The author's positions.
-pub(super) struct Positions<'a> {
+pub struct Positions<'a> {
     /// Before and now.
     pub scenes: [&'a Scene; 2],
     pub frames: [Frame; 2],
@@ -116,7 +116,6 @@ impl Positions<'_> {
     }
 }
 
-/// The positions of one draw.
 struct DrawPositions<'a> {
     plan: &'a Plan,
     pass: &'a GpuPass,

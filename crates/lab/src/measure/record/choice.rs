@@ -13,7 +13,6 @@ use preshade_compiler::recipe::Recipe;
 /// A budget and the variant it selects.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Chosen {
-    /// The budget.
     #[serde(with = "as_most")]
     pub budget: Budget,
     /// The selection.
@@ -79,7 +78,6 @@ pub enum Choice {
     NoGain {
         /// The fastest of these.
         variant: String,
-        /// Its error.
         error: f64,
         /// The original's time over its own.
         speedup: Estimate,
@@ -88,7 +86,6 @@ pub enum Choice {
     None {
         /// The one that comes nearest, the fastest of several; `None`: none was drawn and kept its promise.
         nearest: Option<String>,
-        /// Its error.
         error: Option<f64>,
         /// The original's time over its own.
         speedup: Option<Estimate>,

@@ -1,10 +1,10 @@
 //! The record of a measurement, as data: the JSON of `verify`. The module `report` prints it.
 
 mod choice;
+pub mod partial_report;
 mod path;
 mod picture;
 mod sweep;
-pub mod unfinished;
 
 use preshade_plan::contract::{Contract, Verdict};
 use serde::{Deserialize, Serialize};
@@ -17,14 +17,14 @@ use preshade_draw::scene::DrawOrder;
 use preshade_draw::scene::bind::Guessed;
 
 pub use choice::{Choice, Chosen};
+pub use partial_report::Unfinished;
 pub use path::PathTime;
 pub(super) use path::times;
 pub use picture::{DIFFERENCE_FACTOR, Elsewhere, FAINTEST, Picture, Pictures, Worst};
 pub use sweep::{SweepPoint, SweepReport};
-pub use unfinished::Unfinished;
 
 /// Version of the JSON that [`Report`] serialises to.
-pub const SCHEMA: &str = "preshade.verify.v1";
+pub(crate) const SCHEMA: &str = "preshade.verify.v1";
 
 /// Name of the first variant: the scene as its author wrote it.
 pub const ORIGINAL: &str = "original";
@@ -80,14 +80,11 @@ pub struct Report {
     pub chosen: Option<Chosen>,
 }
 
-/// One variant.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct VariantReport {
-    /// Name.
     pub name: String,
     /// The recipe that made it, as it is written on a command line.
     pub recipe: String,
-    /// Its contract.
     pub contract: Contract,
     /// Whether measurement confirms the contract.
     pub verdict: Verdict,
@@ -122,9 +119,7 @@ pub struct VariantReport {
 /// The self-test of one plan.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SelfTestReport {
-    /// Material.
     pub material: String,
-    /// Its result.
     #[serde(flatten)]
     pub result: SelfTestResult,
     /// The recipe that the plan names for where it fails.
@@ -134,19 +129,16 @@ pub struct SelfTestReport {
 /// A material that a variant leaves alone, wholly or in part.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct KeptMaterial {
-    /// Material.
     pub material: String,
     /// The skipped step, if other steps changed the material.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub without: Option<String>,
-    /// Why.
     pub why: String,
 }
 
 /// Costs other than GPU time.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Cost {
-    /// Pipelines.
     pub pipelines: usize,
     /// Milliseconds to compile its shaders and build its pipelines. `None`: a job for pictures, whose
     /// result depends on no time.
@@ -167,11 +159,9 @@ pub struct Cost {
 /// One variant in one view.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ViewReport {
-    /// Camera.
     pub camera: String,
     /// Frame of the camera, from 0.
     pub frame: usize,
-    /// Draw order.
     pub order: DrawOrder,
     /// Against the original.
     pub error: ErrorLadder,

@@ -8,9 +8,7 @@ use preshade_draw::scene::DrawOrder;
 /// Times of the frames of one camera path in one order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct PathTime {
-    /// Camera.
     pub camera: String,
-    /// Draw order.
     pub order: DrawOrder,
     /// Frames timed, evenly spaced along the path; two at least.
     pub frames: usize,
@@ -22,7 +20,7 @@ pub struct PathTime {
 }
 
 /// The paths with several timed frames. A frame counts by the median of its samples.
-pub fn times(views: &[ViewReport]) -> Vec<PathTime> {
+pub(crate) fn times(views: &[ViewReport]) -> Vec<PathTime> {
     let mut paths: Vec<(&str, DrawOrder, Vec<f64>)> = Vec::new();
     for view in views {
         let Some(time) = &view.time_ms else {

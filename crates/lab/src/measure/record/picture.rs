@@ -62,7 +62,6 @@ pub struct Worst {
 /// A variant where it is worst for a camera other than the headline's.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Elsewhere {
-    /// Camera.
     pub camera: String,
     /// Camera, frame and order in words.
     pub view: String,

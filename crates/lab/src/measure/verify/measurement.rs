@@ -6,7 +6,7 @@ use std::sync::Arc;
 use preshade_plan::contract::Verdict;
 
 use super::{Settings, Variant};
-use crate::measure::elsewhere::{OtherCameras, Shown};
+use crate::measure::other_cameras::{OtherCameras, Shown};
 use crate::measure::record::{
     Cost, KeptMaterial, ORIGINAL, Picture, Pictures, SelfTestReport, VariantReport, ViewReport,
     Worst,

@@ -4,7 +4,7 @@ use crate::report::frontier;
 use crate::search::explore::{Exploration, Fate, Point};
 
 /// Width and height in SVG's units, and the margins for labels.
-pub const SIZE: [f64; 2] = [860.0, 420.0];
+pub(crate) const SIZE: [f64; 2] = [860.0, 420.0];
 const LEFT: f64 = 56.0;
 const RIGHT: f64 = 16.0;
 const TOP: f64 = 16.0;
@@ -14,7 +14,7 @@ const BOTTOM: f64 = 46.0;
 const ZERO: f64 = 100.0;
 
 /// A chart, placed.
-pub struct Chart {
+pub(crate) struct Chart {
     /// Points, the frontier last, so that it is drawn over the others.
     pub dots: Vec<Dot>,
     /// The frontier as steps: SVG's path data.
@@ -30,15 +30,14 @@ pub struct Chart {
 }
 
 /// A line of the grid.
-pub struct Tick {
+pub(crate) struct Tick {
     /// Place.
     pub at: f64,
-    /// Label.
     pub label: String,
 }
 
 /// A candidate in the chart.
-pub struct Dot {
+pub(crate) struct Dot {
     /// Place.
     pub x: f64,
     /// Height of the median.
@@ -56,7 +55,7 @@ pub struct Dot {
 }
 
 /// Maps measurements to the picture. `None`: there are none.
-pub fn chart(found: &Exploration, sections: &[&Point]) -> Option<Chart> {
+pub(crate) fn chart(found: &Exploration, sections: &[&Point]) -> Option<Chart> {
     let error = |p: &Point| Some(found.metric.of(p.error.as_ref()?));
     let measured: Vec<(&Point, f64, crate::measure::Estimate)> = found
         .points

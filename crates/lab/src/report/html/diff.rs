@@ -9,7 +9,7 @@ use preshade_compiler::emit::{Options, Target, emit};
 use preshade_draw::scene::Scene;
 
 /// One emitted file beside the material as its author wrote it.
-pub struct Diff {
+pub(crate) struct Diff {
     /// File.
     pub name: String,
     /// Lines added and removed.
@@ -20,11 +20,9 @@ pub struct Diff {
     pub lines: Vec<Line>,
 }
 
-/// A line of a diff.
-pub struct Line {
+pub(crate) struct Line {
     /// `+`, `-`, a space, or nothing for a gap.
     pub sign: &'static str,
-    /// The line.
     pub text: String,
 }
 
@@ -35,7 +33,7 @@ const AROUND: usize = 3;
 const MOST: usize = 600;
 
 /// Every WGSL file of the plans that differs from the author's text, beside the printed original.
-pub fn of(scene: &Scene, plans: &[Plan]) -> Vec<Diff> {
+pub(crate) fn of(scene: &Scene, plans: &[Plan]) -> Vec<Diff> {
     let mut diffs = Vec::new();
     for (material, plan) in scene.materials.iter().zip(plans) {
         let Some(original) = printed(material) else {

@@ -47,7 +47,6 @@ struct Row {
     drawn: &'static str,
 }
 
-/// A material.
 struct MaterialSection {
     name: String,
     becomes: String,

@@ -3,20 +3,19 @@
 use crate::measure::Estimate;
 
 /// Width of a strip in SVG's units; its height is 16.
-pub const WIDTH: f64 = 160.0;
+pub(crate) const WIDTH: f64 = 160.0;
 
 /// A scale that several strips share.
 #[derive(Clone, Copy)]
-pub struct Scale {
+pub(crate) struct Scale {
     from: f64,
     to: f64,
 }
 
 /// A strip: where the interval lies, and where 1 does.
-pub struct Strip {
+pub(crate) struct Strip {
     /// Start of the interval, in percent.
     pub low: f64,
-    /// Its median.
     pub median: f64,
     /// Right end.
     pub high: f64,
@@ -41,7 +40,6 @@ impl Scale {
         }
     }
 
-    /// The strip of one ratio.
     pub fn strip(self, ratio: &Estimate) -> Strip {
         let at = |value: f64| {
             let part = (value - self.from) / (self.to - self.from);

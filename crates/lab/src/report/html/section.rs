@@ -11,10 +11,9 @@ use crate::report::{frontier, sheet};
 
 /// The data of `variant.html`.
 #[derive(Default)]
-pub struct Section {
+pub(crate) struct Section {
     /// Number in the page.
     pub id: usize,
-    /// Name.
     pub name: String,
     /// The recipe, as a command line takes it.
     pub recipe: String,
@@ -33,7 +32,7 @@ pub struct Section {
 }
 
 /// The pictures of one view.
-pub struct Shot {
+pub(crate) struct Shot {
     /// From where.
     pub view: String,
     /// How far it is off.
@@ -54,15 +53,14 @@ pub struct Shot {
 
 /// Which cameras a variant is shown from.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub enum Cameras {
+pub(crate) enum Cameras {
     /// The first alone: of many variants a page gets heavy.
     First,
-    /// Every one.
     Every,
 }
 
 /// The section of a variant. Its list of terms begins with `facts`.
-pub fn section(
+pub(crate) fn section(
     id: usize,
     (name, recipe): (&str, &str),
     mut facts: Vec<(&'static str, String)>,

@@ -6,7 +6,6 @@ use crate::measure::record::SelfTestReport;
 use crate::measure::{Clock, ErrorLadder, Estimate};
 use preshade_draw::render::{AdapterReport, SelfTestResult};
 
-/// A contract.
 pub fn contract(contract: &Contract) -> String {
     let promise = match contract {
         Contract::Exact { .. } => "the same bits".to_owned(),
@@ -31,7 +30,7 @@ pub fn contract(contract: &Contract) -> String {
 }
 
 /// Text as HTML: escaped, with code between backticks.
-pub fn marked(text: &str) -> String {
+pub(crate) fn marked(text: &str) -> String {
     let parts: Vec<String> = text.split('`').map(escaped).collect();
     // A backtick too many is a backtick.
     if parts.len().is_multiple_of(2) {
@@ -60,8 +59,7 @@ fn escaped(text: &str) -> String {
         })
 }
 
-/// A verdict.
-pub fn verdict(verdict: &Verdict) -> String {
+pub(crate) fn verdict(verdict: &Verdict) -> String {
     match verdict {
         Verdict::Holds => "holds in every view".to_owned(),
         Verdict::Broken { r#where } => format!("broken: {where}"),
@@ -69,8 +67,7 @@ pub fn verdict(verdict: &Verdict) -> String {
     }
 }
 
-/// A self-test.
-pub fn self_test(test: &SelfTestReport) -> String {
+pub(crate) fn self_test(test: &SelfTestReport) -> String {
     let material = &test.material;
     match &test.result {
         SelfTestResult::Held { samples } => format!("{material}: held, {samples} samples laid"),
@@ -86,8 +83,7 @@ pub fn self_test(test: &SelfTestReport) -> String {
     }
 }
 
-/// The adapter.
-pub fn adapter(adapter: &AdapterReport) -> String {
+pub(crate) fn adapter(adapter: &AdapterReport) -> String {
     format!(
         "{} ({}, {}, {})",
         adapter.title(),
@@ -98,7 +94,7 @@ pub fn adapter(adapter: &AdapterReport) -> String {
 }
 
 /// The clock of the times, in words.
-pub fn clock(clock: Option<Clock>) -> &'static str {
+pub(crate) fn clock(clock: Option<Clock>) -> &'static str {
     match clock {
         Some(Clock::GpuTimestamps) => "Timed by the GPU's own clock.",
         Some(Clock::WallClock) => "Timed by the wall clock.",
@@ -107,15 +103,15 @@ pub fn clock(clock: Option<Clock>) -> &'static str {
 }
 
 /// The sign for an unknown value.
-pub const DASH: &str = "–";
+pub(crate) const DASH: &str = "–";
 
 /// Milliseconds with their interval.
-pub fn ms(time: &Estimate) -> String {
+pub(crate) fn ms(time: &Estimate) -> String {
     format!("{:.3} [{:.3}, {:.3}]", time.median, time.low, time.high)
 }
 
 /// A difference in a few words.
-pub fn error(error: &ErrorLadder) -> String {
+pub(crate) fn error(error: &ErrorLadder) -> String {
     let mut told = match error.changed_pixels {
         0 => "no pixel differs".to_owned(),
         n => format!(
@@ -135,7 +131,7 @@ pub fn error(error: &ErrorLadder) -> String {
 }
 
 /// The text of an option, or a dash.
-pub fn or_dash<T>(value: Option<T>, said: impl FnOnce(T) -> String) -> String {
+pub(crate) fn or_dash<T>(value: Option<T>, said: impl FnOnce(T) -> String) -> String {
     value.map_or_else(|| DASH.to_owned(), said)
 }
 

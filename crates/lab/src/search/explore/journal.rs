@@ -213,7 +213,7 @@ fn add(to: &mut Known, mut more: Known) {
 
 /// Hashes everything that two searches must share to share measurements: the version of preshade,
 /// the adapter, the scene, the draw order and the form of the shaders.
-pub fn subject(
+pub(crate) fn subject(
     adapter: &AdapterReport,
     scene: &Scene,
     order: DrawOrder,
@@ -229,7 +229,7 @@ pub fn subject(
 }
 
 /// Hashes the texts and the plan of every material. `None`: one cannot be emitted.
-pub fn content(subject: &str, plans: &[Plan]) -> Option<String> {
+pub(crate) fn content(subject: &str, plans: &[Plan]) -> Option<String> {
     let mut hash = Hash::default();
     hash.0.update(subject.as_bytes());
     for plan in plans {

@@ -41,7 +41,7 @@ use race::{CROSSED_BY, FREQUENCIES_BY, SEEDS_BY, Search};
 use watch::Watch;
 
 /// Version of the JSON that [`Exploration`] serialises to.
-pub const SCHEMA: &str = "preshade.explore.v1";
+pub(crate) const SCHEMA: &str = "preshade.explore.v1";
 
 /// The search and its limits.
 pub struct Settings {
@@ -152,11 +152,9 @@ pub enum Fate {
 /// A candidate and its results.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Point {
-    /// Name.
     pub name: String,
     /// The recipe as `rewrite` takes it.
     pub recipe: String,
-    /// Its prediction.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub prediction: Option<Prediction>,
     /// Against the original. For a finalist the worst of all verified frames, otherwise the worst
@@ -184,10 +182,7 @@ pub enum Ended {
     /// It was stopped.
     Stopped,
     /// The adapter was lost.
-    Lost {
-        /// Why.
-        why: String,
-    },
+    Lost { why: String },
 }
 
 /// The result of a search.

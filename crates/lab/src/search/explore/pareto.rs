@@ -31,7 +31,7 @@ impl Standing {
 }
 
 /// For each point the fastest one that beats it. `None`: none does, so it is on the frontier.
-pub fn dominators(points: &[Standing]) -> Vec<Option<usize>> {
+pub(crate) fn dominators(points: &[Standing]) -> Vec<Option<usize>> {
     let beaten = |p: &Standing| {
         let by = points.iter().enumerate().filter(|(_, q)| q.dominates(p));
         let fastest = by.max_by(|a, b| a.1.speedup.median.total_cmp(&b.1.speedup.median));

@@ -28,7 +28,7 @@ const WORK_SLACK: f64 = 1.5;
 
 /// Predicts from the materials of a scene.
 #[derive(Clone, Debug)]
-pub struct Predictor<'f> {
+pub(crate) struct Predictor<'f> {
     facts: &'f Facts,
     metric: Metric,
     /// Static cost of a fragment of the most expensive material.
@@ -90,7 +90,11 @@ impl<'f> Predictor<'f> {
 }
 
 /// Why a candidate is not drawn, by its prediction and those of the others; `None`: it is.
-pub fn hopeless(this: Prediction, others: &[Prediction], budget: Option<f64>) -> Option<String> {
+pub(crate) fn hopeless(
+    this: Prediction,
+    others: &[Prediction],
+    budget: Option<f64>,
+) -> Option<String> {
     if let Some(budget) = budget
         && this.error > ERROR_SLACK * budget
     {

@@ -24,7 +24,6 @@ const APART: f64 = 1.05;
 /// A recipe and its parts.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Candidate {
-    /// The recipe.
     pub recipe: Recipe,
     /// The part that computes less in a fragment, with an error.
     pub approximation: Option<Approximation>,
@@ -61,7 +60,7 @@ impl Candidate {
 }
 
 /// The recipes to begin with: each way alone.
-pub fn seeds(facts: &Facts, metric: Metric) -> Vec<Candidate> {
+pub(crate) fn seeds(facts: &Facts, metric: Metric) -> Vec<Candidate> {
     let mut found = Vec::new();
     let mut add = |text: String, approximation, covers| {
         if let Ok(recipe) = recipe(&text) {
@@ -96,7 +95,7 @@ pub fn seeds(facts: &Facts, metric: Metric) -> Vec<Candidate> {
 }
 
 /// `shading` and then `covering` in one recipe. `None`: they are not of these kinds.
-pub fn cross(shading: &Candidate, covering: &Candidate) -> Option<Candidate> {
+pub(crate) fn cross(shading: &Candidate, covering: &Candidate) -> Option<Candidate> {
     (!shading.covers && covering.covers).then(|| Candidate {
         recipe: Recipe {
             steps: [shading.recipe.steps.clone(), covering.recipe.steps.clone()].concat(),
@@ -107,7 +106,7 @@ pub fn cross(shading: &Candidate, covering: &Candidate) -> Option<Candidate> {
 }
 
 /// Recipes of the user's own.
-pub fn given(recipes: Vec<Recipe>) -> Vec<Candidate> {
+pub(crate) fn given(recipes: Vec<Recipe>) -> Vec<Candidate> {
     let candidate = |recipe| Candidate {
         recipe,
         approximation: None,

@@ -18,7 +18,7 @@ use preshade_compiler::recipe::Recipe;
 impl<'a> Search<'a> {
     /// Verifies the finalists on every camera's path. As long as there is time, goes on with
     /// candidates that a failed finalist had replaced.
-    pub(super) fn verify(
+    pub fn verify(
         &self,
         arena: Arena<'a>,
         finalists: Vec<usize>,
@@ -193,7 +193,6 @@ fn with_more(mut report: Report, later: Report) -> Report {
     report
 }
 
-/// The original as a point.
 fn original() -> Point {
     Point {
         name: ORIGINAL.to_owned(),

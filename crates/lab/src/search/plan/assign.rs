@@ -9,9 +9,9 @@ use preshade_plan::frame::FramePlan;
 use preshade_plan::plan::Plan;
 
 use super::choices::{Candidate, Choices};
+use super::frame_work::{self, Counted, DrawCounts};
 use super::model::Model;
 use super::terms::Work;
-use super::work::{self, Counted, DrawCounts};
 
 /// A candidate for each material: indices into [`Choices::candidates`], 0 being the original.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -114,7 +114,7 @@ impl Assignment {
         let candidates = self.candidates(choices);
         let plans: Vec<&Plan> = candidates.iter().map(|c| &c.plan).collect();
         let counting: Vec<_> = candidates.iter().map(|c| &c.counting).collect();
-        work::frame(&plans, &counting, drawn, counted).ok()
+        frame_work::frame(&plans, &counting, drawn, counted).ok()
     }
 }
 
@@ -272,7 +272,7 @@ impl FramePredictor<'_> {
 ///
 /// A frame that may be the fastest of a view if predictions are off by `error` is measured too, until
 /// there are twice as many.
-pub fn finalists(predicted: &[&[f64]], runners: usize, error: f64) -> Vec<usize> {
+pub(crate) fn finalists(predicted: &[&[f64]], runners: usize, error: f64) -> Vec<usize> {
     let views = predicted.first().map_or(0, |p| p.len());
     let mut votes: BTreeMap<usize, f64> = BTreeMap::new();
     let mut close: BTreeMap<usize, f64> = BTreeMap::new();

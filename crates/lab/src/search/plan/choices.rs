@@ -4,7 +4,7 @@ use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use serde::Serialize;
 
-use super::work::Counting;
+use super::frame_work::Counting;
 use crate::measure;
 use preshade_compiler::pipeline::{self, Frame};
 use preshade_compiler::recipe::Recipe;
@@ -23,7 +23,6 @@ pub struct Candidate {
 /// A recipe that a material does not take.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Refused {
-    /// The recipe.
     pub recipe: String,
     /// The reason, and the remedy.
     pub why: String,

@@ -9,11 +9,11 @@ use crate::measure::Estimate;
 pub const WORTHWHILE: f64 = 1.01;
 
 /// The original's time over a plan's in one view, from samples taken side by side.
-pub type Speedup = Estimate;
+pub(crate) type Speedup = Estimate;
 
 /// The speedups of all plans in all views.
 #[derive(Clone, Debug, Default, PartialEq)]
-pub struct Table {
+pub(crate) struct Table {
     /// Speedups by plan, then by view. `None`: not drawn, or its contract is broken. The first plan
     /// is the original with 1 everywhere.
     pub rows: Vec<Vec<Option<Speedup>>>,

@@ -7,7 +7,7 @@ use preshade_plan::reflect;
 use preshade_plan::state::{Blend, ColorTarget, CompareFunction};
 
 use super::PlanError;
-use super::work::{Counted, Fragments};
+use super::frame_work::{Counted, Fragments};
 use preshade_draw::render::{FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant};
 use preshade_draw::scene::{DrawOrder, Frame};
 
@@ -180,6 +180,6 @@ fn counting_plan(plan: &Plan, which: Which, channels: u8) -> Result<Plan, PlanEr
 }
 
 /// Whether an adapter draws on the CPU: sizes and times are then kept small.
-pub fn is_software(gpu: &Gpu) -> bool {
+pub(crate) fn is_software(gpu: &Gpu) -> bool {
     gpu.adapter().kind == "software"
 }

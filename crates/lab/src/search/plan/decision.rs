@@ -5,17 +5,17 @@ use std::collections::BTreeMap;
 use preshade_plan::contract::{Contract, Verdict};
 use serde::Serialize;
 
-use super::ahead::Ahead;
 use super::choices::Refused;
+use super::frame_work::Fragments;
 use super::model::Model;
+use super::partial_prepass::Ahead;
 use super::policy::{Policy, Rule};
 use super::sorting::Sorting;
-use super::work::Fragments;
 use crate::measure::{Clock, ErrorLadder, Estimate, View};
 use preshade_draw::render::AdapterReport;
 
 /// Version of the JSON that [`Decision`] serialises to.
-pub const SCHEMA: &str = "preshade.decision.v2";
+pub(crate) const SCHEMA: &str = "preshade.decision.v2";
 
 /// The plans for a scene on an adapter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -37,7 +37,6 @@ pub struct Decision {
     pub clock: Option<Clock>,
     /// The plan to draw with.
     pub policy: Policy,
-    /// The decision for each material.
     pub materials: Vec<MaterialDecision>,
     /// The plans of the whole frame that were considered, the original first. Other fields refer to
     /// them by index.
@@ -53,7 +52,6 @@ pub struct Decision {
     pub model: Model,
 }
 
-/// The decision for one material.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MaterialDecision {
     /// Name; of a group of draws, which was made a material of its own, the material's with a number.
@@ -74,7 +72,6 @@ pub struct MaterialDecision {
 /// A prediction of one recipe on one material.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PredictedRecipe {
-    /// The recipe.
     pub recipe: String,
     /// Time of the frame over the original's.
     pub relative_time: f64,
@@ -87,7 +84,6 @@ pub struct PlanReport {
     pub name: String,
     /// Recipe of each material that is not drawn as written.
     pub recipes: BTreeMap<String, String>,
-    /// Its contract.
     pub contract: Contract,
     /// Whether its pictures keep the contract.
     pub verdict: Verdict,
@@ -98,14 +94,12 @@ pub struct PlanReport {
     /// Materials that stay as written, with the reasons.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
-    /// By view.
     pub by_view: Vec<PlanView>,
 }
 
 /// Costs of a plan other than GPU time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlanCost {
-    /// Pipelines.
     pub pipelines: usize,
     /// Milliseconds to make them.
     pub creation_ms: f64,
@@ -113,7 +107,6 @@ pub struct PlanCost {
     pub targets: BTreeMap<String, u64>,
 }
 
-/// A plan in one view.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PlanView {
     /// Milliseconds a frame, predicted.
@@ -125,7 +118,6 @@ pub struct PlanView {
     pub speedup: Option<Estimate>,
 }
 
-/// A view.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ViewReport {
     /// From where, in which order.
@@ -135,7 +127,6 @@ pub struct ViewReport {
     pub shaded_per_pixel: f64,
     /// Fragments it shades for each that is seen.
     pub overdraw: f64,
-    /// Fragments of each material.
     pub materials: Vec<Fragments>,
     /// The plan it is drawn with.
     pub plan: usize,

@@ -21,9 +21,7 @@ pub struct Exhausted {
     pub plans: Vec<String>,
     /// Why those are out that broke a promise or could not be drawn, by plan.
     pub out: Vec<Option<String>>,
-    /// By view.
     pub views: Vec<ExhaustedView>,
-    /// The clock.
     pub clock: Option<Clock>,
 }
 
@@ -98,7 +96,6 @@ pub fn exhaust(
 /// Which samples.
 #[derive(Clone, Copy)]
 pub(super) enum Rounds {
-    /// For choosing.
     Choosing,
     /// For judging the choice.
     Judging,

@@ -5,7 +5,7 @@ use preshade_plan::plan::{Phase, Plan};
 use preshade_plan::state::{ColorTarget, CompareFunction, DepthDirection};
 
 use super::PlanError;
-use super::work::Counting;
+use super::frame_work::Counting;
 use crate::measure::Session;
 use preshade_draw::render::Prepared;
 use preshade_draw::scene::{Frame, Scene};
@@ -123,7 +123,7 @@ fn movable(plan: &Plan, scene: &Scene) -> Option<Vec<u8>> {
 }
 
 /// The samples and depths of a draw alone.
-pub type Layer = Vec<(u32, f32)>;
+pub(crate) type Layer = Vec<(u32, f32)>;
 
 fn layers(
     prepared: &mut Prepared<'_>,

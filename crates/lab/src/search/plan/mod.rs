@@ -12,7 +12,6 @@
 //! A prediction decides only which plans are measured. A plan is chosen only if it was faster than
 //! the original on this adapter, beyond the noise of the clock.
 
-pub mod ahead;
 pub mod assign;
 pub mod choices;
 pub mod choose;
@@ -20,18 +19,19 @@ mod confirm;
 pub mod count;
 pub mod decision;
 pub mod exhaust;
+pub mod frame_work;
 pub mod layers;
 pub mod model;
+pub mod partial_prepass;
+pub mod partial_results;
 pub mod policy;
 pub mod probes;
 pub(crate) mod reasons;
 pub mod regret;
 pub mod scene;
-pub mod so_far;
 pub mod sorting;
 pub mod stage;
 pub mod terms;
-pub mod work;
 
 pub use super::candidates::recipes;
 pub use crate::measure::View;
@@ -39,10 +39,10 @@ pub use choices::{Choices, Refused, choices};
 pub use decision::Decision;
 pub use exhaust::{Exhausted, exhaust};
 pub use model::{Model, ModelError, ModelOrigin};
+pub use partial_results::{PlanProgress, SceneSoFar, Unfinished};
 pub use policy::{Held, Hold, Policy, Rule, Switch};
 pub use regret::RegretReport;
 pub use scene::{Settings, Timed, decide};
-pub use so_far::{PlanProgress, SceneSoFar, Unfinished};
 
 /// Why nothing was decided.
 #[derive(Debug, thiserror::Error)]
@@ -58,12 +58,7 @@ pub enum PlanError {
         "the counting stage of material `{material}` is invalid: {message}; this is a bug, please \
          report it with the shader"
     )]
-    Counting {
-        /// Material.
-        material: String,
-        /// The error.
-        message: String,
-    },
+    Counting { material: String, message: String },
     /// A built-in probe does not parse: a bug.
     #[error("a built-in probe does not parse; this is a bug:\n{0}")]
     Probe(String),

@@ -13,12 +13,11 @@ use serde::{Deserialize, Serialize};
 use super::terms::{Term, Work};
 
 /// Version of the JSON of a [`Model`].
-pub const SCHEMA: &str = "preshade.model.v1";
+pub(crate) const SCHEMA: &str = "preshade.model.v1";
 
 /// A frame that was measured.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Observation {
-    /// Its work.
     pub work: Work,
     /// Milliseconds it took, above 0.
     pub ms: f64,

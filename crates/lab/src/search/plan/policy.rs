@@ -80,7 +80,6 @@ impl Rule {
         }
     }
 
-    /// Its plans.
     pub fn plans(&self) -> Vec<usize> {
         match self {
             Self::One { plan } => vec![*plan],
@@ -94,7 +93,6 @@ impl Rule {
 pub struct Held {
     /// Orders, as the scene lists them.
     pub orders: Vec<DrawOrder>,
-    /// The rule.
     #[serde(flatten)]
     pub rule: Rule,
 }
@@ -131,7 +129,7 @@ impl Policy {
 
 /// The properties of a view that select its plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Measure {
+pub(crate) struct Measure {
     /// In which order.
     pub order: DrawOrder,
     /// Fragments of the original for each pixel.
@@ -142,7 +140,7 @@ pub struct Measure {
 ///
 /// There is one rule for all orders unless a rule for each order is faster in some view beyond
 /// noise. A host has the pipelines only for the order it draws in.
-pub fn policy(table: &Table, measures: &[Measure], hold: Hold) -> Policy {
+pub(crate) fn policy(table: &Table, measures: &[Measure], hold: Hold) -> Policy {
     let mut orders: Vec<DrawOrder> = Vec::new();
     for m in measures {
         if !orders.contains(&m.order) {

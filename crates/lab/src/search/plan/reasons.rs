@@ -7,7 +7,7 @@ use crate::measure::Estimate;
 
 /// The reasons for one material. `recipes` are its recipes in the plans of the policy, which is
 /// final.
-pub fn of(
+pub(crate) fn of(
     material: &str,
     recipes: &[String],
     predicted: &[PredictedRecipe],
@@ -67,7 +67,7 @@ fn speedups(
 }
 
 /// A ratio and its interval; of a prediction, which has none, the ratio.
-pub fn ratio(e: &Estimate) -> String {
+pub(crate) fn ratio(e: &Estimate) -> String {
     match e.low < e.high {
         true => format!("{:.3}x [{:.3}, {:.3}]", e.median, e.low, e.high),
         false => format!("{:.3}x", e.median),

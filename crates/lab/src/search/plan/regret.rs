@@ -22,7 +22,7 @@ use crate::measure::{Clock, Estimate, View};
 use preshade_draw::render::AdapterReport;
 
 /// Version of the JSON that [`RegretReport`] serialises to.
-pub const SCHEMA: &str = "preshade.regret.v2";
+pub(crate) const SCHEMA: &str = "preshade.regret.v2";
 
 /// How good the choices are.
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -33,7 +33,6 @@ pub struct RegretReport {
     pub command: String,
     /// Where it was measured.
     pub adapter: AdapterReport,
-    /// The clock.
     pub clock: Option<Clock>,
     /// Width and height, in pixels; `None`: each scene's own.
     pub resolution: Option<[u32; 2]>,
@@ -45,7 +44,6 @@ pub struct RegretReport {
     pub summary: Vec<Summary>,
     /// How far the model is off.
     pub prediction: Vec<Prediction>,
-    /// Each scene.
     pub scenes: Vec<SceneRegret>,
     /// Scenes that could not be measured, and why.
     pub failed: Vec<(String, String)>,
@@ -82,7 +80,6 @@ pub struct Summary {
 pub struct Prediction {
     /// `fitted` or `held out`.
     pub scenes: String,
-    /// Frames.
     pub frames: usize,
     /// Median of the relative errors of a frame's time.
     pub time: f64,
@@ -90,11 +87,9 @@ pub struct Prediction {
     pub ratio: f64,
     /// Views in which the plan predicted fastest is the fastest measured, or not slower beyond noise.
     pub first: usize,
-    /// Views.
     pub views: usize,
 }
 
-/// One scene.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SceneRegret {
     /// Name.
@@ -107,11 +102,9 @@ pub struct SceneRegret {
     pub out: Vec<(usize, String)>,
     /// The policy for all its views, before refinement.
     pub policy: Policy,
-    /// Each view.
     pub views: Vec<ViewRegret>,
 }
 
-/// One view.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ViewRegret {
     /// Camera, frame and order.
@@ -132,7 +125,6 @@ pub struct ViewRegret {
 /// A choice, judged.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Judged {
-    /// The plan.
     pub plan: usize,
     /// Its time over the best plan's.
     pub over_best: Estimate,
@@ -276,7 +268,7 @@ impl Default for Choosing {
 
 /// Compares choices with measurements. The model is fitted to `probes` and scenes of even index.
 /// The others are held out.
-pub fn evaluate(
+pub(crate) fn evaluate(
     adapter: &AdapterReport,
     probes: &[Observation],
     scenes: &[Exhausted],

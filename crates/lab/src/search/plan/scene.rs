@@ -14,14 +14,14 @@ use super::decision::{
     Decision, MaterialDecision, PlanReport, PlanView, PredictedRecipe, SCHEMA, SwitchCost,
     ViewReport,
 };
+use super::frame_work::{Counted, DrawCounts, drawn};
 use super::layers::Layers;
 use super::model::Model;
+use super::partial_results::{PlanProgress, SceneSoFar};
 use super::policy::{Hold, Measure, Policy, Rule, policy};
-use super::so_far::{PlanProgress, SceneSoFar};
 use super::stage::{self, Runner};
-use super::work::{Counted, DrawCounts, drawn};
-use super::{PlanError, ahead, confirm, reasons, sorting};
-use crate::measure::telling::{self, Colours};
+use super::{PlanError, confirm, partial_prepass, reasons, sorting};
+use crate::measure::picture_warnings::{self, Colours};
 use crate::measure::{self, Clock, Estimate, Session, TimingSettings, View};
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::scene::{DrawOrder, Frame, Scene, bind};
@@ -58,12 +58,11 @@ pub struct Settings<'a> {
 }
 
 /// A scene with the counts of its views.
-pub struct Scouted {
+pub(crate) struct Scouted {
     /// The candidates of each material.
     pub choices: Vec<Choices>,
     /// The draws of each material.
     pub drawn: Vec<DrawCounts>,
-    /// The views.
     pub views: Vec<(View, Frame)>,
     /// The counts of each view.
     pub counted: Vec<Counted>,
@@ -73,7 +72,7 @@ pub struct Scouted {
 ///
 /// # Errors
 /// As [`FragmentCounter::new`]; a scene without a view.
-pub fn scout(
+pub(crate) fn scout(
     session: &Session<'_>,
     recipes: &[Recipe],
     facts: &Facts,
@@ -106,7 +105,7 @@ pub fn scout(
 impl Scouted {
     /// The plans of the frame with a pre-pass for each material that takes it.
     fn prepasses(&self) -> Vec<Plan> {
-        let of = |c: &Choices| c.position(ahead::RECIPE).unwrap_or(0);
+        let of = |c: &Choices| c.position(partial_prepass::RECIPE).unwrap_or(0);
         let all = Assignment(self.choices.iter().map(of).collect());
         all.mended(&self.choices).0.plans(&self.choices)
     }
@@ -125,7 +124,7 @@ impl Scouted {
 
 /// The measurements, by frame and view.
 #[derive(Default)]
-pub(super) struct Measured {
+pub struct Measured {
     clock: Option<Clock>,
     pub(super) times: Vec<Vec<Option<Estimate>>>,
     pub(super) table: Table,
@@ -240,8 +239,13 @@ pub fn decide(
                 let layers = Layers::draw(session, frame, facts)?;
                 of.sorted = sorting::measured(session, frame, &layers, &settings.timing)?;
                 let plans = scouted.prepasses();
-                of.ahead =
-                    ahead::measured(session, frame, (&layers, &plans), facts, &settings.timing)?;
+                of.ahead = partial_prepass::measured(
+                    session,
+                    frame,
+                    (&layers, &plans),
+                    facts,
+                    &settings.timing,
+                )?;
             }
         }
     }
@@ -552,11 +556,11 @@ fn report(
         materials: Vec::new(),
         plans,
         views,
-        warnings: telling::missing_attributes(&bind::guessed(scene))
+        warnings: picture_warnings::missing_attributes(&bind::guessed(scene))
             .into_iter()
-            .chain(telling::unplaced(scene))
+            .chain(picture_warnings::overlapping_draws(scene))
             .chain(measured.colours.warning())
-            .chain(telling::unsteady(measured.unsteady))
+            .chain(picture_warnings::unsteady(measured.unsteady))
             .chain(warnings)
             .chain(scene.is_made_up.then(|| MADE_UP.to_owned()))
             .collect(),

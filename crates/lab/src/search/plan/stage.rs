@@ -66,7 +66,7 @@ impl<'a> Runner<'a> {
 /// # Errors
 ///
 /// The original cannot be drawn, or the adapter is lost.
-pub fn compare(
+pub(crate) fn compare(
     session: &Session<'_>,
     runners: &mut [Runner<'_>],
     view: &View,
@@ -104,7 +104,7 @@ pub fn compare(
 /// # Errors
 ///
 /// The original cannot be drawn, the adapter is lost, or as [`measure::time`].
-pub fn time(
+pub(crate) fn time(
     session: &Session<'_>,
     runners: &mut [Runner<'_>],
     (frame, order): (&Frame, DrawOrder),

@@ -6,7 +6,6 @@ use serde::{Deserialize, Serialize};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Term {
-    /// One for each frame.
     Frames,
     /// Render passes, after the plans of all materials were merged.
     Passes,
@@ -32,7 +31,6 @@ pub enum Term {
     AttachmentBytes,
     /// Compute passes, one for each draw they are run for.
     Dispatches,
-    /// Compute invocations.
     ComputeInvocations,
     /// Compute invocations times their static cost.
     ComputeOps,
@@ -85,7 +83,6 @@ impl Term {
 pub struct Work([f64; Term::ALL.len()]);
 
 impl Work {
-    /// Adds to a term.
     pub fn add(&mut self, term: Term, amount: f64) {
         self.0[term as usize] += amount;
     }

@@ -5,7 +5,7 @@ use preshade_ir::interface;
 
 use super::{Extending, Failed};
 use crate::graph::{FunctionGraph, FunctionId};
-use crate::rebuild::after::after;
+use crate::rebuild::insert_after::after;
 use crate::transforms::outputs::authored::{Authored, Place};
 use preshade_ir::writer::FunctionWriter;
 use preshade_ir::{returns, variable};

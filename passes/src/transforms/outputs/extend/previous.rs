@@ -9,8 +9,8 @@ use naga::{
 
 use super::{Extending, Failed, Member, Velocity, pointer};
 use crate::graph::FunctionId;
-use crate::rebuild::ahead::Ahead;
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
+use crate::rebuild::prologue::Ahead;
 use crate::slice::{self, Criterion, OutputFilter, Slice};
 use crate::transforms::outputs::remap::{self, Pair};
 use naga_operands::calls;

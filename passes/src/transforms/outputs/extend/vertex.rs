@@ -11,8 +11,8 @@ use super::{
     Extending, Failed, Normal, Shows, Surface, Varying, Varyings, Wanted, is_position, returned,
     varying,
 };
-use crate::rebuild::ahead::Ahead;
 use crate::rebuild::place;
+use crate::rebuild::prologue::Ahead;
 use preshade_ir::returns;
 use preshade_ir::writer::FunctionWriter;
 
@@ -53,7 +53,6 @@ impl Kept {
 }
 
 impl Extending<'_, '_> {
-    /// Extends the vertex stage.
     pub(super) fn vertex_stage(&mut self, wanted: &[Wanted]) -> Result<Varyings, Failed> {
         let mut varyings = Varyings::default();
         let kept = self.world(wanted)?;

@@ -12,7 +12,7 @@ use preshade_text::source::Invalid;
 
 /// Why a jitter cannot be left out.
 #[derive(Debug)]
-pub enum Unsteady {
+pub(crate) enum Unsteady {
     /// No function reads it.
     Unread(String),
     /// A function reads a whole that it is a part of: the whole, and the jitter.
@@ -25,7 +25,7 @@ pub enum Unsteady {
 ///
 /// # Errors
 /// [`Unsteady`].
-pub fn steady(program: &Program, jitter: &[Member]) -> Result<Program, Unsteady> {
+pub(crate) fn steady(program: &Program, jitter: &[Member]) -> Result<Program, Unsteady> {
     let mut module = program.module().clone();
     let functions = module
         .functions

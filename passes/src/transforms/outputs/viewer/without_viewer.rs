@@ -10,7 +10,7 @@ use naga_operands as operands;
 
 /// What a value is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Mode {
+pub enum Mode {
     /// To read a texture.
     Coordinates,
     /// To be compared with a threshold.
@@ -22,7 +22,6 @@ pub(super) enum Mode {
 /// How the viewer took part.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Joined {
-    /// By a choice.
     #[default]
     Choice,
     /// As a factor.
