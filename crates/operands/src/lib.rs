@@ -5,7 +5,7 @@
 pub mod calls;
 
 use naga::{
-    AtomicFunction, CooperativeData, Expression, Function, GatherMode, Handle, ImageQuery,
+    Arena, AtomicFunction, CooperativeData, Expression, Function, GatherMode, Handle, ImageQuery,
     RayPipelineFunction, RayQueryFunction, SampleLevel, Statement,
 };
 
@@ -377,6 +377,17 @@ pub fn fill(shell: &mut Statement, of: &Statement, inner: impl IntoIterator<Item
     for (slot, block) in blocks_mut(shell).into_iter().zip(inner) {
         *slot = block;
     }
+}
+
+/// The expression that a chain of accesses starts from: a pointer's variable, or the value of which
+/// they take a part.
+pub fn base(expressions: &Arena<Expression>, mut part: Operand) -> Operand {
+    while let Expression::Access { base, .. } | Expression::AccessIndex { base, .. } =
+        expressions[part]
+    {
+        part = base;
+    }
+    part
 }
 
 /// The value of a constant integer index.

@@ -198,36 +198,29 @@ impl<'a> FunctionWalk<'a> {
 
     /// The variable of a pointer, and whether the pointer covers it wholly.
     fn root(&self, pointer: Handle<Expression>) -> (Root, bool) {
-        let mut at = pointer;
-        let mut whole = true;
-        loop {
-            match &self.function.expressions[at] {
-                Expression::Access { base, .. } | Expression::AccessIndex { base, .. } => {
-                    at = *base;
-                    whole = false;
-                }
-                Expression::LocalVariable(local) => return (Root::Variable(local.index()), whole),
-                Expression::FunctionArgument(n) => {
-                    let n = *n as usize;
-                    let space = match self.module.types[self.function.arguments[n].ty].inner {
-                        TypeInner::Pointer { space, .. }
-                        | TypeInner::ValuePointer { space, .. } => space,
-                        _ => return (Root::Uniform, whole),
-                    };
-                    let root = match space {
-                        AddressSpace::Function => {
-                            Root::Variable(self.function.local_variables.len() + n)
+        let base = operands::base(&self.function.expressions, pointer);
+        let root = match self.function.expressions[base] {
+            Expression::LocalVariable(local) => Root::Variable(local.index()),
+            Expression::FunctionArgument(n) => {
+                let n = n as usize;
+                match self.module.types[self.function.arguments[n].ty].inner {
+                    TypeInner::Pointer { space, .. } | TypeInner::ValuePointer { space, .. } => {
+                        match space {
+                            AddressSpace::Function => {
+                                Root::Variable(self.function.local_variables.len() + n)
+                            }
+                            space => in_space(space),
                         }
-                        space => in_space(space),
-                    };
-                    return (root, whole);
+                    }
+                    _ => Root::Uniform,
                 }
-                Expression::GlobalVariable(global) => {
-                    return (in_space(self.module.global_variables[*global].space), whole);
-                }
-                _ => return (Root::Maybe, whole),
             }
-        }
+            Expression::GlobalVariable(global) => {
+                in_space(self.module.global_variables[global].space)
+            }
+            _ => Root::Maybe,
+        };
+        (root, base == pointer)
     }
 
     /// The content of a pointer's variable.

@@ -162,11 +162,8 @@ fn image_variable(
     function: &Function,
     image: Handle<Expression>,
 ) -> Option<Handle<naga::GlobalVariable>> {
-    match function.expressions[image] {
+    match function.expressions[operands::base(&function.expressions, image)] {
         Expression::GlobalVariable(g) => Some(g),
-        Expression::Access { base, .. } | Expression::AccessIndex { base, .. } => {
-            image_variable(function, base)
-        }
         _ => None,
     }
 }

@@ -548,13 +548,8 @@ impl FoldFrame<'_> {
 
     /// Forgets the whole variable of a pointer, after a store of unknown extent.
     pub(super) fn forget_all(&mut self, pointer: Handle<Expression>) {
-        let mut at = pointer;
-        while let Expression::AccessIndex { base, .. } | Expression::Access { base, .. } =
-            self.original.expressions[at]
-        {
-            at = base;
-        }
-        if let Expression::LocalVariable(v) = self.original.expressions[at]
+        let expressions = &self.original.expressions;
+        if let Expression::LocalVariable(v) = expressions[operands::base(expressions, pointer)]
             && let Some(local) = self.locals.get_mut(v.index())
         {
             *local = AbstractValue::Unknown;

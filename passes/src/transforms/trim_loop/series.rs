@@ -149,22 +149,16 @@ fn is_data(variable: &GlobalVariable) -> bool {
 }
 
 fn local(function: &Function, pointer: Handle<Expression>) -> Option<Handle<LocalVariable>> {
-    match function.expressions[pointer] {
+    match function.expressions[operands::base(&function.expressions, pointer)] {
         Expression::LocalVariable(local) => Some(local),
-        Expression::Access { base, .. } | Expression::AccessIndex { base, .. } => {
-            local(function, base)
-        }
         _ => None,
     }
 }
 
 /// The global of a pointer, or of a loaded value.
 fn global(function: &Function, of: Handle<Expression>) -> Option<Handle<GlobalVariable>> {
-    match function.expressions[of] {
+    match function.expressions[operands::base(&function.expressions, of)] {
         Expression::GlobalVariable(global) => Some(global),
-        Expression::Access { base, .. } | Expression::AccessIndex { base, .. } => {
-            global(function, base)
-        }
         Expression::Load { pointer } => global(function, pointer),
         _ => None,
     }
