@@ -34,8 +34,49 @@ const CRATES: [(&str, &[&str]); 14] = [
     ("cli/src", &[]),
 ];
 
-/// Modules that import each other.
-const CYCLES: &[&str] = &[];
+/// Modules that import each other today. The list only shrinks: a test fails for a new one, and for one that is gone.
+const CYCLES: &[&str] = &[
+    "cli/src: bounded <-> output",
+    "cli/src: bounded <-> worker",
+    "cli/src: evaluate <-> merge",
+    "cli/src: exhaustive <-> jobs",
+    "cli/src: exhaustive <-> plan",
+    "cli/src: input <-> materials",
+    "cli/src: input <-> state",
+    "cli/src: promises <-> verify",
+    "crates/compiler/src: build_script::bindings <-> build_script::generate",
+    "crates/compiler/src: build_script::generate <-> build_script::passes",
+    "crates/compiler/src: pipeline <-> recipe",
+    "crates/draw/src: capture::material <-> capture::points",
+    "crates/draw/src: capture::material <-> capture::replay",
+    "crates/draw/src: capture::material <-> capture::webgl",
+    "crates/draw/src: capture::points <-> capture::webgl",
+    "crates/draw/src: capture::scene <-> capture::webgl",
+    "crates/draw/src: render::compiled <-> render::pipeline",
+    "crates/draw/src: render::compute <-> render::subdivided",
+    "crates/draw/src: render::depths <-> render::textures",
+    "crates/draw/src: render::gpu <-> render::limits",
+    "crates/draw/src: scene::asset <-> scene::load",
+    "crates/draw/src: scene::asset <-> scene::mesh",
+    "crates/draw/src: scene::file <-> scene::variables",
+    "crates/draw/src: scene::load <-> scene::meshes",
+    "crates/draw/src: scene::material <-> scene::value_path",
+    "crates/draw/src: scene::roles <-> scene::skin",
+    "crates/draw/src: scene::roles <-> scene::vertex_pulling",
+    "crates/glsl/src: constant <-> stage",
+    "crates/interp/src: bits <-> number",
+    "crates/interp/src: expression <-> machine",
+    "crates/interp/src: math <-> value",
+    "crates/lab/src: measure::bounds <-> measure::frequency",
+    "crates/lab/src: measure::frequency <-> measure::interpolation",
+    "crates/lab/src: measure::outputs <-> measure::verify",
+    "crates/lab/src: measure::owners <-> measure::verdict",
+    "crates/lab/src: measure::shadow <-> measure::verify",
+    "crates/plan/src: limits <-> reflect",
+    "crates/plan/src: pass <-> plan",
+    "crates/plan/src: plan <-> reflect",
+    "crates/validate/src: environment <-> inputs",
+];
 
 #[test]
 fn rooms_import_only_rooms_below() {
@@ -73,7 +114,7 @@ fn each_shared_module_has_two_users() {
         .flat_map(|(sources, _)| texts(sources))
         .collect();
     // The root re-exports modules for the crates above.
-    let exported = paths(&texts("passes/src")[&vec!["lib".to_owned()]]);
+    let exported = paths(&texts("passes/src")[&Vec::new()]);
     let rooms = ["analysis", "rebuild"];
     let shared: BTreeSet<&[String]> = imports
         .keys()
@@ -138,7 +179,10 @@ fn edges(imports: &BTreeMap<Module, BTreeSet<Module>>) -> impl Iterator<Item = (
 }
 
 fn against(imports: &BTreeMap<Module, BTreeSet<Module>>, order: &[&str]) -> BTreeSet<String> {
-    let rank = |m: &Module| order.iter().position(|room| *room == m[0]);
+    let rank = |m: &Module| {
+        let room = m.first()?;
+        order.iter().position(|of| of == room)
+    };
     let upward = edges(imports).filter(|(from, to)| rank(to) > rank(from) && rank(from).is_some());
     upward
         .map(|(from, to)| format!("{} -> {}", from.join("::"), to[0]))
@@ -173,7 +217,7 @@ fn read(folder: &Path, at: &mut Module, texts: &mut BTreeMap<Module, String>) {
         if path.is_dir() {
             read(&path, at, texts);
         } else if path.extension().is_some_and(|e| e == "rs") {
-            let module = if name == "mod" {
+            let module = if name == "mod" || name == "lib" {
                 at[..at.len() - 1].to_vec()
             } else {
                 at.clone()

@@ -1,6 +1,5 @@
 //! Why there is no answer.
 
-use preshade_compiler::front;
 use preshade_text::error::Color;
 use preshade_text::limits::Exceeded;
 use preshade_text::source::Location;

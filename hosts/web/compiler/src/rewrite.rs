@@ -3,7 +3,7 @@
 use preshade_compiler::command::material::assumed;
 use preshade_compiler::command::refusal::rendered;
 use preshade_compiler::command::rewrite::{self, Report, Rewritten};
-use preshade_compiler::emit::{self, EmitError, Target};
+use preshade_compiler::emit::{EmitError, Target};
 use preshade_text::files::File;
 use preshade_text::nearest::unknown;
 use preshade_plan::pass::Facts;
