@@ -2,11 +2,13 @@
 
 use std::collections::BTreeMap;
 
-use preshade_compiler::command::agree::{Compared, Cost, FailOn, Side, breaks, compare, parse_class};
+use preshade_compiler::command::agree::{
+    Compared, Cost, FailOn, Side, breaks, compare, parse_class,
+};
 use preshade_compiler::command::agreed::{Pair, Report};
-use preshade_text::options::ClipSpace;
-use preshade_text::nearest::unknown;
 use preshade_plan::mapping::Equation;
+use preshade_text::nearest::unknown;
+use preshade_text::options::ClipSpace;
 use preshade_validate::Effort;
 use preshade_validate::agree::{Mismatch, Question, Relation};
 

@@ -3,17 +3,19 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use preshade_compiler::command::material::{StateFlags, check_state, define, name_of, reads_facing, with_suggestion};
+use preshade_compiler::command::material::{
+    StateFlags, check_state, define, name_of, reads_facing, with_suggestion,
+};
 use preshade_compiler::command::rewrite::read_layouts;
-use preshade_text::options::{self, ClipSpace};
-use preshade_text::memory::Memory;
 use preshade_compiler::front::{self, Source};
-use preshade_text::limits::{Exceeded, Limits};
+use preshade_compiler::recipe::Recipe;
 use preshade_passes::naga::ShaderStage;
 use preshade_plan::plan::Plan;
-use preshade_text::source::Language;
 use preshade_plan::state::{CullMode, MaterialState};
-use preshade_compiler::recipe::Recipe;
+use preshade_text::limits::{Exceeded, Limits};
+use preshade_text::memory::Memory;
+use preshade_text::options::{self, ClipSpace};
+use preshade_text::source::Language;
 use serde::Deserialize;
 use serde_json::{Map, Value, from_value};
 

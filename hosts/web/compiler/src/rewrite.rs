@@ -4,15 +4,15 @@ use preshade_compiler::command::material::assumed;
 use preshade_compiler::command::refusal::rendered;
 use preshade_compiler::command::rewrite::{self, Report, Rewritten};
 use preshade_compiler::emit::{EmitError, Target};
-use preshade_text::files::File;
-use preshade_text::nearest::unknown;
+use preshade_compiler::pipeline::{self, Applied, Frame};
+use preshade_compiler::recipe::{Recipe, Step};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_text::files::File;
+use preshade_text::nearest::unknown;
 use preshade_validate::Check;
 #[cfg(feature = "check")]
 use preshade_validate::{By, Effort, validate_by};
-use preshade_compiler::pipeline::{self, Applied, Frame};
-use preshade_compiler::recipe::{Recipe, Step};
 use serde::Serialize;
 
 use crate::request::Rewrite;
