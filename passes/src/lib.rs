@@ -1,18 +1,13 @@
-//! The GPU-free heart of preshade: the dataflow graph over naga IR, the backward slicer, and one
-//! file for each transform.
+//! The dataflow graph over naga IR, the backward slicer, and one file or folder for each transform.
 //!
 //! The folders depend on each other in this order, and never backwards:
 //!
-//! 1. [`core`]: a validated naga module with the author's source beside it, and the plan a host
-//!    executes;
-//! 2. [`graph`]: the dataflow graph (dependence, rate, effect, cost);
-//! 3. [`mod@slice`]: the statements that decide a value, an output or an effect;
-//! 4. [`analysis`]: questions that any pass may ask (ranges, discontinuities, uniformity,
+//! 1. [`graph`]: the dataflow graph (dependence, rate, effect, cost);
+//! 2. [`mod@slice`]: the statements that decide a value, an output or an effect;
+//! 3. [`analysis`]: questions that any pass may ask (ranges, discontinuities, uniformity,
 //!    legality);
-//! 5. [`rebuild`]: new programs out of slices;
-//! 6. [`transforms`]: the passes, each a [`pass::Pass`] from [`plan::Plan`] to [`plan::Plan`];
-//! 7. [`validate`]: a variant compared with its original without a GPU. It and some analyses use
-//!    [`evaluate`], an interpreter of naga IR.
+//! 4. [`rebuild`]: new programs out of slices;
+//! 5. [`transforms`]: the passes, each a [`Pass`](preshade_plan::pass::Pass) from plan to plan.
 //!
 //! Nothing in here reads a file, touches a GPU or asks the time.
 

@@ -9,7 +9,22 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::SystemTime;
 
-const CRATES: [&str; 2] = ["preshade", "preshade-passes"];
+const CRATES: [&str; 14] = [
+    "naga-glsl",
+    "naga-interp",
+    "naga-operands",
+    "naga-spirv",
+    "preshade",
+    "preshade-compiler",
+    "preshade-draw",
+    "preshade-frames",
+    "preshade-ir",
+    "preshade-lab",
+    "preshade-passes",
+    "preshade-plan",
+    "preshade-text",
+    "preshade-validate",
+];
 
 fn cargo() -> Command {
     let mut command = Command::new(env!("CARGO"));

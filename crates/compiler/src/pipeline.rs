@@ -223,7 +223,7 @@ pub fn emit(plan: &Plan, targets: &[Target]) -> (Vec<File>, Vec<emit::EmitError>
 /// Files, a sentence on each that was not compared, and the errors of targets.
 type Compared = (Vec<File>, Vec<String>, Vec<emit::EmitError>);
 
-/// As [`emit`], byte for byte, and compares what each text means with its program: a few milliseconds
+/// As [`emit()`], byte for byte, and compares what each text means with its program: a few milliseconds
 /// each.
 pub fn emit_compared(plan: &Plan, targets: &[Target]) -> Compared {
     let options = emit::Options::default();

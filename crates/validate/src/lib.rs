@@ -3,7 +3,7 @@
 //!
 //! The plan determines the promises (`promise`). We first try a proof (`proof`): both stages have
 //! the same canonical slice, or, run on terms ([`term`]), end in the same ones. Otherwise we run
-//! both (`trial`; [`elsewhere`], on an adapter) on random and adversarial numbers ([`inputs`]),
+//! both (`trial`; [`executor`], on an adapter) on random and adversarial numbers ([`inputs`]),
 //! until they differ or have agreed often enough. A counterexample reports the first differing
 //! value.
 //!

@@ -55,7 +55,7 @@ pub enum OutputFilter {
     /// index.
     Rasterization,
     Location(u32),
-    /// The n-th output, in the order of [`reflect::outputs`].
+    /// The n-th output, in the order of [`preshade_ir::interface::outputs`].
     Index(usize),
     /// The output with exactly this binding.
     Binding(Binding),
@@ -165,9 +165,9 @@ pub struct Slice {
     pub criteria: Vec<Criterion>,
     /// The functions, callees before callers; the entry point is the last.
     pub parts: Vec<Part>,
-    /// Entry inputs needed, by index in the order of [`reflect::inputs`].
+    /// Entry inputs needed, by index in the order of [`preshade_ir::interface::inputs`].
     pub inputs: Vec<usize>,
-    /// Entry outputs it computes, by index in the order of [`reflect::outputs`].
+    /// Entry outputs it computes, by index in the order of [`preshade_ir::interface::outputs`].
     pub outputs: Vec<usize>,
     /// Global variables it reads or writes.
     pub globals: Vec<Handle<GlobalVariable>>,

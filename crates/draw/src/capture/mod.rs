@@ -2,10 +2,10 @@
 //!
 //! Data flows through the modules in this order:
 //!
-//! 1. [`file`] is `frame.json` as data;
-//! 2. [`folder`] reads it with the files that it names, and checks sizes;
+//! 1. [`preshade_frames::file`] is `frame.json` as data;
+//! 2. [`preshade_frames::folder`] reads it with the files that it names, and checks sizes;
 //! 3. [`replay`] executes the commands on wgpu as they were, and reads contents back;
-//! 4. [`pass`] finds the render passes and their draws;
+//! 4. [`preshade_frames::pass`] finds the render passes and their draws;
 //! 5. [`scene`] makes a [`crate::scene::Scene`] of one pass: its pipelines are the materials.
 
 mod alpha;
