@@ -3,7 +3,7 @@
 //!
 //! It is generic over its float type, a [`Number`]: `f32`; `f64`; both side by side ([`Shadowed`]),
 //! to measure rounding errors; intervals and affine numbers, which cover a whole triangle
-//! ([`mod@crate::bound`]); terms, which represent every number ([`mod@preshade_validate`]).
+//! ([`mod@crate::bound`]); terms, which represent every number (`preshade-validate`).
 //!
 //! `discard` is a demotion, as in WGSL: the invocation is marked and continues. A dynamic index out
 //! of bounds is clamped. Atomics and subgroup operations are not supported, because one invocation

@@ -195,7 +195,7 @@ pub struct Left {
     pub location: Option<Location>,
 }
 
-/// Static cost estimate of a change, in the units of [`preshade_passes::graph`]'s cost model.
+/// Static cost estimate of a change, in the units of `preshade_passes::graph`'s cost model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SiteCost {
     /// Cost of the slice.
@@ -578,7 +578,7 @@ pub trait Pass {
     /// What it is.
     const INFO: PassInfo;
 
-    /// Its own refusals; those of shared analyses are in [`preshade_passes::analysis::refusals`].
+    /// Its own refusals; those of shared analyses are in `preshade_passes::analysis::refusals`.
     const REFUSALS: &'static [RefusalInfo];
 
     /// Recipes that show it.
@@ -602,7 +602,7 @@ pub trait Pass {
     fn run(plan: &Plan, facts: &Facts, params: &Self::Params) -> Result<Outcome, Refused>;
 }
 
-/// What [`validate`](preshade_validate) must know of a step besides its contract.
+/// What `preshade-validate` must know of a step besides its contract.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Expected {
     /// The step replaces varyings of the author, so arbitrary numbers cannot stand for them.

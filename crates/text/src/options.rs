@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::limits::Limits;
 use crate::memory::Memory;
 
-/// Options of [`parse`].
+/// Options of the readers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Options {
     /// Vertex entry point. Required if there are several.
