@@ -49,11 +49,13 @@ pub use preshade_plan::contract::Contract;
 #[cfg(feature = "compiler")]
 pub use preshade_plan::pass::{Facts, Refusal};
 #[cfg(feature = "compiler")]
-pub use preshade_plan::plan::{GpuPass, Plan};
+pub use preshade_plan::plan::{BindingSource, BindingUse, GpuPass, Plan};
 #[cfg(feature = "compiler")]
 pub use preshade_plan::state::{ColorTarget, CullMode, MaterialState};
 #[cfg(feature = "compiler")]
 pub use preshade_text::files::File;
+#[cfg(feature = "compiler")]
+pub use preshade_text::source::Language;
 #[cfg(feature = "compiler")]
 pub use preshade_text::options::Options;
 

@@ -2,15 +2,10 @@
 
 use std::fmt::Write as _;
 
-use preshade_compiler::emit::Target;
-use preshade_compiler::front::Source;
-use preshade_compiler::pipeline::{Shader, rewrite};
-use preshade_compiler::recipe::Recipe;
-use preshade_plan::pass::Facts;
-use preshade_plan::plan::{BindingSource, BindingUse, GpuPass};
-use preshade_plan::state::MaterialState;
-use preshade_text::options::Options;
-use preshade_text::source::Language;
+use preshade::{
+    BindingSource, BindingUse, Facts, GpuPass, Language, MaterialState, Options, Recipe, Shader,
+    Source, Target, rewrite,
+};
 
 #[path = "previous.rs"]
 mod previous;

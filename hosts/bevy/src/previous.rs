@@ -4,7 +4,7 @@
 //! previous frame in other places: the view in a uniform, transforms beside the current ones,
 //! skins and weights in buffers of their own, and the time as a difference.
 
-use preshade_plan::plan::{BindingSource, GpuPass};
+use preshade::{BindingSource, GpuPass};
 
 use super::{Refused, Wanted};
 
