@@ -55,9 +55,9 @@ pub use preshade_plan::state::{ColorTarget, CullMode, MaterialState};
 #[cfg(feature = "compiler")]
 pub use preshade_text::files::File;
 #[cfg(feature = "compiler")]
-pub use preshade_text::source::Language;
-#[cfg(feature = "compiler")]
 pub use preshade_text::options::Options;
+#[cfg(feature = "compiler")]
+pub use preshade_text::source::Language;
 
 #[cfg(feature = "verify")]
 pub use preshade_draw::render::{AdapterChoice, Gpu};
