@@ -164,7 +164,7 @@ fn milliseconds(work: impl Fn() -> Result<()>) -> Result<f64> {
 
 /// Parses, validates and writes a text.
 fn naga_alone(text: &str) -> Result<()> {
-    use preshade_passes::naga::{back, front, valid};
+    use naga::{back, front, valid};
     let module = front::wgsl::parse_str(text)?;
     let info = valid::Validator::new(valid::ValidationFlags::all(), valid::Capabilities::all())
         .validate(&module)?;
@@ -218,7 +218,7 @@ fn time(step: &str, made: &Made) -> Result<f64> {
     let none = Facts::default();
     match step {
         "naga" => milliseconds(|| {
-            let module = preshade_passes::naga::front::wgsl::parse_str(&made.source.text)?;
+            let module = naga::front::wgsl::parse_str(&made.source.text)?;
             black_box(Program::new(
                 module,
                 Default::default(),

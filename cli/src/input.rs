@@ -4,6 +4,7 @@ use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
+use naga::{Binding, ShaderStage};
 use preshade_compiler::command::material::{define, name_of, reads_facing};
 use preshade_compiler::emit::Target;
 use preshade_compiler::front::{self, Source};
@@ -16,7 +17,6 @@ use preshade_frames::folder::Capture;
 use preshade_ir::interface;
 use preshade_lab::measure;
 use preshade_lab::measure::record::Pictures;
-use preshade_passes::naga::{Binding, ShaderStage};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{CullMode, MaterialState};

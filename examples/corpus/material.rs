@@ -3,7 +3,7 @@
 use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 
-use preshade_compiler::emit::{self, File, PlanFile, Target};
+use preshade_compiler::emit::{self, PlanFile, Target};
 use preshade_compiler::front::{self, Code, Options, Source};
 use preshade_compiler::pipeline;
 use preshade_compiler::recipe::Step;
@@ -11,6 +11,7 @@ use preshade_passes::PASSES;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{BindingSource, Plan};
 use preshade_plan::state::MaterialState;
+use preshade_text::files::{self, File};
 
 use crate::Arguments;
 use crate::cases::is_vertex;
@@ -162,7 +163,7 @@ impl Look<'_> {
                 Ok(files) => {
                     let dir = self.dir.join(pass).join(target.name());
                     if judge || self.arguments.keep.is_some() {
-                        emit::write(&dir, &files).unwrap();
+                        files::write(&dir, &files).unwrap();
                     }
                     if judge {
                         self.judged(pass, plan, target, &files, &dir);

@@ -24,8 +24,6 @@ pub use transforms::{
     specialize, tessellate, trim_loop, visibility_buffer,
 };
 
-pub use naga;
-
 pub use transforms::{PASSES, examples, refusals};
 
 pub fn pass_named(name: &str) -> Option<&'static dyn preshade_plan::pass::AnyPass> {

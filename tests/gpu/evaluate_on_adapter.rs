@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
 use glam::{Mat4, Vec3};
-use naga_interp as evaluate;
 use naga_interp::{Environment, Scalar, Value};
 use preshade_compiler::front;
 use preshade_draw::render::{
@@ -156,7 +155,7 @@ fn words_are_the_same_words() {
             let at = Value::vector(&[x as f32 + 0.5, y as f32 + 0.5, 0.0, 1.0]);
             let case = (y / ROWS) as usize;
             let expression = EXACT.iter().chain(NEAR).nth(case).unwrap();
-            let here = evaluate::entry_point(program.module(), entry, &[at], &environment);
+            let here = naga_interp::entry_point(program.module(), entry, &[at], &environment);
             let here = here.unwrap_or_else(|e| panic!("{expression}: {e}"));
             let Some(Value::Composite(parts)) = here.result else {
                 panic!("{expression}: no result");

@@ -12,7 +12,6 @@ use preshade_draw::scene::{Scene, Value};
 use preshade_lab::measure::record::VariantReport;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade_passes::graph::Graph;
-use preshade_passes::naga;
 use preshade_passes::transforms::specialize::Params;
 use preshade_passes::transforms::specialize::dispatch::Dispatch;
 use preshade_plan::contract::Verdict;

@@ -98,7 +98,7 @@ fn expressions_of_the_second_file_are_found_in_it() {
         let program = &parsed.program;
         let (_, entry) = program
             .entry_point(
-                preshade_passes::naga::ShaderStage::Fragment,
+                naga::ShaderStage::Fragment,
                 parsed.fragment.as_deref().unwrap(),
             )
             .unwrap();

@@ -9,22 +9,13 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 use std::time::SystemTime;
 
-const CRATES: [&str; 14] = [
-    "naga-glsl",
-    "naga-interp",
-    "naga-operands",
-    "naga-spirv",
-    "preshade",
-    "preshade-compiler",
-    "preshade-draw",
-    "preshade-frames",
-    "preshade-ir",
-    "preshade-lab",
-    "preshade-passes",
-    "preshade-plan",
-    "preshade-text",
-    "preshade-validate",
-];
+/// The packages that the workspace names with a version: all but the command line.
+fn crates(root: &Path) -> Vec<String> {
+    let manifest = fs::read_to_string(root.join("Cargo.toml")).unwrap();
+    let own = manifest.lines().filter(|line| line.contains(", path = \""));
+    own.filter_map(|line| Some(line.split_once(" = ")?.0.to_owned()))
+        .collect()
+}
 
 fn cargo() -> Command {
     let mut command = Command::new(env!("CARGO"));
@@ -85,10 +76,11 @@ impl Example {
             .current_dir(root)
             .args(["package", "--no-verify", "--allow-dirty", "--offline"]);
         package.arg("--target-dir").arg(&packages);
-        run(package.args(CRATES.iter().flat_map(|name| ["-p", name])));
+        let crates = crates(root);
+        run(package.args(crates.iter().flat_map(|name| ["-p", name])));
         let version = env!("CARGO_PKG_VERSION");
         let mut patch = "\n[patch.crates-io]\n".to_owned();
-        for name in CRATES {
+        for name in crates {
             let file = packages.join(format!("package/{name}-{version}.crate"));
             // All files of a package are of one day in 2006, so that cargo, which compares times,
             // takes another package in the same place for the one it has built.

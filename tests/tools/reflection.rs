@@ -9,7 +9,6 @@ use preshade_compiler::emit::{self, PlanFile, StageFile, Target};
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_ir::declared::{CombinedSampler, Declared};
-use preshade_passes::naga;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{BindingSource, Plan};
 use preshade_plan::state::MaterialState;

@@ -4,9 +4,9 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use naga::ShaderStage;
 use preshade_compiler::emit::{self, Target};
 use preshade_compiler::front::{self, Parsed, Source};
-use preshade_passes::naga::ShaderStage;
 use preshade_plan::state::MaterialState;
 use preshade_text::error::Error;
 use preshade_text::options;

@@ -5,7 +5,6 @@ use naga::{
     AddressSpace, AtomicFunction, Expression, FastHashMap, Function, GlobalVariable, Handle,
     ImageClass, Module, Span, Statement, StorageAccess, Type, TypeInner, UniqueArena,
 };
-use naga_operands as operands;
 use preshade_ir::writer::FunctionWriter;
 
 use super::placeholders::{Atomic, Placeholder, Placeholders};
@@ -45,7 +44,7 @@ pub(super) fn replace(
     for function in functions.chain(entry_points.iter_mut().map(|e| &mut e.function)) {
         let mut refused = None;
         let expressions = &mut function.expressions;
-        operands::visit_mut(&mut function.body, &mut |statement| {
+        naga_operands::visit_mut(&mut function.body, &mut |statement| {
             let Statement::Call {
                 function: called,
                 arguments,

@@ -9,7 +9,6 @@ use std::collections::HashSet;
 use naga::front::Typifier;
 use naga::proc::ResolveContext;
 use naga::{Expression, FastHashMap, Function, Handle, Module, Statement, TypeInner};
-use naga_operands as operands;
 
 /// Rewrites all functions.
 pub(super) fn narrow(module: &mut Module) {
@@ -54,19 +53,19 @@ fn vectors(module: &Module, function: &Function) -> HashSet<Handle<Expression>> 
 fn narrow_function(function: &mut Function, vectors: &HashSet<Handle<Expression>>) {
     let mut uses: FastHashMap<Handle<Expression>, usize> = FastHashMap::default();
     for (_, expression) in function.expressions.iter() {
-        for operand in operands::of_expression(expression) {
+        for operand in naga_operands::of_expression(expression) {
             *uses.entry(operand).or_default() += 1;
         }
     }
     // One `Emit` evaluates both, so no store comes between them.
     let mut emits: FastHashMap<Handle<Expression>, usize> = FastHashMap::default();
     let mut emit = 0;
-    operands::visit(&function.body, &mut |statement| {
+    naga_operands::visit(&function.body, &mut |statement| {
         if let Statement::Emit(range) = statement {
             emit += 1;
             emits.extend(range.clone().map(|h| (h, emit)));
         }
-        for operand in operands::of_statement(statement) {
+        for operand in naga_operands::of_statement(statement) {
             *uses.entry(operand).or_default() += 1;
         }
     });

@@ -8,7 +8,6 @@ use naga::{BinaryOperator, Expression, Function, Handle, SwitchCase, SwitchValue
 use super::number::Number;
 use super::scalar::Scalar;
 use super::value::Value;
-use naga_operands as operands;
 
 /// Operations below a comparison that tell it from others.
 const DEPTH: usize = 6;
@@ -94,7 +93,7 @@ fn shaped(function: &Function, e: Handle<Expression>, depth: usize, to: &mut Def
         _ => {}
     }
     if depth > 0 {
-        for operand in operands::of_expression(expression) {
+        for operand in naga_operands::of_expression(expression) {
             shaped(function, operand, depth - 1, to);
         }
     }

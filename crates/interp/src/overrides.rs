@@ -6,9 +6,7 @@ use naga::{
     Arena, ArraySize, Expression, Handle, Literal, Module, Override, Span, Type, TypeInner,
 };
 
-use crate as evaluate;
 use crate::{Scalar, Value};
-use naga_operands as operands;
 
 fn literal(module: &Module, ty: Handle<Type>, value: f64) -> Option<Literal> {
     Some(match module.types[ty].inner.scalar()? {
@@ -55,7 +53,7 @@ pub fn number(value: &Value) -> Option<f64> {
 
 /// The default of an override, if it is an integer or a boolean.
 pub fn integer_default(module: &Module, of: Handle<Override>) -> Option<i64> {
-    let value = evaluate::default_constant::<f32>(module, module.overrides[of].init?).ok()?;
+    let value = crate::default_constant::<f32>(module, module.overrides[of].init?).ok()?;
     match value {
         Value::Scalar(Scalar::F32(_)) => None,
         value => number(&value).map(|n| n as i64),
@@ -66,7 +64,7 @@ pub fn integer_default(module: &Module, of: Handle<Override>) -> Option<i64> {
 pub fn overrides_of(module: &Module, e: Handle<Expression>) -> Vec<Handle<Override>> {
     match &module.global_expressions[e] {
         Expression::Override(o) => vec![*o],
-        other => operands::of_expression(other)
+        other => naga_operands::of_expression(other)
             .into_iter()
             .flat_map(|o| overrides_of(module, o))
             .collect(),
@@ -95,7 +93,7 @@ pub fn resolved(
     }
     let mut map = Vec::with_capacity(module.global_expressions.len());
     for (_, mut expression, span) in module.global_expressions.drain() {
-        operands::map_expression(&mut expression, &mut |o| *o = map[o.index()]);
+        naga_operands::map_expression(&mut expression, &mut |o| *o = map[o.index()]);
         map.push(expressions.append(expression, span));
     }
     module.global_expressions = expressions;
@@ -124,7 +122,7 @@ pub fn resolved(
 pub fn fixed(module: &Module, of: Handle<Override>) -> Option<Module> {
     let Override { ty, init, .. } = module.overrides[of];
     let none = |_: Handle<Override>| None;
-    let value = evaluate::constant::<f32>(module, init?, &none).ok()?;
+    let value = crate::constant::<f32>(module, init?, &none).ok()?;
     let literal = Expression::Literal(literal(module, ty, number(&value)?)?);
     let is_pending = |ty: &Type| match ty.inner {
         TypeInner::Array { size, .. } | TypeInner::BindingArray { size, .. } => {

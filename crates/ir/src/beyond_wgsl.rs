@@ -78,18 +78,16 @@ pub fn rename_constants(module: &mut Module, declared: &mut Declared) {
 pub fn narrow_storage(modules: &mut [Module]) {
     use std::collections::HashSet;
 
-    use naga_operands as operands;
-
     let mut written: HashSet<ResourceBinding> = HashSet::new();
     for module in modules.iter() {
         let functions = module.functions.iter().map(|(_, f)| f);
         let entries = module.entry_points.iter().map(|e| &e.function);
         for function in functions.chain(entries) {
-            operands::visit(&function.body, &mut |statement| {
+            naga_operands::visit(&function.body, &mut |statement| {
                 // A pointer in any other statement may be written through.
                 let pointers = match statement {
                     Statement::Store { pointer, .. } => vec![*pointer],
-                    other => operands::of_statement(other),
+                    other => naga_operands::of_statement(other),
                 };
                 let of = |e| super::inline_main::global_of(&function.expressions, e);
                 let globals = pointers.into_iter().filter_map(of);

@@ -4,7 +4,6 @@
 use naga::{Block, Expression, Function, Handle, Span, Statement};
 
 use super::writer::FunctionWriter;
-use naga_operands as operands;
 
 /// The copy of each expression of a function.
 #[derive(Clone, Debug)]
@@ -34,7 +33,7 @@ impl Copies {
     /// The expression with copies as its operands.
     pub fn with_operands(&self, expression: &Expression) -> Expression {
         let mut copy = expression.clone();
-        operands::map_expression(&mut copy, &mut |o| *o = self.mapped(*o));
+        naga_operands::map_expression(&mut copy, &mut |o| *o = self.mapped(*o));
         copy
     }
 
@@ -49,7 +48,7 @@ impl Copies {
             return copy;
         }
         let expression = &original.expressions[e];
-        for operand in operands::of_expression(expression) {
+        for operand in naga_operands::of_expression(expression) {
             self.constant(original, operand, to);
         }
         let span = original.expressions.get_span(e);
@@ -168,19 +167,19 @@ pub trait CopyFunction<'a> {
     /// The copy of a statement that is no `Emit`, with its result and its blocks.
     fn copied(&mut self, statement: &'a Statement, span: Span) -> Statement {
         self.copying().writer.flush(span);
-        let mut copy = operands::shell(statement);
-        if let Some(result) = operands::result_mut(&mut copy) {
+        let mut copy = naga_operands::shell(statement);
+        if let Some(result) = naga_operands::result_mut(&mut copy) {
             *result = self.result(*result);
         }
         let mut inner = Vec::new();
-        for block in operands::blocks(statement) {
+        for block in naga_operands::blocks(statement) {
             let enclosing = self.copying().writer.open(span);
             self.block(block);
             inner.push(self.copying().writer.close(enclosing, span));
         }
-        operands::fill(&mut copy, statement, inner);
+        naga_operands::fill(&mut copy, statement, inner);
         // A loop's `break_if` may read expressions of its blocks, so map operands last.
-        operands::map_statement(&mut copy, &mut |o| *o = self.operand(*o));
+        naga_operands::map_statement(&mut copy, &mut |o| *o = self.operand(*o));
         copy
     }
 
@@ -188,7 +187,7 @@ pub trait CopyFunction<'a> {
     fn unevaluated(&mut self) {
         let original = self.copying().original;
         let mut is_evaluated = vec![false; original.expressions.len()];
-        operands::evaluated(&original.body, &mut |e| is_evaluated[e.index()] = true);
+        naga_operands::evaluated(&original.body, &mut |e| is_evaluated[e.index()] = true);
         for (e, _) in original.expressions.iter() {
             if !is_evaluated[e.index()] {
                 self.expression(e);
@@ -271,7 +270,7 @@ mod tests {
         let copied = copy(function);
         let (_, variable) = copied.local_variables.iter().next().unwrap();
         let mut is_evaluated = false;
-        operands::evaluated(&copied.body, &mut |e| {
+        naga_operands::evaluated(&copied.body, &mut |e| {
             is_evaluated |= Some(e) == variable.init
         });
         assert!(variable.init.is_some() && !is_evaluated);

@@ -4,7 +4,6 @@
 use crate::copy::{CopyFunction, Copying};
 use crate::writer::FunctionWriter;
 use naga::{Block, Function, Module, Statement, SwitchCase};
-use naga_operands as operands;
 
 use super::missing_returns;
 
@@ -21,7 +20,7 @@ pub(crate) fn remove(module: &mut Module) {
 
 fn write_out_cases(function: &mut Function, block: &mut Block) {
     for statement in block.iter_mut() {
-        for inner in operands::blocks_mut(statement) {
+        for inner in naga_operands::blocks_mut(statement) {
             write_out_cases(function, inner);
         }
         let Statement::Switch { cases, .. } = statement else {

@@ -20,7 +20,6 @@ use naga::{
     AddressSpace, Expression, Function, FunctionArgument, GlobalVariable, Handle, LocalVariable,
     Module, Range, Span, Statement,
 };
-use naga_operands as operands;
 use naga_operands::calls;
 
 use super::inline_main::{global_of, wrapped};
@@ -111,16 +110,16 @@ fn uses(function: &Function) -> Vec<(Handle<GlobalVariable>, Use)> {
         {
             continue;
         }
-        let escape = operands::of_expression(expression).into_iter();
+        let escape = naga_operands::of_expression(expression).into_iter();
         let globals = escape.filter_map(|e| global_of(expressions, e));
         found.extend(globals.map(|g| (g, Use::Escapes)));
     }
-    operands::visit(&function.body, &mut |statement| {
+    naga_operands::visit(&function.body, &mut |statement| {
         if let Statement::Store { pointer, .. } = statement {
             found.extend(global_of(expressions, *pointer).map(|g| (g, Use::Written)));
             return;
         }
-        let escape = operands::of_statement(statement).into_iter();
+        let escape = naga_operands::of_statement(statement).into_iter();
         let globals = escape.filter_map(|e| global_of(expressions, e));
         found.extend(globals.map(|g| (g, Use::Escapes)));
     });

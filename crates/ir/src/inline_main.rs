@@ -19,7 +19,6 @@ use naga::{
     AddressSpace, Arena, Block, Expression, Function, GlobalVariable, Handle, LocalVariable,
     Module, Span, Statement,
 };
-use naga_operands as operands;
 use naga_operands::calls;
 
 /// Inlines `main` into each wrapper entry point. `module` must be valid and stays valid.
@@ -188,7 +187,7 @@ fn read_only_inputs(
             Expression::Load { .. } | Expression::AccessIndex { .. } | Expression::Access { .. }
         );
         if !reads {
-            let operands = operands::of_expression(expression);
+            let operands = naga_operands::of_expression(expression);
             written.extend(
                 operands
                     .iter()
@@ -200,12 +199,12 @@ fn read_only_inputs(
             written.extend(global_of(&main.expressions, *base));
         }
     }
-    operands::visit(&main.body, &mut |statement| {
-        let read = operands::of_statement(statement);
+    naga_operands::visit(&main.body, &mut |statement| {
+        let read = naga_operands::of_statement(statement);
         written.extend(read.iter().filter_map(|e| global_of(&main.expressions, *e)));
     });
     for statement in &wrapper.body[at + 1..] {
-        let mut read = operands::of_statement(statement);
+        let mut read = naga_operands::of_statement(statement);
         if let Statement::Emit(range) = statement {
             read.extend(range.clone());
         }
@@ -237,7 +236,7 @@ fn constant(
     handle: Handle<Expression>,
 ) -> Handle<Expression> {
     let mut expression = module.global_expressions[handle].clone();
-    operands::map_expression(&mut expression, &mut |e| {
+    naga_operands::map_expression(&mut expression, &mut |e| {
         *e = constant(module, expressions, *e)
     });
     expressions.append(expression, module.global_expressions.get_span(handle))

@@ -16,7 +16,6 @@ use crate::variable::private_bool;
 use naga::{
     Block, Expression, Function, GlobalVariable, Handle, Literal, Module, Range, Span, Statement,
 };
-use naga_operands as operands;
 
 /// Adds a `return` behind each `discard` in a loop, and behind each call in a loop of a function that
 /// discarded.
@@ -59,7 +58,9 @@ fn kills(block: &Block, killers: &HashSet<Handle<Function>>) -> bool {
     block.iter().any(|statement| match statement {
         Statement::Kill => true,
         Statement::Call { function, .. } => killers.contains(function),
-        other => operands::blocks(other).iter().any(|b| kills(b, killers)),
+        other => naga_operands::blocks(other)
+            .iter()
+            .any(|b| kills(b, killers)),
     })
 }
 
@@ -68,7 +69,7 @@ fn calls_in_loop(block: &Block, is_in_loop: bool, killers: &HashSet<Handle<Funct
         let is_in_loop = is_in_loop || matches!(statement, Statement::Loop { .. });
         match statement {
             Statement::Call { function, .. } => is_in_loop && killers.contains(function),
-            other => operands::blocks(other)
+            other => naga_operands::blocks(other)
                 .iter()
                 .any(|b| calls_in_loop(b, is_in_loop, killers)),
         }
@@ -101,7 +102,7 @@ impl Ending<'_> {
                 _ => {}
             }
             let is_in_loop = is_in_loop || matches!(statement, Statement::Loop { .. });
-            for inner in operands::blocks_mut(statement) {
+            for inner in naga_operands::blocks_mut(statement) {
                 self.end_block(function, inner, is_in_loop);
             }
         }

@@ -1,5 +1,5 @@
 //! Edits of naga IR: the one writer and the one copier of functions, linking of two modules, the author's declarations
-//! that the IR lacks, and repairs of what readers leave.
+//! that the IR lacks, and repairs of modules that readers produce.
 
 pub mod beyond_wgsl;
 pub mod binding_arrays;

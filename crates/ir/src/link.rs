@@ -19,7 +19,6 @@ use layout::Longer;
 pub use layout::Member;
 
 use crate::declared::SpecConstant;
-use naga_operands as operands;
 
 /// Two modules that can't be linked.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -324,13 +323,12 @@ impl Linker<'_> {
         }
         let mut expression = self.second.global_expressions[handle].clone();
         let mut failed = None;
-        operands::map_expression(
-            &mut expression,
-            &mut |operand| match self.expression(*operand) {
-                Ok(mapped) => *operand = mapped,
-                Err(e) => failed = Some(e),
-            },
-        );
+        naga_operands::map_expression(&mut expression, &mut |operand| match self
+            .expression(*operand)
+        {
+            Ok(mapped) => *operand = mapped,
+            Err(e) => failed = Some(e),
+        });
         if let Some(error) = failed {
             return Err(error);
         }
@@ -622,7 +620,7 @@ impl Linker<'_> {
             if let Statement::Call { function, .. } = statement {
                 *function = self.callee(*function)?;
             }
-            for block in operands::blocks_mut(statement) {
+            for block in naga_operands::blocks_mut(statement) {
                 self.block(block)?;
             }
         }
@@ -657,7 +655,7 @@ fn content(function: &Function) -> String {
             if let Some(span) = span {
                 *span = Span::UNDEFINED;
             }
-            operands::blocks_mut(statement)
+            naga_operands::blocks_mut(statement)
                 .into_iter()
                 .for_each(forget_spans);
         }

@@ -3,8 +3,6 @@
 
 use naga::{Arena, Block, Function, Module, Span, UniqueArena};
 
-use naga_operands as operands;
-
 /// Maps every span of the module by `to`.
 pub fn map_spans(module: &mut Module, to: &impl Fn(Span) -> Span) {
     let mut types = UniqueArena::new();
@@ -44,7 +42,7 @@ fn block(body: &mut Block, to: &impl Fn(Span) -> Span) {
         if let Some(span) = span {
             *span = to(*span);
         }
-        for inner in operands::blocks_mut(statement) {
+        for inner in naga_operands::blocks_mut(statement) {
             block(inner, to);
         }
     }

@@ -4,8 +4,6 @@
 use naga::proc::Emitter;
 use naga::{Arena, Block, Expression, Function, Handle, Range, Span, Statement};
 
-use naga_operands as operands;
-
 /// Appends `Emit`s of expressions that exist already: one for each run of consecutive handles.
 pub fn emit_existing(
     evaluated: impl IntoIterator<Item = Handle<Expression>>,
@@ -98,7 +96,7 @@ impl FunctionWriter {
 
     fn rewrite_block(&mut self, block: Block, change: &mut dyn FnMut(&mut Self, Statement, Span)) {
         for (mut statement, span) in block.span_into_iter() {
-            for inner in operands::blocks_mut(&mut statement) {
+            for inner in naga_operands::blocks_mut(&mut statement) {
                 let enclosing = self.open(span);
                 self.rewrite_block(std::mem::take(inner), change);
                 *inner = self.close(enclosing, span);

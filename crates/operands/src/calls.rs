@@ -7,8 +7,6 @@ use std::collections::BTreeSet;
 
 use naga::{Block, Expression, Function, Handle, Module, Statement};
 
-use crate as operands;
-
 /// Largest accepted call depth, the entry point included. The deepest public material we know has
 /// 14.
 pub const MOST: usize = 256;
@@ -33,7 +31,7 @@ pub fn too_deep(module: &Module) -> Option<Handle<Function>> {
 /// The functions that a body calls itself, once for each call.
 pub fn callees(body: &Block) -> Vec<Handle<Function>> {
     let mut found = Vec::new();
-    operands::visit(body, &mut |statement| {
+    crate::visit(body, &mut |statement| {
         if let Statement::Call { function, .. } = statement {
             found.push(*function);
         }
@@ -70,7 +68,7 @@ pub fn visit<'m>(module: &'m Module, each: &mut dyn FnMut(Call<'m>)) {
     // The validator guarantees that callees come before their callers.
     let functions = module.functions.iter().rev().map(|(h, f)| (Some(h), f));
     for caller in entries.chain(functions) {
-        operands::visit(&caller.1.body, &mut |statement| {
+        crate::visit(&caller.1.body, &mut |statement| {
             if let Statement::Call {
                 function,
                 arguments,

@@ -258,6 +258,12 @@ pub fn result_mut(statement: &mut Statement) -> Option<&mut Operand> {
     }
 }
 
+/// [`map_statement`], and the result as well.
+pub fn map_statement_and_result(statement: &mut Statement, f: &mut dyn FnMut(&mut Operand)) {
+    map_statement(statement, f);
+    result_mut(statement).into_iter().for_each(f);
+}
+
 /// The statement with empty blocks: its own operands and results only.
 pub fn shell(statement: &Statement) -> Statement {
     match statement {

@@ -5,7 +5,6 @@ use std::collections::BTreeMap;
 use naga::{Handle, Module, Override, Type};
 
 use crate::guard::{Assumed, Bounds, Guard, Place, ScalarType};
-use naga_interp as evaluate;
 use naga_interp::Value;
 use naga_interp::overrides::{number, overrides_of, value};
 
@@ -28,7 +27,7 @@ impl Guard {
             let name = constant.name.as_deref()?;
             let assumed = assumed(name)?;
             let default = constant.init.and_then(|init| {
-                let value = evaluate::constant(original, init, &given).ok()?;
+                let value = naga_interp::constant(original, init, &given).ok()?;
                 number(&value)
             });
             Some(Constant {
@@ -64,7 +63,7 @@ pub fn scalar_type(module: &Module, ty: Handle<Type>) -> Option<ScalarType> {
 pub fn defaults(module: &Module) -> Vec<Assumed> {
     let default = |(_, constant): (Handle<Override>, &Override)| {
         let name = constant.name.clone()?;
-        let value = evaluate::default_constant::<f32>(module, constant.init?).ok()?;
+        let value = naga_interp::default_constant::<f32>(module, constant.init?).ok()?;
         Some(Assumed {
             place: Place::Override { name: name.clone() },
             name,
@@ -97,7 +96,7 @@ pub fn derived(module: &Module, given: &[Assumed]) -> Vec<Assumed> {
             continue;
         }
         let value = |o: Handle<Override>| values.get(&o).cloned();
-        let Ok(value) = evaluate::constant(module, init, &value) else {
+        let Ok(value) = naga_interp::constant(module, init, &value) else {
             continue;
         };
         let Some(number) = number(&value) else {

@@ -6,7 +6,6 @@
 //! ```
 
 use naga::{Block, Module, Statement};
-use naga_operands as operands;
 
 /// Changes all loops.
 pub(super) fn settle(module: &mut Module) {
@@ -22,7 +21,7 @@ fn settle_block(block: &mut Block) {
         if let Statement::Loop { body, .. } = statement {
             while open_last(body) {}
         }
-        for inner in operands::blocks_mut(statement) {
+        for inner in naga_operands::blocks_mut(statement) {
             settle_block(inner);
         }
     }

@@ -7,7 +7,6 @@ use naga::{
     AddressSpace, Block, Expression, Function, Handle, LocalVariable, Module, Range, Span,
     Statement, Type, TypeInner,
 };
-use naga_operands as operands;
 use naga_operands::calls;
 
 /// Changes all functions.
@@ -88,10 +87,10 @@ fn written(function: &Function) -> HashSet<usize> {
             _ => return None,
         }
     };
-    operands::visit(&function.body, &mut |statement| {
+    naga_operands::visit(&function.body, &mut |statement| {
         let pointers = match statement {
             Statement::Store { pointer, .. } => vec![*pointer],
-            other => operands::of_statement(other),
+            other => naga_operands::of_statement(other),
         };
         found.extend(pointers.into_iter().filter_map(root));
     });
@@ -143,7 +142,7 @@ fn load_arguments(
 ) {
     let old = std::mem::take(block);
     for (mut statement, span) in old.span_into_iter() {
-        for inner in operands::blocks_mut(&mut statement) {
+        for inner in naga_operands::blocks_mut(&mut statement) {
             load_arguments(inner, function, values);
         }
         if let Statement::Call {

@@ -1,4 +1,4 @@
-//! What readers of shaders have in common: sources with their places, options, errors that point at the author's
+//! The common ground of all readers of shaders: sources with their places, options, errors that point at the author's
 //! text, and limits on input from strangers.
 
 pub mod codes;

@@ -11,7 +11,6 @@ use super::environment::PassStages;
 use super::random::Random;
 use super::stage::Stage;
 use naga_interp::{Scalar, Value};
-use naga_operands as operands;
 use naga_operands::calls;
 
 /// Powers of two between the scales of inputs: from 1/8 to 256.
@@ -176,7 +175,7 @@ fn of_stage(stage: Stage<'_>, floats: &mut Vec<f32>, integers: &mut BTreeSet<u32
         }
     }
     for function in functions {
-        operands::visit(&function.body, &mut |statement| {
+        naga_operands::visit(&function.body, &mut |statement| {
             if let Statement::Switch { cases, .. } = statement {
                 integers.extend(cases.iter().filter_map(|case| match case.value {
                     SwitchValue::U32(n) => Some(n),

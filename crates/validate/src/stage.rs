@@ -4,8 +4,6 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use naga::{Binding, BuiltIn, Interpolation, Module, Sampling, ShaderStage, TypeInner};
-
-use naga_interp as evaluate;
 use naga_interp::{Environment, Number, RunResult, Scalar, Stuck, Undefined, Value};
 use preshade_ir::interface::{self, Io};
 use preshade_plan::program::Program;
@@ -128,7 +126,7 @@ impl<'p> Stage<'p> {
                 }
             })
             .collect::<Result<Vec<_>, _>>()?;
-        let outcome = evaluate::entry_point(module, self.entry, &arguments, environment)?;
+        let outcome = naga_interp::entry_point(module, self.entry, &arguments, environment)?;
         Ok(self.told(outcome))
     }
 

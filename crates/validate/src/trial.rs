@@ -10,7 +10,6 @@ use super::made_up_draw::Drawn;
 use super::promise::Pair;
 use super::stage::{self, Stage};
 use super::verdict::{Counterexample, Diverged, Verdict, not_evaluated};
-use naga_interp as evaluate;
 use naga_interp::{Stuck, Traced, Value};
 use preshade_plan::guard::Guard;
 
@@ -187,7 +186,7 @@ pub(super) fn unfilled<'p>(
     for stage in stages {
         let info = stage.program.info().get_entry_point(stage.entry);
         for (handle, global) in stage.module().global_variables.iter() {
-            let at = evaluate::place(global);
+            let at = naga_interp::place(global);
             if at.is_some_and(|at| left_out.contains(&at)) && !info[handle].is_empty() {
                 let name = global.name.as_deref().unwrap_or("a buffer");
                 return Some(format!("`{name}` is too long to be filled with numbers"));
@@ -245,7 +244,7 @@ pub(super) fn said(
     }
     for (_, global) in vertex.module().global_variables.iter() {
         let is_data = global.space != naga::AddressSpace::Handle;
-        let at = evaluate::place(global).filter(|_| is_data);
+        let at = naga_interp::place(global).filter(|_| is_data);
         if let Some(value) = at.and_then(|at| inputs.resources.get(&at)) {
             said.push((global.name.clone().unwrap_or_default(), text(value)));
         }

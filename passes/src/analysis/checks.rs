@@ -10,7 +10,6 @@ use naga::{
 
 use crate::graph::counted::{Counted, integer};
 use crate::graph::{FunctionGraph, Graph, StmtId};
-use naga_operands as operands;
 use preshade_plan::program::Program;
 
 /// The checks without which a program may do anything.
@@ -119,7 +118,7 @@ impl Walk<'_, '_> {
                 self.block(continuing);
             }
             other => {
-                for inner in operands::blocks(other) {
+                for inner in naga_operands::blocks(other) {
                     self.block(inner);
                 }
             }
@@ -144,7 +143,7 @@ impl Walk<'_, '_> {
         block.iter().any(|statement| match statement {
             Statement::Store { pointer, .. } => is_it(*pointer),
             Statement::Call { arguments, .. } => arguments.iter().any(|a| is_it(*a)),
-            other => operands::blocks(other)
+            other => naga_operands::blocks(other)
                 .into_iter()
                 .any(|inner| self.writes(inner, variable)),
         })

@@ -38,7 +38,6 @@ use crate::graph::memory::Origin;
 use crate::graph::rate::Rate;
 use crate::graph::{FunctionGraph, FunctionId, Graph, control};
 use crate::slice::{Need, Slice};
-use naga_operands as operands;
 use preshade_plan::contract::Surface;
 use preshade_plan::plan::GpuPass;
 use preshade_plan::program::Program;
@@ -936,11 +935,11 @@ fn written(f: &FunctionGraph<'_>, module: &naga::Module, e: Handle<Expression>) 
         other => {
             // Set all operands to the same handle.
             let mut shell = other.clone();
-            let operands = operands::of_expression(other);
+            let operands = naga_operands::of_expression(other);
             let Some(one) = operands.first() else {
                 return format!("{shell:?}");
             };
-            operands::map_expression(&mut shell, &mut |o| *o = *one);
+            naga_operands::map_expression(&mut shell, &mut |o| *o = *one);
             format!("{shell:?}").replace(&format!("{one:?}"), "_")
         }
     }

@@ -28,7 +28,6 @@ use crate::graph::cells::Root;
 use crate::graph::memory::{Origin, VersionId};
 use crate::graph::rate::Rate;
 use naga_interp::interval::{Arithmetic, Interval};
-use naga_operands as operands;
 use preshade_plan::pass::{self, Facts, Refusal, Source, SourceRange};
 use preshade_plan::plan::Plan;
 
@@ -403,7 +402,7 @@ impl Search<'_, '_, '_> {
             Expression::As { convert: None, .. } => return None,
             _ => {}
         }
-        let read = operands::of_expression(expression);
+        let read = naga_operands::of_expression(expression);
         let floats = read.iter().filter(|e| is_float(e));
         let floats = floats.filter_map(|e| self.operand(context, *e)).flatten();
         self.met |= floats.fold(false, |met, n| met | n.may_be_subnormal());

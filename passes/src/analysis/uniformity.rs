@@ -15,7 +15,6 @@ use naga::{
 };
 
 use crate::graph::FunctionId;
-use naga_operands as operands;
 
 /// Why uniform control flow is needed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -198,7 +197,7 @@ impl<'a> FunctionWalk<'a> {
 
     /// The variable of a pointer, and whether the pointer covers it wholly.
     fn root(&self, pointer: Handle<Expression>) -> (Root, bool) {
-        let base = operands::base(&self.function.expressions, pointer);
+        let base = naga_operands::base(&self.function.expressions, pointer);
         let root = match self.function.expressions[base] {
             Expression::LocalVariable(local) => Root::Variable(local.index()),
             Expression::FunctionArgument(n) => {
@@ -249,7 +248,7 @@ impl<'a> FunctionWalk<'a> {
         let span = self.function.expressions.get_span(e);
         let mut rests_on = vec![flow.control];
         rests_on.extend(
-            operands::of_expression(expression)
+            naga_operands::of_expression(expression)
                 .into_iter()
                 .map(|o| self.value(o)),
         );
@@ -449,7 +448,7 @@ impl<'a> FunctionWalk<'a> {
 
     /// A statement's result, if any, may be non-uniform.
     fn unknown(&mut self, statement: &Statement) {
-        if let Some(result) = operands::result(statement) {
+        if let Some(result) = naga_operands::result(statement) {
             self.values[result.index()] = MAYBE;
         }
     }

@@ -11,8 +11,6 @@ use naga::{
     StorageAccess, TypeInner,
 };
 
-use naga_operands as operands;
-
 /// A variable, as seen in a function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Root {
@@ -87,7 +85,7 @@ pub(crate) fn place(
                 at = base;
             }
             Expression::Access { base, index } => {
-                steps.push(operands::constant_index(module, function, index));
+                steps.push(naga_operands::constant_index(module, function, index));
                 at = base;
             }
             Expression::LocalVariable(v) => break Root::Local(v),

@@ -9,7 +9,6 @@ use naga::{
 use super::cells::Root;
 use super::memory::{Origin, VersionId};
 use super::{FunctionGraph, StmtId};
-use naga_operands as operands;
 use preshade_plan::uniforms::UniformScalar;
 
 /// Longest loop that we simulate to find its trip count.
@@ -275,7 +274,7 @@ pub(crate) fn uniform_bound(
                 base
             }
             Expression::Access { base, index } => {
-                path.push(operands::constant_index(module, f.function, index)?);
+                path.push(naga_operands::constant_index(module, f.function, index)?);
                 base
             }
             Expression::GlobalVariable(global) => {

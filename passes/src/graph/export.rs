@@ -11,7 +11,6 @@ use serde::{Deserialize, Serialize};
 use super::memory::{Origin, VersionId};
 use super::rate::{self, Fact, Stages};
 use super::{FunctionGraph, FunctionId, Graph, Root, StmtId, cells, cost, effect, text};
-use naga_operands as operands;
 use preshade_ir::interface;
 
 /// Schema of [`GraphData`].
@@ -346,7 +345,7 @@ impl<'g, 'p> Export<'g, 'p> {
                         .map(|e| e.name().to_owned())
                         .collect();
                     self.node(NodeKey::Statement(index, id), shown);
-                    if let Some(result) = operands::result(node.statement) {
+                    if let Some(result) = naga_operands::result(node.statement) {
                         self.expression(index, result, f.times[id.index()]);
                     }
                     for version in f.memory.writes.get(&id).into_iter().flatten() {
@@ -448,7 +447,7 @@ impl<'g, 'p> Export<'g, 'p> {
             }
             return;
         }
-        for operand in operands::of_expression(&f.function.expressions[from]) {
+        for operand in naga_operands::of_expression(&f.function.expressions[from]) {
             self.data(index, operand, to);
         }
     }
@@ -473,7 +472,7 @@ impl<'g, 'p> Export<'g, 'p> {
                     }
                 }
                 _ => {
-                    for operand in operands::of_expression(expression) {
+                    for operand in naga_operands::of_expression(expression) {
                         self.data(index, operand, key);
                     }
                 }
@@ -498,7 +497,7 @@ impl<'g, 'p> Export<'g, 'p> {
                 }
                 continue;
             }
-            for operand in operands::of_statement(node.statement) {
+            for operand in naga_operands::of_statement(node.statement) {
                 self.data(index, operand, key);
             }
             for predicate in f.control.of(id) {
@@ -524,7 +523,7 @@ impl<'g, 'p> Export<'g, 'p> {
                     );
                 }
             }
-            if let Some(result) = operands::result(node.statement) {
+            if let Some(result) = naga_operands::result(node.statement) {
                 self.edge(key, NodeKey::Expression(index, result), EdgeKind::Data);
             }
             match node.statement {

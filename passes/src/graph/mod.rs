@@ -25,7 +25,6 @@ mod dot;
 pub mod effect;
 pub mod export;
 pub mod memory;
-pub use naga_operands as operands;
 pub mod rate;
 pub mod rates;
 pub mod statements;

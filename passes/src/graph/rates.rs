@@ -11,7 +11,6 @@ use super::cells::{Cell, Root};
 use super::memory::{self, Origin, VersionId};
 use super::rate::{Fact, Rate, Stages, of_binding};
 use super::{Effect, FunctionGraph, FunctionId, StmtId, effect};
-use naga_operands as operands;
 
 /// A value from a function's caller.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -301,7 +300,7 @@ impl<'a, 'p> Analysis<'a, 'p> {
                 control.join(&self.out.statements[predicate.index()]);
                 let statement = f.statements.get(*predicate).statement;
                 if !matches!(statement, Statement::Return { .. }) {
-                    for e in operands::of_statement(statement) {
+                    for e in naga_operands::of_statement(statement) {
                         control.join(&self.out.expressions[e.index()]);
                     }
                 }
@@ -318,7 +317,7 @@ impl<'a, 'p> Analysis<'a, 'p> {
                 value.join(&control);
                 changed |= set(&mut self.out.versions[version.index()], value);
             }
-            if let Some(result) = operands::result(node.statement) {
+            if let Some(result) = naga_operands::result(node.statement) {
                 let mut value = self.provided(id, node.statement, None);
                 value.join(&control);
                 changed |= set(&mut self.out.expressions[result.index()], value);
@@ -463,7 +462,7 @@ impl<'a, 'p> Analysis<'a, 'p> {
             }
             _ => {}
         }
-        for operand in operands::of_expression(expression) {
+        for operand in naga_operands::of_expression(expression) {
             out.join(&self.out.expressions[operand.index()]);
         }
         if let Some(effect) = effect::of_expression(expression) {

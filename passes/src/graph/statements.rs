@@ -2,8 +2,6 @@
 
 use naga::{Block, Expression, Function, Handle, Span, Statement};
 
-use naga_operands as operands;
-
 /// A statement of one function, numbered in preorder from 0: a statement before the statements in
 /// its blocks, `accept` before `reject`, cases in order, `body` before `continuing`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
@@ -66,10 +64,10 @@ impl<'p> Statements<'p> {
                     self.evaluated_at[expression.index()] = Some(id);
                 }
             }
-            if let Some(result) = operands::result(statement) {
+            if let Some(result) = naga_operands::result(statement) {
                 self.evaluated_at[result.index()] = Some(id);
             }
-            for inner in operands::blocks(statement) {
+            for inner in naga_operands::blocks(statement) {
                 self.block(inner, Some(id));
             }
             self.nodes[id.index()].end = StmtId::from(self.nodes.len());

@@ -7,7 +7,6 @@ use naga::{
 use preshade_ir::interface;
 
 use super::{FunctionGraph, StmtId};
-use naga_operands as operands;
 
 /// Levels of nesting written out before an ellipsis.
 const DEPTH: usize = 3;
@@ -108,7 +107,7 @@ fn write(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>, depth: u
             format!("{what}({})", of(*image))
         }
         other => {
-            let arguments = operands::of_expression(other);
+            let arguments = naga_operands::of_expression(other);
             format!("{}({})", variant(other), list(&arguments))
         }
     }
@@ -252,11 +251,11 @@ pub fn statement(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> String {
                 .join(", ")
         ),
         other => {
-            let debug = format!("{:?}", operands::shell(other));
+            let debug = format!("{:?}", naga_operands::shell(other));
             let end = debug
                 .find(|c: char| !c.is_alphanumeric())
                 .unwrap_or(debug.len());
-            let arguments: Vec<String> = operands::of_statement(other)
+            let arguments: Vec<String> = naga_operands::of_statement(other)
                 .iter()
                 .map(|e| of(*e))
                 .collect();

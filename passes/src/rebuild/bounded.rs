@@ -13,7 +13,6 @@ use naga::{
 
 use crate::graph::counted::{self, Ends};
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
-use naga_operands as operands;
 use preshade_ir::variable;
 use preshade_ir::writer::FunctionWriter;
 use preshade_plan::program::Program;
@@ -58,7 +57,7 @@ pub fn is_open(program: &Program, is_small: &dyn Fn(&UniformScalar) -> bool) -> 
 
 fn has_loop(block: &Block) -> bool {
     block.iter().any(|s| {
-        matches!(s, Statement::Loop { .. }) || operands::blocks(s).into_iter().any(has_loop)
+        matches!(s, Statement::Loop { .. }) || naga_operands::blocks(s).into_iter().any(has_loop)
     })
 }
 
@@ -264,7 +263,10 @@ impl Rewriter<'_> {
             let number = self.open.get(&self.next).copied();
             self.next += 1;
             let is_loop = matches!(statement, Statement::Loop { .. });
-            for (i, inner) in operands::blocks_mut(&mut statement).into_iter().enumerate() {
+            for (i, inner) in naga_operands::blocks_mut(&mut statement)
+                .into_iter()
+                .enumerate()
+            {
                 self.block(function, inner, continues || (is_loop && i == 1));
             }
             match (statement, number) {

@@ -1,8 +1,6 @@
 //! Writes code of our own behind the author's evaluation of a value.
 
 use naga::{Expression, Function, Handle, Statement};
-
-use naga_operands as operands;
 use preshade_ir::writer::FunctionWriter;
 
 /// Calls `then` behind each statement, for each expression that the statement evaluates.
@@ -13,7 +11,7 @@ pub(crate) fn after(
     FunctionWriter::rewrite(function, &mut |writer, statement, span| {
         let evaluated: Vec<Handle<Expression>> = match &statement {
             Statement::Emit(range) => range.clone().collect(),
-            other => operands::result(other).into_iter().collect(),
+            other => naga_operands::result(other).into_iter().collect(),
         };
         writer.statement(statement, span);
         for value in evaluated {

@@ -7,7 +7,6 @@ use naga::{Expression, Function, Handle, Module, Statement};
 
 use crate::analysis::values::{ContextId, Values};
 use crate::graph::{FunctionId, StmtId};
-use naga_operands as operands;
 
 /// The module with copies of the functions of `contexts` and of their callers; calls on the way use
 /// the copies. The walk starts at the entry point `entry`, which has the same statements and
@@ -106,7 +105,7 @@ fn leads_to(values: &Values<'_, '_>, context: ContextId, mut to: ContextId) -> b
 fn redirect(function: &mut Function, calls: &BTreeMap<StmtId, Handle<Function>>) {
     let mut next = 0;
     let mut results = Vec::new();
-    operands::visit_mut(&mut function.body, &mut |statement| {
+    naga_operands::visit_mut(&mut function.body, &mut |statement| {
         let id = StmtId::from(next);
         next += 1;
         if let (

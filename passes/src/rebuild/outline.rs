@@ -21,7 +21,6 @@ use crate::rebuild::insert_after::after;
 use crate::rebuild::isolate::isolate;
 use crate::rebuild::place::{self, PositionInvariance};
 use crate::slice::{self, Criterion, OutputFilter};
-use naga_operands as operands;
 use preshade_ir::returns;
 use preshade_plan::pass::Refusal;
 use preshade_plan::program::Program;
@@ -363,7 +362,7 @@ fn without_returns(block: &mut Block) {
         match &mut statement {
             Statement::Return { .. } => continue,
             Statement::Loop { .. } => {}
-            other => operands::blocks_mut(other)
+            other => naga_operands::blocks_mut(other)
                 .into_iter()
                 .for_each(without_returns),
         }
@@ -474,7 +473,7 @@ fn capture(
             .map(|(i, w)| (w.expression, i as u32))
             .collect();
         let is_struct = wanted.len() > 1;
-        operands::visit_mut(&mut function.body, &mut |statement| {
+        naga_operands::visit_mut(&mut function.body, &mut |statement| {
             if let Statement::Call {
                 function,
                 arguments,

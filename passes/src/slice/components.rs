@@ -5,7 +5,6 @@ use naga::{Expression, Handle, MathFunction, Module, RelationalFunction, TypeInn
 
 use super::need::Need;
 use crate::graph::FunctionGraph;
-use naga_operands as operands;
 
 /// The operands of `e` that `need` requires, with the needed part of each. Other operands may have
 /// any value.
@@ -43,7 +42,7 @@ pub(crate) fn of_operands(
             }
             of_vector.map(|n| (*vector, n)).into_iter().collect()
         }
-        _ if is_componentwise(module, f, expression) => operands::of_expression(expression)
+        _ if is_componentwise(module, f, expression) => naga_operands::of_expression(expression)
             .into_iter()
             .map(|o| (o, like(module, f, e, o, need)))
             .collect(),
@@ -52,7 +51,7 @@ pub(crate) fn of_operands(
 }
 
 fn all(expression: &Expression) -> Vec<(Handle<Expression>, Need)> {
-    operands::of_expression(expression)
+    naga_operands::of_expression(expression)
         .into_iter()
         .map(|o| (o, Need::All))
         .collect()

@@ -11,7 +11,6 @@ use super::{Demand, Termination, components};
 use crate::graph::cells::{self, Cell, Root};
 use crate::graph::memory::{self, Origin, VersionId};
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId, counted};
-use naga_operands as operands;
 
 /// The part of a function that its caller's demand depends on.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -234,7 +233,7 @@ impl<'g, 'p> Work<'g, 'p> {
                 }
             }
             statement => {
-                for operand in operands::of_statement(statement) {
+                for operand in naga_operands::of_statement(statement) {
                     self.need(operand, &Need::All);
                 }
                 // If operands are needed, so is the memory they access; an atomic's result depends

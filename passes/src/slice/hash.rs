@@ -7,7 +7,6 @@ use naga::{Expression, Handle, LocalVariable, Module, Statement, Type, TypeInner
 
 use super::Slice;
 use crate::graph::{FunctionGraph, Graph, StmtId};
-use naga_operands as operands;
 
 /// FNV-1a, 64 bits, over the text written to it: stable across platforms and releases. The text,
 /// tens of kilobytes for a large material, isn't stored.
@@ -74,7 +73,7 @@ impl Writer<'_, '_> {
         let statements = &self.f.statements;
         let ends = self.block_ends.entry(parent.index()).or_insert_with(|| {
             let mut at = parent.index() + 1;
-            let blocks = operands::blocks(statements.get(parent).statement);
+            let blocks = naga_operands::blocks(statements.get(parent).statement);
             let end = |block: &&naga::Block| {
                 for _ in block.iter() {
                     at = statements.get(StmtId::from(at)).end.index();
@@ -106,7 +105,7 @@ impl Writer<'_, '_> {
         // Recipes pin hashes, so this is written as ever.
         let parent = self.f.statements.get(id).parent;
         let in_block = parent.map(|p| Some(self.block_of(p, id)));
-        let operands = operands::of_statement(statement);
+        let operands = naga_operands::of_statement(statement);
         for e in &operands {
             if kept(*e) {
                 self.number(*e);
@@ -119,7 +118,7 @@ impl Writer<'_, '_> {
                 let _ = write!(self.hash, "Switch {cases:?}");
             }
             Statement::Return { .. } => self.word("Return"),
-            other => self.without_handles(format_args!("{:?}", operands::shell(other))),
+            other => self.without_handles(format_args!("{:?}", naga_operands::shell(other))),
         }
         self.word(" [");
         for (i, e) in operands.iter().enumerate() {
@@ -133,7 +132,7 @@ impl Writer<'_, '_> {
             self.word("\"");
         }
         let _ = writeln!(self.hash, "] {callee:?}");
-        if let Some(result) = operands::result(statement) {
+        if let Some(result) = naga_operands::result(statement) {
             self.name(result);
         }
     }
@@ -153,7 +152,7 @@ impl Writer<'_, '_> {
         }
         let (module, function) = (self.module, self.f.function);
         let expression = &function.expressions[e];
-        let operands = operands::of_expression(expression);
+        let operands = naga_operands::of_expression(expression);
         for o in &operands {
             self.number(*o);
         }
@@ -234,7 +233,7 @@ impl Writer<'_, '_> {
                 Expression::ZeroValue(ty) => self.ty(*ty),
                 other => self.without_handles(format_args!("{other:?}")),
             }
-            stack.extend(operands::of_expression(expression));
+            stack.extend(naga_operands::of_expression(expression));
         }
     }
 

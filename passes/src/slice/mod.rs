@@ -12,7 +12,6 @@ use naga::{Binding, Expression, GlobalVariable, Handle, ShaderStage, Span, State
 
 use crate::graph::counted::{self, Ends};
 use crate::graph::{Cell, FunctionId, Graph, StmtId};
-use naga_operands as operands;
 use preshade_ir::interface;
 use preshade_plan::guard::Guard;
 
@@ -192,7 +191,7 @@ impl Slice {
         let spans = self.parts.iter().flat_map(|part| {
             let f = graph.function(part.function);
             let statements = f.statements.iter().filter(|(id, n)| {
-                part.kept.statements[id.index()] && operands::blocks(n.statement).is_empty()
+                part.kept.statements[id.index()] && naga_operands::blocks(n.statement).is_empty()
             });
             let expressions = f.function.expressions.iter().filter(|(e, _)| {
                 part.kept.expressions[e.index()].is_some()
@@ -416,7 +415,7 @@ fn coverage(
         {
             return Coverage::Partial;
         }
-        for operand in operands::of_statement(node.statement) {
+        for operand in naga_operands::of_statement(node.statement) {
             used[operand.index()] = true;
         }
     }
@@ -426,7 +425,7 @@ fn coverage(
             if kept.expressions[e.index()].is_none() {
                 return Coverage::Partial;
             }
-            for operand in operands::of_expression(expression) {
+            for operand in naga_operands::of_expression(expression) {
                 used[operand.index()] = true;
             }
         } else if matches!(expression, Expression::GlobalVariable(_))
@@ -447,7 +446,7 @@ fn is_named_or_used(function: &naga::Function, global: Handle<Expression>) -> bo
     function
         .expressions
         .iter()
-        .any(|(_, e)| operands::of_expression(e).contains(&global))
+        .any(|(_, e)| naga_operands::of_expression(e).contains(&global))
 }
 
 fn inputs(graph: &Graph<'_>, root: &Part) -> Vec<usize> {

@@ -43,7 +43,6 @@ use crate::graph::{FunctionId, Graph, StmtId};
 use crate::rebuild::prologue::Ahead;
 use crate::rebuild::{place, quad};
 use crate::slice::{self, Criterion, Slice};
-use naga_operands as operands;
 use preshade_ir::returns;
 use preshade_plan::contract::Contract;
 use preshade_plan::pass::{
@@ -350,7 +349,7 @@ fn tells(function: &mut Function, bool: Handle<Type>) {
         pointer,
         value: yes,
     };
-    operands::visit_mut(&mut function.body, &mut |statement| {
+    naga_operands::visit_mut(&mut function.body, &mut |statement| {
         if matches!(statement, Statement::Kill) {
             *statement = discard.clone();
         }

@@ -284,7 +284,7 @@ impl<'v, 'g, 'p> DrawConstants<'v, 'g, 'p> {
         });
         let program = self.stage.pass.program.clone();
         next.programs.insert(program, built.main);
-        let textures = values::textures(self.moved.values, &self.choice.moved);
+        let textures = values::textures(self.moved.values, &self.moved.ids);
         let given = self.given(!textures.is_empty());
         let change = self.change();
         let choice = self.choice;

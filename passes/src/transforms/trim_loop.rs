@@ -37,7 +37,6 @@ use crate::analysis::simplify::{self, FragmentStage, Simplified};
 use crate::graph::counted::Counted;
 use crate::graph::{FunctionId, Graph, StmtId};
 use crate::rebuild::place::{Replacement, Rewrite, rewritten};
-use naga_operands as operands;
 use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::contract::Contract;
 use preshade_plan::pass::{
@@ -317,9 +316,9 @@ fn uses(function: &naga::Function) -> BTreeMap<naga::Handle<naga::Expression>, u
         }
     };
     for (_, expression) in function.expressions.iter() {
-        add(operands::of_expression(expression));
+        add(naga_operands::of_expression(expression));
     }
-    operands::visit(&function.body, &mut |s| add(operands::of_statement(s)));
+    naga_operands::visit(&function.body, &mut |s| add(naga_operands::of_statement(s)));
     uses
 }
 

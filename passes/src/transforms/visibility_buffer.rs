@@ -28,6 +28,7 @@ use crate::rebuild::{depth_pass, place};
 use crate::slice::{self, Criterion, OutputFilter, Slice};
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::{Assumption, Contract, Surface, Turned};
+use preshade_plan::draw_table::IDS;
 use preshade_plan::pass::{
     Change, Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
 };
@@ -58,7 +59,6 @@ use differences::Reached;
 use gradients::Shaded;
 use lists::Lists;
 pub use params::{Ids, Params, Select, ShadingForm, Vertices, Words};
-pub use preshade_plan::draw_table::{DRAWS, IDS};
 
 /// The pass.
 pub(crate) struct VisibilityBuffer;

@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use preshade_passes::naga::front::wgsl;
+use naga::front::wgsl;
 use preshade_plan::mapping::Equation;
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;

@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 
 use naga::Module;
-use naga_interp as evaluate;
 use naga_interp::bound::{self, Affine, Distance, Interval};
 use naga_interp::{Environment, Number, Shadowed, Stuck, Value};
 use proptest::prelude::*;
@@ -51,7 +50,7 @@ fn value(module: &Module, at: Corner) -> Vec<f32> {
         trace: None,
         steps: 100_000,
     };
-    let outcome = evaluate::run(module, function, &arguments(at), &environment).unwrap();
+    let outcome = naga_interp::run(module, function, &arguments(at), &environment).unwrap();
     outcome.result.unwrap().floats().unwrap()
 }
 
@@ -178,7 +177,7 @@ fn with_a_constant(expression: &str, constant: f32) -> (Result<Vec<Distance>, St
             trace: None,
             steps: 100_000,
         };
-        let outcome = evaluate::run(&module, function, &[Value::vector(&at)], &environment);
+        let outcome = naga_interp::run(&module, function, &[Value::vector(&at)], &environment);
         outcome.unwrap().result.unwrap().float().unwrap()
     };
     let mut seen = 0.0_f64;
@@ -347,7 +346,7 @@ fn over_box(module: &Module, corners: [Corner; 3]) -> Result<Vec<Interval>, Stuc
         steps: 100_000,
     };
     let arguments = [boxed(corners, 0..3), boxed(corners, 3..5)];
-    let outcome = evaluate::run(module, function, &arguments, &environment)?;
+    let outcome = naga_interp::run(module, function, &arguments, &environment)?;
     outcome.result.unwrap().floats()
 }
 
@@ -361,7 +360,7 @@ fn shadowed(module: &Module, at: Corner) -> (Vec<Shadowed>, u64) {
         steps: 100_000,
     };
     let arguments: Vec<_> = arguments(at).iter().map(bound::exactly).collect();
-    let outcome = evaluate::run(module, function, &arguments, &environment).unwrap();
+    let outcome = naga_interp::run(module, function, &arguments, &environment).unwrap();
     (outcome.result.unwrap().floats().unwrap(), outcome.flips)
 }
 
@@ -428,7 +427,9 @@ fn the_truth_is_what_nothing_was_rounded_of() {
     assert_eq!((sum.value, flips), (0.0, 0));
     assert!((sum.truth - f64::from(0.3_f32)).abs() < 1e-7);
     assert_eq!(square.truth, f64::from(0.1_f32) * f64::from(0.1_f32));
-    assert!(square.error() > 0.0 && evaluate::ulps(f64::from(square.value), square.truth) <= 0.5);
+    assert!(
+        square.error() > 0.0 && naga_interp::ulps(f64::from(square.value), square.truth) <= 0.5
+    );
     assert_eq!(input.error(), 0.0);
 }
 

@@ -9,7 +9,6 @@ use std::sync::Arc;
 use naga::{
     BinaryOperator, Expression, Function, Handle, MathFunction, ScalarKind, Span, TypeInner,
 };
-use naga_operands as operands;
 use preshade_passes::{examples, pass_named};
 use preshade_plan::contract::Assumption;
 use preshade_plan::pass::{Facts, Use};
@@ -123,13 +122,13 @@ fn readers(function: &Function) -> Vec<usize> {
         }
     };
     for (_, expression) in function.expressions.iter() {
-        count(operands::of_expression(expression).to_vec());
+        count(naga_operands::of_expression(expression).to_vec());
     }
     let mut blocks = vec![&function.body];
     while let Some(block) = blocks.pop() {
         for statement in block {
-            count(operands::of_statement(statement).to_vec());
-            blocks.extend(operands::blocks(statement));
+            count(naga_operands::of_statement(statement).to_vec());
+            blocks.extend(naga_operands::blocks(statement));
         }
     }
     readers

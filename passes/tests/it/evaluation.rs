@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, BuiltIn, Function, Module, ShaderStage, TypeInner};
-use naga_interp as evaluate;
 use naga_interp::{Environment, RunResult, Scalar, Stuck, Value};
 use preshade_ir::interface;
 use preshade_passes::graph::Graph;
@@ -65,7 +64,7 @@ fn run(program: &Program, name: &str, seed: u32) -> Result<RunResult, Stuck> {
         steps: 200_000,
     };
     let arguments = arguments(program.module(), &point.function, seed);
-    evaluate::entry_point(program.module(), entry, &arguments, &environment)
+    naga_interp::entry_point(program.module(), entry, &arguments, &environment)
 }
 
 /// The outputs by binding.

@@ -1,12 +1,10 @@
 //! What the interpreter takes on: values are bounded as variables are, and what is bound is not
 //! copied for each run.
 
+use naga_interp::{Environment, RunResult, Stuck, Value};
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 use std::sync::Arc;
-
-use naga_interp as evaluate;
-use naga_interp::{Environment, RunResult, Stuck, Value};
 
 type Resources = Arc<BTreeMap<(u32, u32), Value>>;
 
@@ -20,7 +18,7 @@ fn run(text: &str, resources: &Resources, steps: u64) -> Result<RunResult, Stuck
         trace: None,
         steps,
     };
-    evaluate::entry_point(&module, 0, &[], &environment)
+    naga_interp::entry_point(&module, 0, &[], &environment)
 }
 
 fn stuck(text: &str) -> Stuck {

@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 
 use naga::{Module, ScalarKind, Type, TypeInner};
-use naga_interp as evaluate;
 use naga_interp::{Environment, Lookup, RunResult, Scalar, Stuck, Value};
 use preshade_ir::interface;
 use preshade_passes::graph::{FunctionId, Graph};
@@ -114,7 +113,7 @@ fn run(program: &Program, entry: usize, seed: u32) -> Result<RunResult, Stuck> {
         trace: None,
         steps: 2_000_000,
     };
-    evaluate::entry_point(module, entry, &arguments, &environment)
+    naga_interp::entry_point(module, entry, &arguments, &environment)
 }
 
 /// The outputs by binding.

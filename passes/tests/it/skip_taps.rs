@@ -5,7 +5,6 @@ use std::cell::RefCell;
 use std::collections::BTreeMap;
 
 use naga::ShaderStage;
-use naga_interp as evaluate;
 use naga_interp::{Environment, Scalar, Value};
 use preshade_passes::transforms::skip_taps::{Params, SkipTaps};
 use preshade_plan::budget::{Budget, Metric};
@@ -70,7 +69,7 @@ fn drawn(plan: &Plan, weights: [f32; 4]) -> (f32, Vec<u32>) {
         trace: None,
         steps: 10_000,
     };
-    let outcome = evaluate::entry_point(program.module(), entry, &[], &environment).unwrap();
+    let outcome = naga_interp::entry_point(program.module(), entry, &[], &environment).unwrap();
     let red = match outcome.result {
         Some(Value::Composite(parts)) => match parts[0] {
             Value::Scalar(Scalar::F32(red)) => red,

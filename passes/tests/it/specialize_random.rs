@@ -8,7 +8,6 @@ use std::collections::BTreeMap;
 use std::panic::AssertUnwindSafe;
 
 use naga::{Binding, Module, ShaderStage, TypeInner};
-use naga_interp as evaluate;
 use naga_interp::{Environment, Scalar, Stuck, Value};
 use preshade_ir::interface;
 use preshade_passes::transforms::specialize::{Fold, Params, Specialized};
@@ -188,7 +187,7 @@ fn run(
         trace: None,
         steps: 50_000,
     };
-    let outcome = evaluate::entry_point(module, entry, &arguments, &environment)?;
+    let outcome = naga_interp::entry_point(module, entry, &arguments, &environment)?;
     let outputs = interface::outputs(module, &point.function);
     let is_struct = point
         .function

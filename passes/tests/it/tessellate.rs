@@ -1,9 +1,6 @@
 //! Tessellation builds valid programs around any hoisted vertex stage, and refuses what it cannot
 //! divide.
 
-use std::collections::{BTreeMap, BTreeSet};
-
-use naga_interp as evaluate;
 use naga_interp::{Environment, Value};
 use preshade_passes::transforms::hoist::{self, Hoist};
 use preshade_passes::transforms::tessellate::{Params, Tessellate};
@@ -13,6 +10,7 @@ use preshade_plan::pattern::{self, Pattern};
 use preshade_plan::plan::{BindingSource, GeometryPart, Plan};
 use preshade_plan::state::{MaterialState, PrimitiveState, Topology};
 use proptest::prelude::*;
+use std::collections::{BTreeMap, BTreeSet};
 
 use crate::common;
 
@@ -182,7 +180,7 @@ fn position(plan: &Plan, subdivision: &Subdivision, mesh: &Mesh<'_>, at: (u32, u
     let (triangle, vertex) = at;
     let index = triangle % subdivision.batch * subdivision.vertices.len() as u32 + vertex;
     let arguments = [index, triangle / subdivision.batch].map(Value::u32);
-    let outcome = evaluate::entry_point(program.module(), entry, &arguments, &environment);
+    let outcome = naga_interp::entry_point(program.module(), entry, &arguments, &environment);
     match outcome.unwrap().result {
         Some(Value::Composite(members)) => members[0].clone(),
         other => panic!("{other:?}"),

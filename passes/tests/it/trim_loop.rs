@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use naga::ShaderStage;
-use naga_interp as evaluate;
 use naga_interp::{Environment, Scalar, Value};
 use preshade_passes::transforms::trim_loop::{Params, TrimLoop};
 use preshade_plan::budget::{Budget, Metric};
@@ -59,7 +58,7 @@ fn red(plan: &Plan) -> f32 {
         trace: None,
         steps: 10_000,
     };
-    let outcome = evaluate::entry_point(program.module(), entry, &[], &environment).unwrap();
+    let outcome = naga_interp::entry_point(program.module(), entry, &[], &environment).unwrap();
     match outcome.result {
         Some(Value::Composite(parts)) => match parts[0] {
             Value::Scalar(Scalar::F32(red)) => red,

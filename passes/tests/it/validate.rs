@@ -182,21 +182,20 @@ fn expression(function: &mut Function, kind: Mutation, left: &mut usize) -> bool
 
 /// Front ends leave literals that nothing reads.
 fn is_read(function: &Function, literal: naga::Handle<Expression>) -> bool {
-    use naga_operands as operands;
     let mut blocks = vec![&function.body];
     while let Some(block) = blocks.pop() {
         for statement in block {
-            let mut read = operands::of_statement(statement);
+            let mut read = naga_operands::of_statement(statement);
             if let Statement::Emit(range) = statement {
                 let emitted = range.clone();
                 read.extend(
-                    emitted.flat_map(|e| operands::of_expression(&function.expressions[e])),
+                    emitted.flat_map(|e| naga_operands::of_expression(&function.expressions[e])),
                 );
             }
             if read.contains(&literal) {
                 return true;
             }
-            blocks.extend(operands::blocks(statement));
+            blocks.extend(naga_operands::blocks(statement));
         }
     }
     false

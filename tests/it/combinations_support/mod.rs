@@ -4,10 +4,10 @@
 
 use std::collections::BTreeMap;
 
+use naga::Module;
 use preshade_compiler::emit::{self, Target};
 use preshade_compiler::parameters::{Parameter, parameters};
 use preshade_compiler::recipe::{Recipe, Step};
-use preshade_passes::naga::Module;
 use preshade_passes::{PASSES, examples};
 use preshade_plan::pass::{AnyPass, Facts, Use};
 use preshade_plan::plan::Plan;

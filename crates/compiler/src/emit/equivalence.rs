@@ -10,7 +10,7 @@ use naga::{AddressSpace, Block, Expression, Function, Handle, Module, Statement}
 use preshade_plan::program::Program;
 
 use crate::front::{self, Source};
-use crate::wgsl::{self, operands, tidy};
+use crate::wgsl::{self, tidy};
 use preshade_text::error::Color;
 use preshade_text::options::Options;
 
@@ -50,7 +50,7 @@ impl Trace<'_> {
         let mut expression = self.function.expressions[handle].clone();
         let mut operand_values = Vec::new();
         let (first, _) = self.function.expressions.iter().next().unwrap();
-        operands::of_expression(&mut expression, |e| {
+        naga_operands::map_expression(&mut expression, &mut |e| {
             operand_values.push(self.values.get(e).copied());
             // Handles differ between the texts.
             *e = first;
@@ -103,7 +103,9 @@ impl Trace<'_> {
                 _ => {}
             }
             let mut values = Vec::new();
-            operands::of_statement(&mut statement, |e| values.push(self.values.get(e).copied()));
+            naga_operands::map_statement_and_result(&mut statement, &mut |e| {
+                values.push(self.values.get(e).copied())
+            });
             let kind = format!("{statement:?}");
             let kind = kind.split([' ', '{', '(']).next().unwrap().to_owned();
             // The continuing block evaluates a loop's `break_if`.

@@ -55,6 +55,7 @@ use preshade_plan::state::Topology;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+use preshade_text::files::File;
 use preshade_text::panics;
 
 pub use meaning::Meaning;
@@ -62,7 +63,6 @@ pub use plan_json::{
     Fallback, GlslAttribute, GlslBlock, GlslTexture, GlslUniform, PassFiles, PlanFile,
     SpecConstant, StageFile, TessellationFiles, WeakerPromise, versions,
 };
-pub use preshade_text::files::{File, is_material_name, write, write_file};
 pub use stale::{Stale, remove, stale};
 
 /// An output language.

@@ -12,7 +12,6 @@ use naga::{
     ShaderStage, Span, Statement, TypeInner,
 };
 use naga_interp::overrides::overrides_of;
-use naga_operands as operands;
 use preshade_ir::copy::{CopyFunction, Copying};
 use preshade_ir::interface;
 use preshade_ir::variable::private;
@@ -442,7 +441,7 @@ impl<'a> Reads<'a> {
             dependent: BTreeSet::new(),
         };
         for (e, expression) in function.expressions.iter() {
-            let operands = operands::of_expression(expression);
+            let operands = naga_operands::of_expression(expression);
             let mut dependent = operands.iter().any(|o| reads.dependent.contains(o));
             if let Expression::Override(of) = expression {
                 reads.value(*of);
@@ -486,7 +485,7 @@ impl<'a> Reads<'a> {
             Expression::Override(of) => self.value(*of),
             other => {
                 let mut copy = other.clone();
-                operands::map_expression(&mut copy, &mut |o| *o = self.global(*o));
+                naga_operands::map_expression(&mut copy, &mut |o| *o = self.global(*o));
                 self.copying.writer.expression(copy)
             }
         }
@@ -498,7 +497,7 @@ impl<'a> Reads<'a> {
             Expression::Override(of) => self.value(*of),
             other => {
                 let mut copy = other.clone();
-                operands::map_expression(&mut copy, &mut |o| *o = self.initial(*o));
+                naga_operands::map_expression(&mut copy, &mut |o| *o = self.initial(*o));
                 self.copying.writer.expression(copy)
             }
         }
@@ -541,7 +540,7 @@ impl<'a> CopyFunction<'a> for Reads<'a> {
     fn unevaluated(&mut self) {
         let original = self.copying.original;
         let mut evaluated = BTreeSet::new();
-        operands::evaluated(&original.body, &mut |e| {
+        naga_operands::evaluated(&original.body, &mut |e| {
             evaluated.insert(e);
         });
         for (e, expression) in original.expressions.iter() {

@@ -2,7 +2,6 @@
 //! (`unrestricted_pointer_parameters`), naga's validator too, but its SPIR-V writer panics.
 
 use naga::{Block, Expression, Function, Module, Span, Statement, TypeInner};
-use naga_operands as operands;
 use preshade_plan::program::Program;
 
 /// The location of such a call in the program's text, with a remedy.
@@ -52,7 +51,7 @@ fn in_block(module: &Module, function: &Function, block: &Block) -> Option<Span>
                 return Some(function.expressions.get_span(*value));
             }
         }
-        let mut inner = operands::blocks(statement).into_iter();
+        let mut inner = naga_operands::blocks(statement).into_iter();
         inner.find_map(|b| in_block(module, function, b))
     })
 }

@@ -16,7 +16,6 @@ use naga::{
     Arena, BinaryOperator as B, Expression, Function, Handle, LocalVariable, MathFunction as M,
     Module, Range, ScalarKind, Span, Type, TypeInner, UniqueArena,
 };
-use naga_operands as operands;
 use preshade_ir::copy::{Copies, CopyFunction, Copying};
 use preshade_ir::writer::FunctionWriter;
 use preshade_plan::program::Program;
@@ -63,7 +62,7 @@ fn operands_to_hide(
         is_constant: Vec::with_capacity(function.expressions.len()),
     };
     let mut is_evaluated = vec![false; function.expressions.len()];
-    operands::evaluated(&function.body, &mut |e| is_evaluated[e.index()] = true);
+    naga_operands::evaluated(&function.body, &mut |e| is_evaluated[e.index()] = true);
     let mut found = HashMap::new();
     for (e, expression) in function.expressions.iter() {
         let operand = constants
@@ -106,7 +105,7 @@ impl Constants<'_> {
             | Expression::Relational { .. }
             | Expression::Math { .. }
             | Expression::As { .. } => {
-                let operands = operands::of_expression(expression);
+                let operands = naga_operands::of_expression(expression);
                 operands.into_iter().all(|o| self.is(o))
             }
             _ => false,
@@ -313,7 +312,7 @@ impl<'a> CopyFunction<'a> for Hiding<'a> {
             };
             let mut copy = self.copying.original.expressions[e].clone();
             let copies = &self.copying.copies;
-            operands::map_expression(&mut copy, &mut |o| {
+            naga_operands::map_expression(&mut copy, &mut |o| {
                 *o = if *o == operand {
                     read
                 } else {

@@ -5,8 +5,6 @@ use naga::proc::TypeResolution;
 use naga::{Expression, Function, Handle, Module, TypeInner};
 use preshade_plan::program::Program;
 
-use crate::wgsl::operands;
-
 /// Maximum levels of unnamed expressions.
 const LEVELS: u32 = 32;
 
@@ -60,9 +58,9 @@ fn missing_names(
     let mut names = Vec::new();
     for (handle, expression) in function.expressions.iter() {
         let mut level = 0;
-        operands::of_expression(&mut expression.clone(), |operand| {
+        for operand in naga_operands::of_expression(expression) {
             level = level.max(levels.get(operand.index()).map_or(0, |l| l + 1));
-        });
+        }
         let written_apart = function.named_expressions.contains_key(&handle)
             || matches!(
                 expression,

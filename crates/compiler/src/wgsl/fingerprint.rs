@@ -6,7 +6,6 @@ use naga::diagnostic_filter::DiagnosticFilterNode;
 use naga::{
     AddressSpace, Arena, Binding, Expression, Handle, Literal, Module, ShaderStage, Type, TypeInner,
 };
-use naga_operands as operands;
 use preshade_ir::interface::{self, Io};
 
 use super::varying::Varying;
@@ -83,7 +82,7 @@ fn constant(module: &Module, e: Handle<Expression>) -> String {
     }
     let mut expression = expressions[e].clone();
     let mut operands = Vec::new();
-    operands::map_expression(&mut expression, &mut |operand| {
+    naga_operands::map_expression(&mut expression, &mut |operand| {
         operands.push(constant(module, *operand));
         *operand = e;
     });

@@ -7,7 +7,6 @@
 use naga::{
     AddressSpace, Expression, Function, FunctionResult, Handle, Module, Span, Statement, Type,
 };
-use naga_operands as operands;
 use preshade_ir::writer::FunctionWriter;
 
 /// A module without such initialisers, and their targets.
@@ -79,7 +78,7 @@ fn is_writable(module: &Module, e: Handle<Expression>) -> bool {
             | Expression::Compose { .. }
             | Expression::Splat { .. }
     );
-    let operands = operands::of_expression(expression);
+    let operands = naga_operands::of_expression(expression);
     has_words && operands.into_iter().all(|o| is_writable(module, o))
 }
 
@@ -103,7 +102,7 @@ fn copied(
     writer: &mut FunctionWriter,
 ) -> Handle<Expression> {
     let mut expression = module.global_expressions[e].clone();
-    operands::map_expression(&mut expression, &mut |o| *o = copied(module, *o, writer));
+    naga_operands::map_expression(&mut expression, &mut |o| *o = copied(module, *o, writer));
     writer.expression(expression)
 }
 

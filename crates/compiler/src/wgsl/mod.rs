@@ -6,7 +6,6 @@ pub(crate) mod deep_expressions;
 pub(crate) mod fingerprint;
 mod initialisers;
 mod loops;
-pub mod operands;
 mod repair;
 pub(crate) mod subgroups;
 pub(crate) mod tidy;

@@ -43,7 +43,6 @@ pub use gpu::{AdapterChoice, AdapterReport, Card, Gpu, adapters, cards};
 pub use inputs::SceneInputs;
 pub(crate) use layout::binding_type;
 pub use picture::{ColorImage, DepthImage};
-pub use preshade_text::limits::Trust;
 pub use self_test::{SelfTestResult, self_test};
 pub use shader::{ShaderForm, Variant};
 pub use subdivided::{DrawSubdivision, SubdivisionCost, Surplus};

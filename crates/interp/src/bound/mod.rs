@@ -22,7 +22,6 @@ use std::collections::BTreeMap;
 
 use naga::{Function, Module};
 
-use crate as evaluate;
 use crate::{Environment, Lookup, Number, Scalar, Stuck, Value};
 
 mod affine;
@@ -115,7 +114,7 @@ pub fn over_triangle(
         let arguments = arguments
             .map(|((a, b), c)| between([a, b, c], &part))
             .collect::<Result<Vec<_>, _>>()?;
-        let outcome = evaluate::run(module, function, &arguments, environment)?;
+        let outcome = crate::run(module, function, &arguments, environment)?;
         let mut numbers = Vec::new();
         if let Some(result) = &outcome.result {
             components(result, &mut numbers);

@@ -1,14 +1,12 @@
 //! Proved bounds on the interpolation error of a value, over the triangles of a scene.
 
-use std::collections::{BTreeMap, HashMap};
-
-use naga_interp as evaluate;
 use naga_interp::Value;
 use naga_interp::bound::{self, Affine, Distance};
 use preshade_passes::transforms::hoist::Computed;
 use preshade_plan::pass::Bound;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::Topology;
+use std::collections::{BTreeMap, HashMap};
 
 use super::frequency::choosing;
 use super::vertices::{self, Vertices, said};
@@ -162,7 +160,7 @@ impl MaterialTriangles {
         let Computed {
             module, function, ..
         } = &self.computed;
-        let outcome = evaluate::run(
+        let outcome = naga_interp::run(
             module,
             &module.functions[*function],
             &a,

@@ -67,7 +67,6 @@ pub use interpolation::interpolation;
 pub use junctions::{Junction, junctions};
 pub use on_adapter::validate_on;
 pub use outputs::OutputsReport;
-pub use preshade_compiler::command::explain::EffectUse;
 pub use ranges::ranges;
 pub use rasterizer::rasterizer;
 pub use session::Session;

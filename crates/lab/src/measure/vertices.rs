@@ -4,7 +4,6 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use naga::{GlobalVariable, Module};
-use naga_interp as evaluate;
 use naga_interp::{Environment, Number, RunResult, Stuck, Value, bound};
 
 use preshade_draw::scene::bind::DrawBindings;
@@ -28,7 +27,7 @@ impl<F: Number> Vertices<'_, F> {
         Self {
             environment: Environment {
                 resources: resources.into(),
-                texture: &|_: &evaluate::Lookup<'_, F>| [F::of(f32::NAN); 4],
+                texture: &|_: &naga_interp::Lookup<'_, F>| [F::of(f32::NAN); 4],
                 derivative: None,
                 trace: None,
                 steps: STEPS,
@@ -120,7 +119,7 @@ impl<F: Number> Vertices<'_, F> {
             })
             .collect::<Option<Vec<_>>>()
             .ok_or("an input of the vertex stage cannot be read")?;
-        evaluate::entry_point(module, entry, &arguments, &self.environment).map_err(said)
+        naga_interp::entry_point(module, entry, &arguments, &self.environment).map_err(said)
     }
 
     /// The value of an input at a vertex of an instance. `None`: the draw has none.
@@ -267,7 +266,7 @@ pub(crate) fn resource<F: Number>(
     global: &GlobalVariable,
     bound: &DrawBindings,
 ) -> Option<Value<F>> {
-    evaluate::from_bytes(module, global.ty, bytes_of(global, bound)?)
+    naga_interp::from_bytes(module, global.ty, bytes_of(global, bound)?)
 }
 
 /// The content of a buffer variable in a draw.
@@ -296,7 +295,7 @@ pub(crate) fn of_any_length<F: Number>(
                 return None;
             };
             let elements = bytes_of(global, bound)?.chunks_exact(stride as usize);
-            let elements = elements.map(|bytes| evaluate::from_bytes(module, base, bytes));
+            let elements = elements.map(|bytes| naga_interp::from_bytes(module, base, bytes));
             Some((at, Value::Composite(elements.collect::<Option<_>>()?)))
         })
         .collect()

@@ -1,7 +1,6 @@
 //! What only the IR can say: a `discard` that goes on, and the number of layers.
 
 use naga::{Block, Expression, Function, Handle, ImageQuery, Module, Statement, TypeInner};
-use naga_operands as operands;
 use rspirv::dr::{self, Builder, Instruction, Operand};
 use rspirv::spirv::{FunctionControl, Op, Word};
 
@@ -47,7 +46,7 @@ pub(crate) fn demote(module: &mut Module) {
                 Statement::Call { function, .. } if *function == demote => {
                     *statement = Statement::Kill;
                 }
-                other => operands::blocks_mut(other)
+                other => naga_operands::blocks_mut(other)
                     .into_iter()
                     .for_each(|b| discard(b, demote)),
             }

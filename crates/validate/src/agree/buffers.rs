@@ -6,7 +6,6 @@ use super::Relation;
 use super::fed::{Cast, Rule, cast, cast_by, offsets, plain};
 use super::matched_parts::{Part, beside};
 use super::matching::{By, Matcher};
-use naga_interp as evaluate;
 use preshade_plan::mapping;
 
 /// A data part of the first program.
@@ -38,7 +37,7 @@ pub(super) fn leaves(module: &Module) -> Vec<Leaf> {
     }
     let mut all = Vec::new();
     for (global, variable) in module.global_variables.iter() {
-        if evaluate::place(variable).is_some() && variable.space != AddressSpace::Handle {
+        if naga_interp::place(variable).is_some() && variable.space != AddressSpace::Handle {
             let name = variable.name.clone().unwrap_or_default();
             let leaf = Leaf {
                 global,
@@ -61,7 +60,7 @@ pub(super) fn biases(module: &Module) -> Vec<((u32, u32), Vec<usize>)> {
         name.contains("bias") && !is_level && mapping::members(module, leaf.ty).is_empty()
     });
     let placed = biases.filter_map(|leaf| {
-        let at = evaluate::place(&module.global_variables[leaf.global])?;
+        let at = naga_interp::place(&module.global_variables[leaf.global])?;
         Some((at, leaf.steps))
     });
     placed.collect()
@@ -189,7 +188,7 @@ impl Matcher<'_> {
         cast: Cast,
         by: By,
     ) {
-        let Some(from) = evaluate::place(&self.ours.global_variables[our]) else {
+        let Some(from) = naga_interp::place(&self.ours.global_variables[our]) else {
             return;
         };
         let theirs = mapping::name_of(self.theirs, global, to_steps);

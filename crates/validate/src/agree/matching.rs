@@ -18,7 +18,6 @@ use super::products::{self, Product};
 use super::sampled::sampled;
 use super::{Mismatch, Relation, rename};
 use crate::environment::PassStages;
-use naga_interp as evaluate;
 use preshade_ir::interface;
 use preshade_plan::mapping::{self, Equation, Mapping};
 use preshade_plan::program::Program;
@@ -228,7 +227,7 @@ fn used(stages: PassStages<'_>) -> BTreeSet<Handle<GlobalVariable>> {
             let info = stage.program.info().get_entry_point(stage.entry);
             let globals = module.global_variables.iter();
             globals.filter(move |(handle, global)| {
-                evaluate::place(global).is_some() && !info[*handle].is_empty()
+                naga_interp::place(global).is_some() && !info[*handle].is_empty()
             })
         })
         .map(|(handle, _)| handle)
@@ -343,7 +342,7 @@ impl Matcher<'_> {
         let find = |wanted: &dyn Fn(&GlobalVariable) -> bool, is_number: bool| {
             let mut all = self.ours.global_variables.iter();
             all.find_map(|(handle, variable)| {
-                let is_it = evaluate::place(variable).is_some() && wanted(variable);
+                let is_it = naga_interp::place(variable).is_some() && wanted(variable);
                 let fit = is_it.then(|| fits(variable, is_number)).flatten()?;
                 Some((handle, fit))
             })
@@ -389,7 +388,7 @@ impl Matcher<'_> {
         theirs: Handle<GlobalVariable>,
         ours: Handle<GlobalVariable>,
     ) -> bool {
-        let own = evaluate::place(&self.theirs.global_variables[theirs]);
+        let own = naga_interp::place(&self.theirs.global_variables[theirs]);
         let Some(at) = self.ours.global_variables[ours].binding else {
             return false;
         };
@@ -404,10 +403,10 @@ impl Matcher<'_> {
 
     pub(super) fn own_binding(&mut self, theirs: Handle<GlobalVariable>) -> (u32, u32) {
         // The stages of a linked program may each declare it.
-        let place = evaluate::place(&self.theirs.global_variables[theirs]);
+        let place = naga_interp::place(&self.theirs.global_variables[theirs]);
         let known = self.bindings.iter().find(|(other, at)| {
             at.group == OWN_GROUP
-                && evaluate::place(&self.theirs.global_variables[**other]) == place
+                && naga_interp::place(&self.theirs.global_variables[**other]) == place
         });
         let at = match known {
             Some((_, at)) => *at,

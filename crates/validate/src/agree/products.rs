@@ -18,8 +18,6 @@ use super::matching::{By, Lost, Matcher, type_text};
 use super::reads::overlap;
 use crate::environment::PassStages;
 use crate::stage::Stage;
-use naga_interp as evaluate;
-use naga_operands as operands;
 use naga_operands::calls;
 use preshade_passes::analysis::view::names;
 use preshade_plan::mapping::{self, Equation, Path, Place};
@@ -99,7 +97,8 @@ impl Matcher<'_> {
     /// Whether a mapping gives a part of a variable of theirs as a product, or as a factor of one.
     pub(super) fn parts_of_products(&self, global: Handle<GlobalVariable>) -> Vec<Vec<usize>> {
         let theirs = self.products.iter().flat_map(Product::theirs);
-        let place = |g: Handle<GlobalVariable>| evaluate::place(&self.theirs.global_variables[g]);
+        let place =
+            |g: Handle<GlobalVariable>| naga_interp::place(&self.theirs.global_variables[g]);
         let own = theirs.filter(|part| place(part.global) == place(global));
         own.map(|part| part.steps.clone()).collect()
     }
@@ -176,7 +175,7 @@ impl Matcher<'_> {
         let end = start + count;
         let is_same = |a: Option<&Option<Leaf>>, b: Option<&Option<Leaf>>| match (a, b) {
             (Some(Some(theirs)), Some(Some(ours))) => {
-                let place = evaluate::place(&self.ours.global_variables[ours.0]);
+                let place = naga_interp::place(&self.ours.global_variables[ours.0]);
                 self.our_part(theirs) == place.map(|at| (at, ours.1.clone()))
             }
             (None | Some(None), None | Some(None)) => a.is_none() == b.is_none(),
@@ -199,7 +198,7 @@ impl Matcher<'_> {
     fn multiply(&mut self, is_ours: bool, one: &Leaf, factors: &[Leaf], by: By) {
         let place = |this: &mut Self, is_ours: bool, (global, steps): &Leaf| {
             let at = match is_ours {
-                true => evaluate::place(&this.ours.global_variables[*global]),
+                true => naga_interp::place(&this.ours.global_variables[*global]),
                 false => Some(this.place_or_own(*global)),
             };
             at.map(|at| (at, steps.clone()))
@@ -274,7 +273,7 @@ impl Matcher<'_> {
 
     /// Whether anything of theirs has its value from a part of ours.
     pub(super) fn has_partner(&self, (global, steps): &Leaf) -> bool {
-        let Some(at) = evaluate::place(&self.ours.global_variables[*global]) else {
+        let Some(at) = naga_interp::place(&self.ours.global_variables[*global]) else {
             return true;
         };
         let mut rules = self.rules.iter();
@@ -385,7 +384,7 @@ impl Chains<'_> {
                 }
                 _ => {}
             }
-            for inner in operands::blocks(statement) {
+            for inner in naga_operands::blocks(statement) {
                 self.block(inner);
             }
         }
@@ -431,7 +430,7 @@ impl Chains<'_> {
         match self.function.expressions[pointer] {
             Expression::GlobalVariable(global) => {
                 let variable = &self.module.global_variables[global];
-                evaluate::place(variable).map(|_| (global, Vec::new()))
+                naga_interp::place(variable).map(|_| (global, Vec::new()))
             }
             Expression::AccessIndex { base, index } => {
                 let (global, mut steps) = self.leaf(base)?;

@@ -5,8 +5,6 @@ use std::collections::BTreeSet;
 use naga::{Expression, Function, GlobalVariable, Handle, Span};
 
 use crate::stage::Stage;
-use naga_interp as evaluate;
-use naga_operands as operands;
 use naga_operands::calls;
 
 /// A variable and a part of it.
@@ -24,7 +22,7 @@ pub(super) fn parts(
     for function in calls::called(module, &stage.function().body) {
         of_function(&module.functions[function], counts, &mut found);
     }
-    let place = |global| evaluate::place(&module.global_variables[global]);
+    let place = |global| naga_interp::place(&module.global_variables[global]);
     let found = found.into_iter();
     found
         .filter_map(|(global, steps)| Some((place(global)?, steps)))
@@ -45,7 +43,7 @@ fn of_function(function: &Function, counts: &dyn Fn(Span) -> bool, found: &mut B
                 })
             }
             other => {
-                for operand in operands::of_expression(other) {
+                for operand in naga_operands::of_expression(other) {
                     found.extend(roots[operand.index()].clone());
                 }
                 None
@@ -58,10 +56,10 @@ fn of_function(function: &Function, counts: &dyn Fn(Span) -> bool, found: &mut B
 
 fn of_block(block: &naga::Block, roots: &[Option<Part>], found: &mut BTreeSet<Part>) {
     for statement in block {
-        for operand in operands::of_statement(statement) {
+        for operand in naga_operands::of_statement(statement) {
             found.extend(roots[operand.index()].clone());
         }
-        for inner in operands::blocks(statement) {
+        for inner in naga_operands::blocks(statement) {
             of_block(inner, roots, found);
         }
     }

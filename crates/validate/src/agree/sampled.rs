@@ -4,8 +4,6 @@ use std::collections::BTreeMap;
 
 use naga::{Expression, Function, GlobalVariable, Handle, Module, Statement};
 
-use naga_operands as operands;
-
 /// A texture or sampler in a function.
 #[derive(Clone, Copy)]
 enum Resource {
@@ -49,7 +47,7 @@ fn of_function(function: &Function, known: &BTreeMap<Handle<Function>, Vec<Pair>
             _ => None,
         })
         .collect();
-    operands::visit(&function.body, &mut |statement| {
+    naga_operands::visit(&function.body, &mut |statement| {
         let Statement::Call {
             function: called,
             arguments,

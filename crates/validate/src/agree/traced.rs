@@ -9,7 +9,6 @@ use super::quote::{digits, short, written};
 use crate::environment::PassStages;
 use crate::stage::Stage;
 use naga_interp::{Scalar, Traced, Value};
-use naga_operands as operands;
 use preshade_plan::program::Program;
 
 /// One program's run of a slice.
@@ -254,7 +253,7 @@ fn guards(stage: Stage<'_>) -> BTreeSet<(At, bool)> {
     let module = stage.module();
     let mut all = BTreeSet::new();
     let mut of = |handle: Option<Handle<Function>>, function: &Function| {
-        operands::visit(&function.body, &mut |statement| {
+        naga_operands::visit(&function.body, &mut |statement| {
             if let Statement::If {
                 condition,
                 accept,
@@ -278,7 +277,7 @@ fn guards(stage: Stage<'_>) -> BTreeSet<(At, bool)> {
 pub(super) fn kills(module: &Module, block: &naga::Block) -> bool {
     let mut found = false;
     let mut look = |block| {
-        operands::visit(block, &mut |s| found |= matches!(s, Statement::Kill));
+        naga_operands::visit(block, &mut |s| found |= matches!(s, Statement::Kill));
     };
     look(block);
     for function in naga_operands::calls::called(module, block) {
@@ -293,7 +292,7 @@ fn conditions(stage: Stage<'_>, is_exit: bool) -> BTreeSet<At> {
     let mut all = BTreeSet::new();
     let mut of = |handle: Option<Handle<Function>>, function: &Function| {
         let mut pending = Vec::new();
-        operands::visit(&function.body, &mut |statement| {
+        naga_operands::visit(&function.body, &mut |statement| {
             if let Statement::If {
                 condition,
                 accept,
@@ -325,7 +324,7 @@ fn comparisons(
     all: &mut BTreeSet<At>,
 ) {
     let mut stored = Vec::new();
-    operands::visit(&function.body, &mut |statement| {
+    naga_operands::visit(&function.body, &mut |statement| {
         if let Statement::Store { pointer, value } = statement {
             stored.push((*pointer, *value));
         }
@@ -339,7 +338,7 @@ fn comparisons(
             Expression::Unary { .. }
             | Expression::Binary { .. }
             | Expression::Relational { .. }
-            | Expression::Select { .. } => pending.extend(operands::of_expression(operation)),
+            | Expression::Select { .. } => pending.extend(naga_operands::of_expression(operation)),
             // `&&` and `||` store their result.
             Expression::Load { pointer } => {
                 let variable = &function.expressions[*pointer];

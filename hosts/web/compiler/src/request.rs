@@ -9,7 +9,7 @@ use preshade_compiler::command::material::{
 use preshade_compiler::command::rewrite::read_layouts;
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
-use preshade_passes::naga::ShaderStage;
+use naga::ShaderStage;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{CullMode, MaterialState};
 use preshade_text::limits::{Exceeded, Limits};

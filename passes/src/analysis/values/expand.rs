@@ -7,7 +7,6 @@ use crate::graph::cells::{self, Root};
 use crate::graph::memory::{self, Origin, VersionId};
 use crate::graph::rate::{self, Fact, Rate, Stages};
 use crate::graph::{FunctionId, cost, effect};
-use naga_operands as operands;
 
 impl Values<'_, '_> {
     /// Finds a value's operands, cost and fact.
@@ -31,7 +30,7 @@ impl Values<'_, '_> {
                 for predicate in f.control.of(statement) {
                     let p = f.statements.get(*predicate).statement;
                     if !matches!(p, Statement::Return { .. }) {
-                        for e in operands::of_statement(p) {
+                        for e in naga_operands::of_statement(p) {
                             found.push(self.value(context, e, Vec::new()));
                         }
                     }
@@ -131,7 +130,7 @@ impl Values<'_, '_> {
                 }
             }
             _ => {
-                for operand in operands::of_expression(expression) {
+                for operand in naga_operands::of_expression(expression) {
                     if f.ty(module, operand).pointer_space().is_none() {
                         found.push(self.value(context, operand, Vec::new()));
                     } else {
@@ -261,7 +260,7 @@ impl Values<'_, '_> {
                         Fact::default()
                     }
                     statement => {
-                        for operand in operands::of_statement(statement) {
+                        for operand in naga_operands::of_statement(statement) {
                             if f.ty(module, operand).pointer_space().is_none() {
                                 found.push(self.value(context, operand, Vec::new()));
                             }

@@ -5,7 +5,6 @@ use std::collections::{BTreeMap, BTreeSet};
 use naga::{Expression, Function, Handle, Module, Statement};
 
 use super::free_name;
-use naga_operands as operands;
 use naga_operands::calls;
 
 /// The copy of each function that has one.
@@ -50,7 +49,7 @@ pub(crate) fn redirect(function: &mut Function, copies: &FunctionCopies) {
             *callee = *copy;
         }
     }
-    operands::visit_mut(&mut function.body, &mut |statement| {
+    naga_operands::visit_mut(&mut function.body, &mut |statement| {
         if let Statement::Call { function, .. } = statement
             && let Some(copy) = copies.get(function)
         {

@@ -3,7 +3,6 @@
 use naga::{Block, Function, Module, Statement};
 
 use super::copies::{copy_called, redirect};
-use naga_operands as operands;
 use naga_operands::calls;
 
 /// Suffix of functions copied without discards.
@@ -26,7 +25,7 @@ pub fn without_discard(module: &Module, entry: usize) -> Module {
 /// Whether a function discards by itself.
 fn discards(function: &Function) -> bool {
     let mut found = false;
-    operands::visit(&function.body, &mut |statement| {
+    naga_operands::visit(&function.body, &mut |statement| {
         found |= matches!(statement, Statement::Kill);
     });
     found
@@ -40,7 +39,7 @@ fn strip(block: &mut Block) {
     };
     for (mut statement, span) in std::mem::take(block).span_into_iter() {
         let was_idle = is_idle(&statement);
-        for inner in operands::blocks_mut(&mut statement) {
+        for inner in naga_operands::blocks_mut(&mut statement) {
             strip(inner);
         }
         if matches!(statement, Statement::Kill) || (!was_idle && is_idle(&statement)) {

@@ -11,7 +11,6 @@ use super::interface::{self, Narrowed, Placement, Returned};
 use super::members::MemberCopy;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 use crate::slice::{Coverage, Part, Slice, components};
-use naga_operands as operands;
 use preshade_ir::copy::{CopyFunction, Copying};
 use preshade_ir::returns;
 use preshade_ir::writer::FunctionWriter;
@@ -213,7 +212,7 @@ impl<'a, 'p> SliceCopier<'a, 'p> {
         }
         for (e, expression) in f.expressions.iter().rev() {
             if constant[e.index()] {
-                for operand in operands::of_expression(expression) {
+                for operand in naga_operands::of_expression(expression) {
                     constant[operand.index()] = true;
                 }
             }
@@ -338,7 +337,7 @@ impl<'a, 'p> SliceCopier<'a, 'p> {
     /// Copies an initialiser and its operands, which may follow the variable's own expression in
     /// the arena.
     fn copy_constant(&mut self, e: Handle<Expression>) {
-        for operand in operands::of_expression(&self.f.function.expressions[e]) {
+        for operand in naga_operands::of_expression(&self.f.function.expressions[e]) {
             self.copy_constant(operand);
         }
         self.expression(e);
@@ -424,7 +423,7 @@ impl<'p> CopyFunction<'p> for SliceCopier<'_, 'p> {
             Expression::Compose { ty, components } => {
                 *components = self.composed(*ty, components);
             }
-            other => operands::map_expression(other, &mut |o| {
+            other => naga_operands::map_expression(other, &mut |o| {
                 if let Some(new) = self.whole_copy(*o) {
                     *o = new;
                 }
@@ -482,7 +481,7 @@ fn return_something(expressions: &mut Arena<Expression>, block: &mut Block, ty: 
             *value = Some(expressions.append(Expression::ZeroValue(ty), Span::UNDEFINED));
         }
         Some(last @ (Statement::Block(_) | Statement::If { .. } | Statement::Switch { .. })) => {
-            for inner in operands::blocks_mut(last) {
+            for inner in naga_operands::blocks_mut(last) {
                 return_something(expressions, inner, ty);
             }
         }

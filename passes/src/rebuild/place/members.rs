@@ -4,7 +4,6 @@ use naga::{Expression, Handle, Span, Statement, TypeInner};
 
 use super::function::SliceCopier;
 use super::interface::{Narrowed, Returned};
-use naga_operands as operands;
 use preshade_ir::copy::CopyFunction;
 
 /// The copy of a struct member.
@@ -33,14 +32,14 @@ impl SliceCopier<'_, '_> {
             }
             last_emit = matches!(node.statement, Statement::Emit(_)).then_some(id);
             if self.part.kept.statements[id.index()] {
-                for e in operands::of_statement(node.statement) {
+                for e in naga_operands::of_statement(node.statement) {
                     uses[e.index()] += 1;
                 }
             }
         }
         for (e, expression) in self.f.function.expressions.iter() {
             if self.part.kept.expressions[e.index()].is_some() {
-                for operand in operands::of_expression(expression) {
+                for operand in naga_operands::of_expression(expression) {
                     uses[operand.index()] += 1;
                 }
             }
@@ -115,7 +114,9 @@ impl SliceCopier<'_, '_> {
             self.part.kept.expressions[e.index()].is_some()
                 && !self.dissolved[e.index()]
                 && !matches!(expression, Expression::AccessIndex { .. })
-                && operands::of_expression(expression).into_iter().any(same)
+                && naga_operands::of_expression(expression)
+                    .into_iter()
+                    .any(same)
         });
         by_expression
             || self.f.statements.iter().any(|(id, node)| {
@@ -137,7 +138,7 @@ impl SliceCopier<'_, '_> {
                     Statement::Return { value: Some(v) } => {
                         same(*v) && matches!(self.returned, Returned::Whole)
                     }
-                    other => operands::of_statement(other).into_iter().any(same),
+                    other => naga_operands::of_statement(other).into_iter().any(same),
                 }
             })
     }

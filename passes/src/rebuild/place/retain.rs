@@ -2,8 +2,6 @@
 
 use naga::{Expression, Function, Module, ShaderStage};
 
-use naga_operands as operands;
-
 /// The module with only these entry points and their dependences, without unused functions,
 /// globals, types, constants and dead `let`s.
 pub fn retain(module: &Module, entries: &[(ShaderStage, &str)]) -> Module {
@@ -57,15 +55,15 @@ fn drop_unused_constant_names(module: &mut Module) -> bool {
 /// expressions.
 fn drop_dead_names(function: &mut Function) {
     let mut used = vec![false; function.expressions.len()];
-    operands::visit(&function.body, &mut |statement| {
-        let read = operands::of_statement(statement);
-        for e in read.into_iter().chain(operands::result(statement)) {
+    naga_operands::visit(&function.body, &mut |statement| {
+        let read = naga_operands::of_statement(statement);
+        for e in read.into_iter().chain(naga_operands::result(statement)) {
             used[e.index()] = true;
         }
     });
     for (e, expression) in function.expressions.iter().rev() {
         if used[e.index()] {
-            for operand in operands::of_expression(expression) {
+            for operand in naga_operands::of_expression(expression) {
                 used[operand.index()] = true;
             }
         }

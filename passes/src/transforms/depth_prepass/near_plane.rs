@@ -8,8 +8,6 @@ use naga::{
     Binding, BuiltIn, Expression, Function, Handle, Literal, Module, Span, Statement, TypeInner,
 };
 
-use naga_operands as operands;
-
 /// Where a vertex entry point writes a position with a literal z of 0, if it writes no other
 /// position.
 pub(crate) fn literal_zero_depth(module: &Module, function: &Function) -> Option<Span> {
@@ -38,7 +36,7 @@ fn positions(
     member: Option<u32>,
     out: &mut Vec<Handle<Expression>>,
 ) {
-    operands::visit(block, &mut |statement| {
+    naga_operands::visit(block, &mut |statement| {
         match statement {
             Statement::Return { value: Some(value) } => {
                 match (&function.expressions[*value], member) {

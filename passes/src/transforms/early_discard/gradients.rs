@@ -35,7 +35,6 @@ use crate::analysis::effects;
 use crate::graph::effect::{self, Effect};
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::place::{CodeBuilder, Replacement, Replacements};
-use naga_operands as operands;
 
 /// The expressions of an entry point that take derivatives, in arena order, if all of them can be
 /// evaluated first.
@@ -106,7 +105,7 @@ fn pure(module: &Module, function: &Function) -> Vec<bool> {
             | Expression::Relational { .. }
             | Expression::As { .. }
             | Expression::Derivative { .. }
-            | Expression::ImageQuery { .. } => operands::of_expression(expression)
+            | Expression::ImageQuery { .. } => naga_operands::of_expression(expression)
                 .into_iter()
                 .all(|o| pure[o.index()]),
             // Also `Access`: the author may have guarded its index.
@@ -162,7 +161,7 @@ fn image_variable(
     function: &Function,
     image: Handle<Expression>,
 ) -> Option<Handle<naga::GlobalVariable>> {
-    match function.expressions[operands::base(&function.expressions, image)] {
+    match function.expressions[naga_operands::base(&function.expressions, image)] {
         Expression::GlobalVariable(g) => Some(g),
         _ => None,
     }
@@ -187,7 +186,7 @@ pub(crate) fn take(
     }
     for (e, expression) in expressions.iter().rev() {
         if wanted[e.index()] {
-            for operand in operands::of_expression(expression) {
+            for operand in naga_operands::of_expression(expression) {
                 wanted[operand.index()] = true;
             }
         }
@@ -196,7 +195,7 @@ pub(crate) fn take(
     let mut replacements = Replacements::new();
     for (e, expression) in expressions.iter().filter(|(e, _)| wanted[e.index()]) {
         let mut copy = expression.clone();
-        operands::map_expression(&mut copy, &mut |o| {
+        naga_operands::map_expression(&mut copy, &mut |o| {
             if let Some(Replacement::Value(new)) = replacements.get(o) {
                 *o = *new;
             }

@@ -14,7 +14,6 @@ use crate::analysis::values::ContextId;
 use crate::graph::{FunctionGraph, Graph, text};
 use crate::rebuild::isolate::isolate;
 use crate::rebuild::place::{self, Replacement, Rewrite};
-use naga_operands as operands;
 use preshade_plan::program::Program;
 
 /// A program without what depends on the viewer.
@@ -174,7 +173,7 @@ fn span_of(f: &FunctionGraph<'_>, e: Handle<Expression>) -> Span {
     }
     let mut users = expressions
         .iter()
-        .filter(|(_, user)| operands::of_expression(user).contains(&e));
+        .filter(|(_, user)| naga_operands::of_expression(user).contains(&e));
     users
         .next()
         .map_or(span, |(user, _)| expressions.get_span(user))
@@ -196,7 +195,7 @@ fn decide(function: &mut Function) {
             body, expressions, ..
         } = function;
         let mut is_changed = false;
-        operands::visit_mut(body, &mut |statement| {
+        naga_operands::visit_mut(body, &mut |statement| {
             let Statement::If {
                 condition,
                 accept,
@@ -237,19 +236,19 @@ fn never_true(function: &Function) -> BTreeSet<Handle<LocalVariable>> {
     };
     for (_, expression) in function.expressions.iter() {
         if !matches!(expression, Expression::Load { .. }) {
-            operands::of_expression(expression)
+            naga_operands::of_expression(expression)
                 .into_iter()
                 .for_each(&mut remove);
         }
     }
-    operands::visit(&function.body, &mut |statement| match statement {
+    naga_operands::visit(&function.body, &mut |statement| match statement {
         Statement::Store { pointer, value }
             if constant(&function.expressions, &BTreeSet::new(), *value) != Some(false) =>
         {
             remove(*pointer);
         }
         Statement::Store { .. } | Statement::Emit(_) => {}
-        other => operands::of_statement(other)
+        other => naga_operands::of_statement(other)
             .into_iter()
             .for_each(&mut remove),
     });

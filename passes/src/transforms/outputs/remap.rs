@@ -11,7 +11,6 @@ use naga::{
 
 use crate::graph::FunctionId;
 use crate::rebuild::place::{self, CodeBuilder, Replacement, Replacements, Rewrite};
-use naga_operands as operands;
 use preshade_ir::link;
 use preshade_plan::mapping::{Mapping, Path, Place, Unknown, name_of};
 
@@ -349,12 +348,12 @@ pub(crate) fn parts_read(function: &Function) -> Vec<(Handle<GlobalVariable>, Ve
     let mut used = BTreeSet::new();
     for (e, expression) in function.expressions.iter() {
         if !parts.0.contains_key(&e) {
-            used.extend(operands::of_expression(expression));
+            used.extend(naga_operands::of_expression(expression));
         }
     }
-    operands::visit(&function.body, &mut |statement| {
+    naga_operands::visit(&function.body, &mut |statement| {
         if !matches!(statement, Statement::Emit(_)) {
-            used.extend(operands::of_statement(statement));
+            used.extend(naga_operands::of_statement(statement));
         }
     });
     let parts = parts.0.into_iter().filter(|(e, _)| used.contains(e));

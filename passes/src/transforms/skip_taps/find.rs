@@ -16,7 +16,6 @@ use crate::graph::cells::Root;
 use crate::graph::counted::Ends;
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionGraph, FunctionId, Graph, Rate, StmtId};
-use naga_operands as operands;
 use preshade_plan::pass::{Facts, Left, Refused};
 use preshade_plan::plan::GpuPass;
 
@@ -180,7 +179,7 @@ impl<'g, 'p> Within<'g, 'p> {
         let f = graph.function(id);
         let mut users: BTreeMap<Handle<Expression>, Vec<User>> = BTreeMap::new();
         for (e, expression) in f.function.expressions.iter() {
-            for operand in operands::of_expression(expression) {
+            for operand in naga_operands::of_expression(expression) {
                 users.entry(operand).or_default().push(User::Expression(e));
             }
         }
@@ -192,7 +191,7 @@ impl<'g, 'p> Within<'g, 'p> {
                 } => User::Expression(*result),
                 _ => User::Statement(at),
             };
-            for operand in operands::of_statement(node.statement) {
+            for operand in naga_operands::of_statement(node.statement) {
                 users.entry(operand).or_default().push(user);
             }
         }
@@ -232,7 +231,7 @@ impl<'g, 'p> Within<'g, 'p> {
                 }
                 _ => false,
             };
-            let mut below = operands::of_expression(expression).into_iter();
+            let mut below = naga_operands::of_expression(expression).into_iter();
             self.samples[e.index()] = itself || below.any(|o| self.samples[o.index()]);
         }
     }
@@ -488,7 +487,7 @@ impl<'g, 'p> Within<'g, 'p> {
             if let Err(reason) = self.moves(e) {
                 return reason;
             }
-            let below = operands::of_expression(self.expression(e)).into_iter();
+            let below = naga_operands::of_expression(self.expression(e)).into_iter();
             work.extend(below.filter(|o| self.samples[o.index()]));
         }
         "its sample has another use"
@@ -600,7 +599,7 @@ impl<'g, 'p> Within<'g, 'p> {
             .f
             .statements
             .evaluated_at(result)
-            .map(|at| operands::of_statement(self.f.statements.get(at).statement));
+            .map(|at| naga_operands::of_statement(self.f.statements.get(at).statement));
         let is_pointer = |e: &Handle<Expression>| {
             let ty = self.f.ty(self.graph.module(), *e);
             ty.pointer_space().is_some()

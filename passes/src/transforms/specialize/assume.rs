@@ -6,7 +6,6 @@ use std::rc::Rc;
 use naga::{AddressSpace, GlobalVariable, Handle, Module, Override, ScalarKind, TypeInner};
 
 use super::known::{AbstractValue, Scalar, Sources};
-use naga_interp as evaluate;
 use naga_interp::interval::Interval;
 use naga_interp::overrides;
 use preshade_ir::declared::{FinalConstant, LengthConstant};
@@ -285,7 +284,7 @@ fn fixed_length(module: &Module, constant: &Override) -> Option<f64> {
     let name = LengthConstant::type_name_of(u32::from(constant.id?));
     let mut types = module.types.iter();
     types.find(|(_, ty)| ty.name.as_ref() == Some(&name))?;
-    overrides::number(&evaluate::default_constant(module, constant.init?).ok()?)
+    overrides::number(&naga_interp::default_constant(module, constant.init?).ok()?)
 }
 
 /// Whether a path ends in the name of a member, or in several.

@@ -6,7 +6,6 @@ use super::decision::DecisionKind;
 use super::fold::{FoldFrame, Folder};
 use super::known::{AbstractValue, Sources};
 use crate::graph::StmtId;
-use naga_operands as operands;
 
 /// The target of a `break`.
 pub(super) enum Breaks {
@@ -286,7 +285,7 @@ pub(super) fn has_jump(statement: &Statement, jump: Jump) -> bool {
         Statement::Continue => jump == Jump::Continue,
         Statement::Loop { .. } => false,
         Statement::Switch { .. } if jump == Jump::Break => false,
-        other => operands::blocks(other)
+        other => naga_operands::blocks(other)
             .into_iter()
             .flatten()
             .any(|s| has_jump(s, jump)),
@@ -302,7 +301,10 @@ pub(super) fn jumps(statement: &Statement) -> bool {
 fn leaves(statement: &Statement) -> bool {
     match statement {
         Statement::Break | Statement::Continue | Statement::Return { .. } => true,
-        other => operands::blocks(other).into_iter().flatten().any(leaves),
+        other => naga_operands::blocks(other)
+            .into_iter()
+            .flatten()
+            .any(leaves),
     }
 }
 

@@ -14,7 +14,6 @@ use super::assume::Assumptions;
 use super::decision::{Decision, DecisionKind, Placed};
 use super::{Params, assumptions, examine, folded};
 use crate::graph::{FunctionId, Graph};
-use naga_operands as operands;
 use preshade_plan::guard::Assumed;
 use preshade_plan::pass::{Facts, Refusal};
 use preshade_plan::plan::Plan;
@@ -179,7 +178,7 @@ fn name(graph: &Graph<'_>, decision: &Decision, assumptions: &Assumptions) -> St
         .map(|a| a.name.rsplit('.').next().unwrap_or(&a.name).to_owned())
         .collect();
     let mut inside = Vec::new();
-    for block in operands::blocks(f.statements.get(decision.statement).statement) {
+    for block in naga_operands::blocks(f.statements.get(decision.statement).statement) {
         block_words(module, f.function, block, &mut inside);
     }
     let is_light = |words: &[String]| words.iter().any(|w| plain(w).contains("light"));
@@ -241,7 +240,7 @@ fn words(graph: &Graph<'_>, id: FunctionId, e: Handle<Expression>, out: &mut Vec
                 }
                 work.push(*pointer);
             }
-            expression => work.extend(operands::of_expression(expression)),
+            expression => work.extend(naga_operands::of_expression(expression)),
         }
     }
     out.append(&mut named);
@@ -273,7 +272,7 @@ fn stored(
                 out.extend(b);
             }
             other => {
-                for inner in operands::blocks(other) {
+                for inner in naga_operands::blocks(other) {
                     out.extend(stored(inner, function, variable));
                 }
             }
@@ -292,7 +291,7 @@ fn block_words(module: &Module, function: &Function, block: &Block, out: &mut Ve
             }
             Statement::Emit(range) => {
                 for e in range.clone() {
-                    for operand in operands::of_expression(&function.expressions[e]) {
+                    for operand in naga_operands::of_expression(&function.expressions[e]) {
                         if let Expression::GlobalVariable(g) = function.expressions[operand] {
                             out.extend(module.global_variables[g].name.clone());
                         }
@@ -300,7 +299,7 @@ fn block_words(module: &Module, function: &Function, block: &Block, out: &mut Ve
                 }
             }
             other => {
-                for inner in operands::blocks(other) {
+                for inner in naga_operands::blocks(other) {
                     block_words(module, function, inner, out);
                 }
             }

@@ -10,7 +10,6 @@ use super::fold::{FoldFrame, Folder};
 use super::known::{AbstractValue, FINITE, Scalar, Sources};
 use super::params::Fold;
 use naga_interp::interval::Interval;
-use naga_operands as operands;
 
 /// The variable of a pointer.
 enum Root {
@@ -164,7 +163,7 @@ impl<'p> Folder<'p> {
         let original = expression.clone();
         // Decided expressions have no remaining reader, and must not be built from literals only.
         let takes_literals = !ahead && frame.known[e.index()].literal().is_none();
-        operands::map_expression(&mut expression, &mut |operand| {
+        naga_operands::map_expression(&mut expression, &mut |operand| {
             let literal = frame.known[operand.index()].literal();
             match literal.map(|(value, sources)| (value, Sources::clone(sources))) {
                 Some((value, sources))
@@ -549,7 +548,7 @@ impl FoldFrame<'_> {
     /// Forgets the whole variable of a pointer, after a store of unknown extent.
     pub(super) fn forget_all(&mut self, pointer: Handle<Expression>) {
         let expressions = &self.original.expressions;
-        if let Expression::LocalVariable(v) = expressions[operands::base(expressions, pointer)]
+        if let Expression::LocalVariable(v) = expressions[naga_operands::base(expressions, pointer)]
             && let Some(local) = self.locals.get_mut(v.index())
         {
             *local = AbstractValue::Unknown;
@@ -601,7 +600,7 @@ fn held(
 ) -> Handle<Expression> {
     fn copy(frame: &mut FoldFrame<'_>, e: Handle<Expression>) -> Handle<Expression> {
         let mut expression = frame.original.expressions[e].clone();
-        operands::map_expression(&mut expression, &mut |o| *o = copy(frame, *o));
+        naga_operands::map_expression(&mut expression, &mut |o| *o = copy(frame, *o));
         frame.append(expression, e)
     }
     let init = copy(frame, constant);

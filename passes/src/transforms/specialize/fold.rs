@@ -20,7 +20,6 @@ use super::known::{AbstractValue, Sources};
 use super::params::Fold;
 use super::versions::Version;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
-use naga_operands as operands;
 use preshade_ir::writer::{FunctionWriter, OpenEmit};
 
 /// Whether an expression of a function may be replaced by one of its operands, and the other, if there
@@ -196,7 +195,7 @@ impl<'p> Folder<'p> {
         if frame.map[e.index()].is_some() {
             return;
         }
-        for operand in operands::of_expression(&frame.original.expressions[e]) {
+        for operand in naga_operands::of_expression(&frame.original.expressions[e]) {
             self.copy_ahead(frame, operand);
         }
         self.copy(frame, e, &mut Block::new(), true);
@@ -309,9 +308,9 @@ impl<'p> Folder<'p> {
             } => self.call(frame, id, (*function, &arguments[..], *result), out),
             other => {
                 frame.flush(out);
-                let mut copy = operands::shell(other);
-                operands::map_statement(&mut copy, &mut |e| *e = frame.mapped(*e));
-                if let Some(result) = operands::result_mut(&mut copy) {
+                let mut copy = naga_operands::shell(other);
+                naga_operands::map_statement(&mut copy, &mut |e| *e = frame.mapped(*e));
+                if let Some(result) = naga_operands::result_mut(&mut copy) {
                     let old = *result;
                     let expression = frame.original.expressions[old].clone();
                     let new = frame.append(expression, old);
@@ -377,7 +376,7 @@ impl<'p> Folder<'p> {
 fn are_operands(function: &Function) -> Vec<bool> {
     let mut are = vec![false; function.expressions.len()];
     for (_, expression) in function.expressions.iter() {
-        for operand in operands::of_expression(expression) {
+        for operand in naga_operands::of_expression(expression) {
             are[operand.index()] = true;
         }
     }
@@ -448,10 +447,10 @@ impl FoldFrame<'_> {
     pub fn forget_stored<'b>(&mut self, blocks: impl Iterator<Item = &'b Block>) {
         let mut pointers = Vec::new();
         for block in blocks {
-            operands::visit(block, &mut |statement| match statement {
+            naga_operands::visit(block, &mut |statement| match statement {
                 Statement::Store { pointer, .. } => pointers.push(*pointer),
                 Statement::Call { arguments, .. } => pointers.extend(arguments),
-                other => pointers.extend(operands::of_statement(other)),
+                other => pointers.extend(naga_operands::of_statement(other)),
             });
         }
         for pointer in pointers {

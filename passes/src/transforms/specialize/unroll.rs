@@ -7,7 +7,6 @@ use super::decision::Record;
 use super::fold::{FoldFrame, Folder};
 use super::known::{AbstractValue, Sources};
 use crate::graph::StmtId;
-use naga_operands as operands;
 
 /// Most expressions that unrolling a loop may add.
 const MOST_ADDED: usize = 400;
@@ -253,7 +252,7 @@ impl Snapshot {
         } = frame;
         let mut values = Vec::new();
         for block in [this.body.0, this.continuing.0] {
-            operands::evaluated(block, &mut |e| {
+            naga_operands::evaluated(block, &mut |e| {
                 values.push((e, map[e.index()], known[e.index()].clone()));
             });
         }

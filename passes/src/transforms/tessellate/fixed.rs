@@ -23,7 +23,6 @@ use crate::graph::{FunctionId, Graph};
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
 use crate::rebuild::snippet::{ours, word};
 use crate::slice::{self, Criterion, OutputFilter};
-use naga_operands as operands;
 use preshade_plan::plan::{BindingSource, BindingUse};
 use preshade_plan::program::Program;
 
@@ -209,7 +208,7 @@ fn members(module: &Module, global: Handle<GlobalVariable>) -> Option<BTreeSet<S
                     names.insert(members.get(*index as usize)?.name.clone()?);
                 }
                 other => {
-                    let mut operands = operands::of_expression(other).into_iter();
+                    let mut operands = naga_operands::of_expression(other).into_iter();
                     if operands.any(|o| pointers.contains(&o)) {
                         return None;
                     }
@@ -217,8 +216,8 @@ fn members(module: &Module, global: Handle<GlobalVariable>) -> Option<BTreeSet<S
             }
         }
         let mut is_passed = false;
-        operands::visit(&function.body, &mut |statement| {
-            let used = operands::of_statement(statement);
+        naga_operands::visit(&function.body, &mut |statement| {
+            let used = naga_operands::of_statement(statement);
             is_passed |= used.iter().any(|e| pointers.contains(e));
         });
         if is_passed {

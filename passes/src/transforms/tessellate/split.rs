@@ -5,8 +5,6 @@ use naga::{
     Binding, Block, Expression, Function, FunctionArgument, Handle, Interpolation, Module,
     ScalarKind, Statement, Type, TypeInner,
 };
-
-use naga_operands as operands;
 use preshade_ir::writer::emit_existing;
 
 /// A vertex stage of the form `rest(author(inputs))`.
@@ -61,7 +59,7 @@ pub(crate) fn split(module: &Module, entry: usize) -> Option<Split> {
             other => {
                 let mut copy = other.clone();
                 let mut known = true;
-                operands::map_expression(&mut copy, &mut |o| match copies[o.index()] {
+                naga_operands::map_expression(&mut copy, &mut |o| match copies[o.index()] {
                     Some(new) => *o = new,
                     None => known = false,
                 });
@@ -139,11 +137,11 @@ fn body(
             }
             Statement::Call { .. } | Statement::Return { .. } => {
                 let mut copy = statement.clone();
-                if let Some(result) = operands::result_mut(&mut copy) {
+                if let Some(result) = naga_operands::result_mut(&mut copy) {
                     *result = copies[result.index()]?;
                 }
                 let mut known = true;
-                operands::map_statement(&mut copy, &mut |o| match copies[o.index()] {
+                naga_operands::map_statement(&mut copy, &mut |o| match copies[o.index()] {
                     Some(new) => *o = new,
                     None => known = false,
                 });

@@ -10,7 +10,6 @@ use naga::{
 
 use crate::graph::counted::Counted;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
-use naga_operands as operands;
 
 /// The scene data that a loop reads by its counter, one item per iteration: `lights[i]`, the layer
 /// of a texture, a texel. `None` if it reads none, in the function or its callees.
@@ -120,7 +119,7 @@ fn resting(
                 local(function, *pointer).is_some_and(|l| locals.contains(&l))
                     || resting.contains(pointer)
             }
-            e => operands::of_expression(e)
+            e => naga_operands::of_expression(e)
                 .iter()
                 .any(|o| resting.contains(o)),
         };
@@ -149,7 +148,7 @@ fn is_data(variable: &GlobalVariable) -> bool {
 }
 
 fn local(function: &Function, pointer: Handle<Expression>) -> Option<Handle<LocalVariable>> {
-    match function.expressions[operands::base(&function.expressions, pointer)] {
+    match function.expressions[naga_operands::base(&function.expressions, pointer)] {
         Expression::LocalVariable(local) => Some(local),
         _ => None,
     }
@@ -157,7 +156,7 @@ fn local(function: &Function, pointer: Handle<Expression>) -> Option<Handle<Loca
 
 /// The global of a pointer, or of a loaded value.
 fn global(function: &Function, of: Handle<Expression>) -> Option<Handle<GlobalVariable>> {
-    match function.expressions[operands::base(&function.expressions, of)] {
+    match function.expressions[naga_operands::base(&function.expressions, of)] {
         Expression::GlobalVariable(global) => Some(global),
         Expression::Load { pointer } => global(function, pointer),
         _ => None,
@@ -246,7 +245,7 @@ fn all(function: &Function) -> Vec<&Statement> {
     while let Some(block) = blocks.pop() {
         for statement in block {
             found.push(statement);
-            blocks.extend(operands::blocks(statement));
+            blocks.extend(naga_operands::blocks(statement));
         }
     }
     found

@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use naga::ShaderStage;
-use naga_interp as evaluate;
 use naga_interp::{Environment, Stuck, Value};
 use preshade_passes::transforms::specialize::{Params, Specialize};
 use preshade_plan::guard::{Assumed, Bounds, Place, ScalarType};
@@ -78,5 +77,5 @@ pub fn ran(plan: &Plan, uniform: &Value, p: [f32; 4]) -> Result<Option<Value>, S
         trace: None,
         steps: 200_000,
     };
-    evaluate::entry_point(program.module(), entry, &arguments, &environment).map(|o| o.result)
+    naga_interp::entry_point(program.module(), entry, &arguments, &environment).map(|o| o.result)
 }

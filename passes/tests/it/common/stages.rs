@@ -3,7 +3,6 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, Module, ShaderStage, TypeInner};
-use naga_interp as evaluate;
 use naga_interp::{Environment, RunResult, Stuck, Value};
 use preshade_ir::interface;
 use preshade_plan::program::Program;
@@ -27,7 +26,7 @@ pub fn run(
     let (entry, point) = program.entry_point(stage, name).unwrap();
     let value = |binding: &Binding| match binding {
         Binding::Location { location, .. } => inputs[location].clone(),
-        Binding::BuiltIn(_) => Value::Scalar(evaluate::Scalar::Bool(front)),
+        Binding::BuiltIn(_) => Value::Scalar(naga_interp::Scalar::Bool(front)),
     };
     let arguments: Vec<Value> = point
         .function
@@ -49,7 +48,7 @@ pub fn run(
         trace: None,
         steps: 200_000,
     };
-    let outcome = evaluate::entry_point(module, entry, &arguments, &environment)?;
+    let outcome = naga_interp::entry_point(module, entry, &arguments, &environment)?;
     let (by_binding, by_location) = outputs(module, &point.function, &outcome);
     Ok(Ran {
         by_binding,

@@ -10,7 +10,6 @@ use std::collections::BTreeSet;
 use naga::{
     Expression, Function, GlobalVariable, Handle, ImageClass, Module, ScalarKind, Type, TypeInner,
 };
-use naga_operands as operands;
 use preshade_ir::copy::{CopyFunction, Copying};
 use preshade_ir::writer::FunctionWriter;
 use preshade_plan::program::Program;
@@ -70,13 +69,13 @@ fn loaded(module: &Module) -> BTreeSet<Handle<GlobalVariable>> {
                 Expression::ImageLoad { image, .. } => loaded.extend(global(*image)),
                 Expression::ImageQuery { .. } => {}
                 other => {
-                    let operands = operands::of_expression(other);
+                    let operands = naga_operands::of_expression(other);
                     others.extend(operands.into_iter().filter_map(global));
                 }
             }
         }
-        operands::visit(&function.body, &mut |statement| {
-            let operands = operands::of_statement(statement);
+        naga_operands::visit(&function.body, &mut |statement| {
+            let operands = naga_operands::of_statement(statement);
             others.extend(operands.into_iter().filter_map(global));
         });
     }

@@ -16,8 +16,6 @@ use preshade_ir::declared::{self, Declaration, Declared};
 use preshade_ir::variable::private;
 use preshade_ir::writer::emit_existing;
 
-use crate::wgsl::operands;
-
 /// The module and the variable of each uniform.
 pub(super) struct SplitUniforms {
     pub module: Module,
@@ -397,7 +395,7 @@ impl<'a> Rebuild<'a> {
         let Some(place) = place else {
             let mut copy = expression.clone();
             let mut missing = None;
-            operands::of_expression(&mut copy, |e| match self.value(*e) {
+            naga_operands::map_expression(&mut copy, &mut |e| match self.value(*e) {
                 Ok(value) => *e = value,
                 Err(what) => missing = Some(what),
             });
@@ -625,10 +623,13 @@ impl<'a> Rebuild<'a> {
             }
             let mut statement = statement.clone();
             let mut missing = None;
-            operands::of_statement(&mut statement, |e| match self.value(*e) {
-                Ok(value) => *e = value,
-                Err(what) => missing = Some(what),
-            });
+            naga_operands::map_statement_and_result(
+                &mut statement,
+                &mut |e| match self.value(*e) {
+                    Ok(value) => *e = value,
+                    Err(what) => missing = Some(what),
+                },
+            );
             if let Some(what) = missing {
                 return Err(what);
             }
@@ -654,7 +655,6 @@ fn is_value(function: &Function, expression: &Expression) -> bool {
 
 /// Expressions used in any way except as the base of an access.
 fn wanted(function: &Function) -> HashSet<Handle<Expression>> {
-    use naga_operands as operands;
     let mut out = HashSet::new();
     for (_, expression) in function.expressions.iter() {
         match expression {
@@ -662,12 +662,12 @@ fn wanted(function: &Function) -> HashSet<Handle<Expression>> {
             Expression::Access { index, .. } => {
                 out.insert(*index);
             }
-            other => out.extend(operands::of_expression(other)),
+            other => out.extend(naga_operands::of_expression(other)),
         }
     }
-    operands::visit(&function.body, &mut |s| {
-        out.extend(operands::of_statement(s));
-        out.extend(operands::result(s));
+    naga_operands::visit(&function.body, &mut |s| {
+        out.extend(naga_operands::of_statement(s));
+        out.extend(naga_operands::result(s));
     });
     out
 }

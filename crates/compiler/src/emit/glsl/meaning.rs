@@ -25,7 +25,6 @@ use naga::{
     VectorSize,
 };
 use naga_interp::interval::Interval;
-use naga_operands as operands;
 use preshade_ir::copy::{CopyFunction, Copying};
 use preshade_ir::writer::FunctionWriter;
 use preshade_plan::program::Program;
@@ -144,7 +143,7 @@ impl<'a> CopyFunction<'a> for Keep<'a> {
             }
             _ => {
                 self.statement(statement, span);
-                if let Some(result) = operands::result(statement) {
+                if let Some(result) = naga_operands::result(statement) {
                     self.keep(result, span);
                 }
             }
@@ -160,7 +159,7 @@ impl<'a> Keep<'a> {
         types: &'a mut UniqueArena<Type>,
     ) -> Self {
         let mut is_evaluated = vec![false; function.expressions.len()];
-        operands::evaluated(&function.body, &mut |e| is_evaluated[e.index()] = true);
+        naga_operands::evaluated(&function.body, &mut |e| is_evaluated[e.index()] = true);
         Self {
             copying: Copying::new(function, FunctionWriter::like(function)),
             module,

@@ -9,8 +9,6 @@ use naga::{
 };
 use preshade_plan::program::Program;
 
-use crate::wgsl::operands;
-
 /// A program with one sampler per texture.
 pub(super) struct TextureCopies {
     pub program: Program,
@@ -129,7 +127,9 @@ fn read_twins(function: &mut Function, twins: &HashMap<TextureSampler, Handle<Gl
     }
     for (handle, expression) in function.expressions.iter() {
         let mut expression = expression.clone();
-        operands::of_expression(&mut expression, |e| *e = new.get(e).copied().unwrap_or(*e));
+        naga_operands::map_expression(&mut expression, &mut |e| {
+            *e = new.get(e).copied().unwrap_or(*e)
+        });
         if let (Expression::ImageSample { image, .. }, Some(twin)) =
             (&mut expression, read.get(&handle))
         {
@@ -158,7 +158,7 @@ fn move_block(block: &mut Block, moved: &impl Fn(Handle<Expression>) -> Handle<E
         {
             *range = Range::new_from_bounds(moved(first), moved(last));
         }
-        operands::of_statement(statement, |e| *e = moved(*e));
+        naga_operands::map_statement_and_result(statement, &mut |e| *e = moved(*e));
         for inner in naga_operands::blocks_mut(statement) {
             move_block(inner, moved);
         }

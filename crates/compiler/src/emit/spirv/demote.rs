@@ -2,7 +2,6 @@
 //! after which derivatives of neighbours are undefined, and drops the statements behind it.
 
 use naga::{Block, Expression, Function, GlobalVariable, Handle, Literal, Span, Statement};
-use naga_operands as operands;
 use preshade_ir::variable::private_bool;
 use preshade_plan::program::Program;
 use rspirv::dr::{Builder, Instruction, Operand};
@@ -44,7 +43,7 @@ fn mark_in(block: &mut Block, function: &mut Function, mark: Handle<GlobalVariab
             };
             continue;
         }
-        for inner in operands::blocks_mut(statement) {
+        for inner in naga_operands::blocks_mut(statement) {
             mark_in(inner, function, mark);
         }
     }

@@ -5,7 +5,6 @@ use std::collections::HashSet;
 use naga::{
     Block, Expression, Function, GlobalVariable, Handle, LocalVariable, Module, Span, Statement,
 };
-use naga_operands as operands;
 
 /// What a pointer leads to.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
@@ -56,7 +55,7 @@ fn of_function(function: &Function, done: &[Uses]) -> Result<Uses, Span> {
         }
     }
     let mut clash = None;
-    operands::visit(&function.body, &mut |statement| match statement {
+    naga_operands::visit(&function.body, &mut |statement| match statement {
         Statement::Store { pointer, .. } => own.written.extend(root(function, *pointer)),
         Statement::Atomic { pointer, .. } => {
             own.written.extend(root(function, *pointer));
@@ -104,7 +103,7 @@ fn of_function(function: &Function, done: &[Uses]) -> Result<Uses, Span> {
 /// Where a statement of a block is written.
 fn place(block: &Block, wanted: &Statement) -> Option<Span> {
     block.span_iter().find_map(|(statement, span)| {
-        let mut inner = operands::blocks(statement).into_iter();
+        let mut inner = naga_operands::blocks(statement).into_iter();
         match std::ptr::eq(statement, wanted) {
             true => Some(*span),
             false => inner.find_map(|block| place(block, wanted)),

@@ -5,9 +5,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use naga::{Expression, Literal, Module, Span, Statement, TypeInner};
-use naga_interp as evaluate;
 use naga_interp::{Environment, Scalar, Value};
-use naga_operands as operands;
 
 use super::tokens::{Kind, Token, tokens};
 
@@ -49,7 +47,7 @@ pub(super) fn unsettled(module: &Module) -> Option<Span> {
     functions.find_map(|function| {
         let mut is_abstract = Vec::with_capacity(function.expressions.len());
         for (e, expression) in function.expressions.iter() {
-            let operands = operands::of_expression(expression);
+            let operands = naga_operands::of_expression(expression);
             let of_abstract = operands.iter().any(|o| is_abstract[o.index()]);
             match expression {
                 Expression::Literal(Literal::AbstractInt(_) | Literal::AbstractFloat(_)) => {
@@ -141,7 +139,7 @@ fn evaluated(probe: &str) -> Option<String> {
         trace: None,
         steps: 10_000,
     };
-    let run = evaluate::run(&module, &function, &[], &environment).ok()?;
+    let run = naga_interp::run(&module, &function, &[], &environment).ok()?;
     written(&run.result?)
 }
 

@@ -6,7 +6,6 @@ use naga::{
     Binding, Block, Expression, Function, Handle, ImageClass, Literal, MathFunction, Module,
     SampleLevel, ScalarKind, Span, Statement, TypeInner,
 };
-use naga_operands as operands;
 use preshade_plan::program::Program;
 
 use super::aliases;
@@ -211,7 +210,10 @@ fn endless(block: &Block) -> Option<Span> {
         {
             return Some(*span);
         }
-        if let Some(span) = operands::blocks(statement).into_iter().find_map(endless) {
+        if let Some(span) = naga_operands::blocks(statement)
+            .into_iter()
+            .find_map(endless)
+        {
             return Some(span);
         }
     }
@@ -224,10 +226,10 @@ fn leaves(block: &Block, is_inner: bool) -> bool {
     block.iter().any(|statement| match statement {
         Statement::Return { .. } => true,
         Statement::Break => !is_inner,
-        Statement::Switch { .. } | Statement::Loop { .. } => operands::blocks(statement)
+        Statement::Switch { .. } | Statement::Loop { .. } => naga_operands::blocks(statement)
             .into_iter()
             .any(|b| leaves(b, true)),
-        other => operands::blocks(other)
+        other => naga_operands::blocks(other)
             .into_iter()
             .any(|b| leaves(b, is_inner)),
     })

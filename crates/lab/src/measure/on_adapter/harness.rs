@@ -14,7 +14,6 @@ use naga::{
     FunctionArgument, GlobalVariable, Handle, Interpolation, Literal, Module, ResourceBinding,
     Scalar, ShaderStage, Span, Statement, StorageAccess, StructMember, Type, TypeInner, VectorSize,
 };
-use naga_interp as evaluate;
 use naga_interp::RUNTIME_ELEMENTS;
 use preshade_ir::interface::{self, Io};
 use preshade_ir::variable::private;
@@ -207,7 +206,7 @@ impl Making {
             levels: Arc::clone(levels),
         };
         for (handle, global) in source.global_variables.iter() {
-            let at = evaluate::place(global);
+            let at = naga_interp::place(global);
             match (global.space, at) {
                 (AddressSpace::Private, _) => {}
                 (AddressSpace::Handle, Some(at)) => {

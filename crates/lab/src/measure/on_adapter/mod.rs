@@ -15,7 +15,6 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use preshade_plan::plan::{Plan, Role};
-use preshade_validate as validate;
 use preshade_validate::environment::{PassStages, TestPoint};
 use preshade_validate::executor::{Draw, Runner};
 use preshade_validate::stage::Ran;
@@ -38,7 +37,7 @@ pub fn validate_on(
         runner: Some(&OnAdapter(gpu)),
         told,
     };
-    validate::validate_by(original, variant, by)
+    preshade_validate::validate_by(original, variant, by)
 }
 
 /// Runs stages on an adapter.
@@ -169,7 +168,7 @@ fn dispatch(
 
 #[cfg(test)]
 mod tests {
-    use preshade_passes::naga::front::wgsl;
+    use naga::front::wgsl;
     use preshade_plan::program::Program;
     use preshade_text::source::{Language, SourceMap};
     use preshade_validate::stage::Stage;

@@ -11,7 +11,6 @@ use naga::{
     SampleLevel, ScalarKind, Span, Statement, Type, TypeInner, VectorSize,
 };
 use naga_interp::{RUNTIME_ELEMENTS, Sampling};
-use naga_operands as operands;
 use preshade_ir::writer::emit_existing;
 use preshade_validate::inputs::{
     PLAIN_MOST, plain_level_weight, plain_start, plain_weight, texture_size,
@@ -217,7 +216,7 @@ impl Rewriter<'_> {
             _ => {}
         }
         let map = &self.map;
-        operands::map_expression(&mut expression, &mut |e| *e = map[e.index()]);
+        naga_operands::map_expression(&mut expression, &mut |e| *e = map[e.index()]);
         Ok(self.add(expression))
     }
 
@@ -551,17 +550,16 @@ impl Rewriter<'_> {
                 | Statement::Return { .. }
                 | Statement::Store { .. }
                 | Statement::Call { .. } => {
-                    let mut made = operands::shell(statement);
+                    let mut made = naga_operands::shell(statement);
                     let map = &self.map;
-                    operands::map_statement(&mut made, &mut |e| *e = map[e.index()]);
-                    if let Some(result) = operands::result_mut(&mut made) {
-                        *result = map[result.index()];
-                    }
-                    let inner = operands::blocks(statement)
+                    naga_operands::map_statement_and_result(&mut made, &mut |e| {
+                        *e = map[e.index()];
+                    });
+                    let inner = naga_operands::blocks(statement)
                         .into_iter()
                         .map(|block| self.block(block))
                         .collect::<Result<Vec<_>, _>>()?;
-                    operands::fill(&mut made, statement, inner);
+                    naga_operands::fill(&mut made, statement, inner);
                     new.push(made, Span::UNDEFINED);
                 }
                 other => return Err(format!("it does what a compute stage cannot: {other:?}")),

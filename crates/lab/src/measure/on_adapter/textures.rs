@@ -4,7 +4,6 @@
 use std::collections::BTreeMap;
 
 use naga::{AddressSpace, Arena, Expression, Function, GlobalVariable, Handle, Module, Statement};
-use naga_operands as operands;
 
 /// What a call gives each argument, if it is a texture or a sampler.
 type Given = Vec<Option<Handle<GlobalVariable>>>;
@@ -55,7 +54,7 @@ impl Settling<'_> {
         }
         let expressions = &mut new.expressions;
         let mut result = Ok(());
-        operands::visit_mut(&mut new.body, &mut |statement| {
+        naga_operands::visit_mut(&mut new.body, &mut |statement| {
             let Statement::Call {
                 function,
                 arguments,

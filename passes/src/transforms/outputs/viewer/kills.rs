@@ -5,7 +5,6 @@ use naga::{Block, Span, Statement};
 use super::{Reads, Stage};
 use crate::analysis::values::ContextId;
 use crate::graph::{FunctionId, StmtId};
-use naga_operands as operands;
 
 /// How the discards of a block depend on conditions inside it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -67,7 +66,7 @@ impl Stage<'_, '_> {
             _ => {
                 let mut inner = StmtId::from(at.index() + 1);
                 let mut found = Kills::default();
-                for block in operands::blocks(statement) {
+                for block in naga_operands::blocks(statement) {
                     found = found.and(self.kills(context, block, inner));
                     for _ in block {
                         inner = self.f(context).statements.get(inner).end;

@@ -8,7 +8,6 @@ use super::without_viewer::{Author, Joined, Mode, Rest, Search};
 use super::{At, Changes, Instead};
 use crate::graph::memory::{Origin, VersionId};
 use crate::graph::{Root, StmtId, cells};
-use naga_operands as operands;
 
 /// A store that a load may see.
 #[derive(Clone, Copy, Debug)]
@@ -224,7 +223,7 @@ impl Search<'_, '_, '_> {
             for predicate in f.control.of(at) {
                 let of = f.statements.get(*predicate).statement;
                 let is_jump = matches!(of, Statement::Return { .. });
-                let mut values = operands::of_statement(of).into_iter();
+                let mut values = naga_operands::of_statement(of).into_iter();
                 if !is_jump && values.any(|e| self.stage.depends((context, e))) {
                     return true;
                 }

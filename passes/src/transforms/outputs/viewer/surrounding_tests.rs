@@ -8,7 +8,6 @@ use super::{At, Changes, Instead, Reads, Stage, Unclear};
 use crate::analysis::reach::with_operands;
 use crate::analysis::values::{ContextId, Node, ValueId};
 use crate::graph::StmtId;
-use naga_operands as operands;
 
 /// A condition that decides whether a statement runs.
 #[derive(Clone, Copy, Debug)]
@@ -38,7 +37,7 @@ impl Stage<'_, '_> {
                         continue;
                     }
                     let is_branch = matches!(of, Statement::If { .. });
-                    let conditions = operands::of_statement(of).into_iter();
+                    let conditions = naga_operands::of_statement(of).into_iter();
                     found.extend(conditions.map(|e| Decider {
                         condition: (context, e),
                         statement: *predicate,

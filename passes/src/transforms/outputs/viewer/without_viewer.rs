@@ -6,7 +6,6 @@ use std::collections::BTreeSet;
 use naga::{BinaryOperator, Expression, Handle, Literal, MathFunction, TypeInner};
 
 use super::{At, Changes, Instead, Reads, Stage};
-use naga_operands as operands;
 
 /// What a value is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -111,7 +110,9 @@ impl Search<'_, '_, '_> {
             | Expression::Splat { .. }
             | Expression::Derivative { .. }
             | Expression::Compose { .. }) => {
-                let all = operands::of_expression(expression).into_iter().map(here);
+                let all = naga_operands::of_expression(expression)
+                    .into_iter()
+                    .map(here);
                 self.in_place(at, &all.collect::<Vec<_>>())
             }
             Expression::Swizzle {

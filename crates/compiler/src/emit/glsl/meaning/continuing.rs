@@ -6,7 +6,6 @@ use std::collections::BTreeSet;
 
 use naga::proc::TypeResolution;
 use naga::{Block, Expression, Handle, LocalVariable, Span, Statement, Type, TypeInner};
-use naga_operands as operands;
 use preshade_ir::copy::CopyFunction as _;
 
 use super::Keep;
@@ -69,18 +68,20 @@ impl<'a> Keep<'a> {
     ) -> BTreeSet<Handle<Expression>> {
         let function = self.copying.original;
         let mut of_body = BTreeSet::new();
-        operands::evaluated(body, &mut |e| {
+        naga_operands::evaluated(body, &mut |e| {
             of_body.insert(e);
         });
         let mut open: Vec<Handle<Expression>> = break_if.into_iter().collect();
-        operands::evaluated(continuing, &mut |e| {
-            open.extend(operands::of_expression(&function.expressions[e]));
+        naga_operands::evaluated(continuing, &mut |e| {
+            open.extend(naga_operands::of_expression(&function.expressions[e]));
         });
-        operands::visit(continuing, &mut |s| open.extend(operands::of_statement(s)));
+        naga_operands::visit(continuing, &mut |s| {
+            open.extend(naga_operands::of_statement(s))
+        });
         let mut read = BTreeSet::new();
         while let Some(e) = open.pop() {
             if of_body.contains(&e) && read.insert(e) && self.storable(e).is_none() {
-                open.extend(operands::of_expression(&function.expressions[e]));
+                open.extend(naga_operands::of_expression(&function.expressions[e]));
             }
         }
         read

@@ -10,7 +10,6 @@ use naga::{
 };
 use naga_interp::Number as _;
 use naga_interp::interval::{Arithmetic, Interval};
-use naga_operands as operands;
 
 const I32: Interval = Interval::new(i32::MIN as f64, i32::MAX as f64);
 const U32: Interval = Interval::new(0.0, u32::MAX as f64);
@@ -269,7 +268,7 @@ fn constant(module: &Module, expression: &Expression) -> Option<Interval> {
 /// below a bound, and its `continuing` block adds 1.
 fn counters(function: &Function, ranges: &Ranges<'_>) -> BTreeMap<Handle<LocalVariable>, Interval> {
     let mut steps = Vec::new();
-    operands::visit(&function.body, &mut |statement| {
+    naga_operands::visit(&function.body, &mut |statement| {
         if let Statement::Loop {
             body, continuing, ..
         } = statement
@@ -369,16 +368,20 @@ fn least(
     let is_it = |e: Handle<Expression>| local(function, e) == Some(counter);
     for (_, expression) in function.expressions.iter() {
         let is_load = matches!(expression, Expression::Load { .. });
-        let mut read = operands::of_expression(expression).into_iter();
+        let mut read = naga_operands::of_expression(expression).into_iter();
         is_known &= is_load || !read.any(is_it);
     }
-    operands::visit(&function.body, &mut |statement| match statement {
+    naga_operands::visit(&function.body, &mut |statement| match statement {
         Statement::Store { pointer, value } if is_it(*pointer) => {
             if !steps.contains(&(counter, *value)) {
                 least = least.min(ranges.at(*value).low);
             }
         }
-        _ => is_known &= !operands::of_statement(statement).into_iter().any(is_it),
+        _ => {
+            is_known &= !naga_operands::of_statement(statement)
+                .into_iter()
+                .any(is_it)
+        }
     });
     is_known.then_some(least)
 }
