@@ -12,7 +12,7 @@ pub(super) struct Variable {
     pub is_output: bool,
     /// The declared type, without the array's length.
     pub ty: &'static str,
-    built_in: BuiltIn,
+    pub built_in: BuiltIn,
 }
 
 const fn of(

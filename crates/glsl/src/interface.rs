@@ -15,6 +15,7 @@ use naga::{Module, ShaderStage, Span, TypeInner};
 
 use self::bindings::explicit;
 use super::stage::{GlslStage, Qualifiers, Variable, unsupported};
+use super::tree::HandleTy;
 use super::ty::{GlslMember, Rules, Struct, Ty};
 use super::version::Dialect;
 use preshade_text::error::{Code, Error};
@@ -322,7 +323,7 @@ impl Interface {
                 }
                 continue;
             };
-            if output.ty != input.ty {
+            if !carries(&output.ty, &input.ty) {
                 return Err(Error::new(
                     Code::Interface,
                     format!(
@@ -353,6 +354,12 @@ impl Interface {
         }
         Ok(())
     }
+}
+
+/// Whether an output gives an input its value. Vulkan lets the output have more components.
+fn carries(output: &Ty, input: &Ty) -> bool {
+    let more = output.components() >= input.components() && input.components().is_some();
+    output == input || output.kind() == input.kind() && output.kind().is_some() && more
 }
 
 /// Whether a type contains the struct `name`.
@@ -397,6 +404,13 @@ pub(super) fn split_type(combined: &str) -> [String; 2] {
         texture.trim_end_matches("Shadow").to_owned(),
         sampler.to_owned(),
     ]
+}
+
+/// The same as types of the tree.
+pub(super) fn handles(combined: &str) -> [HandleTy; 2] {
+    let is_depth = combined.ends_with("Shadow");
+    let [texture, sampler] = split_type(combined);
+    [(texture, is_depth), (sampler, false)].map(|(name, is_depth)| HandleTy { name, is_depth })
 }
 
 /// Converts a path to a name: `lights[1].map` to `lights_1_map`.

@@ -13,9 +13,12 @@
 #![warn(missing_docs)]
 
 mod atomics;
+mod build;
 mod built_ins;
+mod compare;
 mod constant;
 mod declared;
+mod formats;
 mod include;
 mod interface;
 mod lengths;
@@ -24,10 +27,12 @@ mod member_loads;
 mod parser_messages;
 mod placeholders;
 mod preprocess;
+mod resolve;
 mod shadow_samplers;
 mod source_marks;
 mod stage;
 mod syntax;
+pub mod tree;
 mod ty;
 mod type_names;
 mod version;
@@ -80,7 +85,13 @@ pub fn parse(
     options: &Options,
     map: &mut SourceMap,
 ) -> Result<(Vec<Module>, Declared), Error> {
-    let (mut modules, mut declared) = parsed(texts, options, map)?;
+    if std::env::var_os("GLSL_COMPARE").is_some() {
+        compared(texts, options, map);
+    }
+    let (mut modules, mut declared) = match std::env::var_os("GLSL_OLD") {
+        None => built(texts, options, map)?,
+        Some(_) => parsed(texts, options, map)?,
+    };
     declared.mains = texts.iter().map(|t| t.stage).collect();
     beyond_wgsl::narrow_storage(&mut modules);
     Ok((modules, declared))
@@ -153,6 +164,100 @@ fn has_effect_in_index(text: &str) -> bool {
     text.split('[').skip(1).any(|rest| {
         let inside = rest.split(']').next().unwrap_or("");
         inside.contains("++") || inside.contains("--") || inside.contains(['(', '='])
+    })
+}
+
+fn compared(texts: &[Text<'_>], options: &Options, map: &mut SourceMap) {
+    let routed = parsed(texts, options, &mut map.clone());
+    let old = rewritten(texts, options, &mut map.clone());
+    let new = built(texts, options, &mut map.clone());
+    compare::compare(texts, options.clip_space, [&routed, &old], &new);
+}
+
+/// Reads a material's stages straight to IR.
+fn built(
+    texts: &[Text<'_>],
+    options: &Options,
+    map: &mut SourceMap,
+) -> Result<(Vec<Module>, Declared), Error> {
+    let units = units(texts, options, map)?;
+    let resolved = resolve(&units, texts, options, None)?;
+    let mut declared = resolved.declared;
+    let mut modules = resolved.modules;
+    let is_fixed = |(of, _): &lengths::Candidate| {
+        let constant = (of.id, of.own.clone());
+        resolved.fixed.contains(&constant)
+    };
+    let mut raised = Vec::new();
+    for candidate in resolved.lengths.iter().filter(|c| !is_fixed(c)) {
+        if let Ok(again) = resolve(&units, texts, options, Some(candidate.0.id)) {
+            raised.push((candidate.clone(), again.modules));
+        }
+    }
+    declared.lengths = lengths::mark(&mut modules, raised);
+    let candidates = resolved.lengths.into_iter().map(|(of, _)| of);
+    let others = candidates.filter(|of| !declared.lengths.contains(of));
+    let mut fixed = resolved.fixed;
+    fixed.extend(others.map(|of| (of.id, of.own)));
+    for constant in fixed {
+        length_constants::fix(&mut modules, constant, &mut declared)?;
+    }
+    Ok((modules, declared))
+}
+
+/// A material's stages as IR.
+struct Resolved {
+    modules: Vec<Module>,
+    declared: Declared,
+    /// Specialisation constants that may give lengths of arrays by themselves.
+    lengths: Vec<lengths::Candidate>,
+    /// Those whose defaults are final.
+    fixed: Specialised,
+}
+
+/// Resolves and writes the stages. `raised`: the specialisation constant whose default counts as one
+/// more.
+fn resolve(
+    units: &[syntax::Unit],
+    texts: &[Text<'_>],
+    options: &Options,
+    raised: Option<u32>,
+) -> Result<Resolved, Error> {
+    let mut stages = Vec::new();
+    for (unit, text) in units.iter().zip(texts) {
+        stages.push(GlslStage::collect(unit, text.stage, raised)?);
+    }
+    let of_text = clip_space(&stages);
+    let clip = options.clip_space.unwrap_or(of_text);
+    let mut interface = Interface::of(&mut stages)?;
+    let mut declared =
+        declared::declared(&stages, &interface, clip, of_text == ClipSpace::AsWritten);
+    let mut modules = Vec::new();
+    for stage in &mut stages {
+        let resolved = resolve::resolve(stage, &mut interface, clip)?;
+        let mut module = build::build(&resolved, stage.kind)?;
+        if let Some(conservative) = stage.depth.filter(|_| stage.used.contains("gl_FragDepth")) {
+            for entry in &mut module.entry_points {
+                let bound = EarlyDepthTest::Allow { conservative };
+                entry.early_depth_test.get_or_insert(bound);
+            }
+        }
+        finish(&mut module, stage.kind);
+        modules.push(module);
+    }
+    declared::layouts(&stages, &interface, &mut declared);
+    declared.demotes = stages.iter().any(|s| s.demotes.get());
+    let mut lengths: Vec<lengths::Candidate> = Vec::new();
+    for length in stages.iter().flat_map(|s| s.lengths.take()) {
+        if !lengths.contains(&length) {
+            lengths.push(length);
+        }
+    }
+    Ok(Resolved {
+        modules,
+        declared,
+        lengths,
+        fixed: stages.iter().flat_map(|s| s.assumed.take()).collect(),
     })
 }
 

@@ -4,6 +4,8 @@ use std::collections::HashMap;
 
 use naga::Span;
 
+use super::tree::Node;
+
 /// The component type of a scalar, vector or matrix.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Component {
@@ -468,6 +470,75 @@ impl Structs {
                 }
             }
             other => out.push((path.to_owned(), other.clone())),
+        }
+    }
+}
+
+/// A scalar or vector in a value.
+#[derive(Clone, Debug)]
+pub(super) struct Leaf {
+    /// The way to it, outermost first.
+    pub path: Vec<Step>,
+    pub ty: Ty,
+}
+
+/// A step of a way into a value.
+#[derive(Clone, Debug)]
+pub(super) enum Step {
+    Index(u32),
+    Member(String),
+}
+
+impl Leaf {
+    /// The way to it as text: `[1].color`.
+    pub(super) fn ending(&self) -> String {
+        let step = |step: &Step| match step {
+            Step::Index(n) => format!("[{n}]"),
+            Step::Member(name) => format!(".{name}"),
+        };
+        self.path.iter().map(step).collect()
+    }
+
+    /// That part of a value.
+    pub(super) fn of(&self, value: &Node) -> Node {
+        let mut node = value.clone();
+        for step in &self.path {
+            node = match step {
+                Step::Index(n) => node.nth(*n),
+                Step::Member(name) => node.field(name.as_str()),
+            };
+        }
+        node
+    }
+}
+
+impl Structs {
+    /// Lists the scalars and vectors of a value.
+    pub(super) fn leaf_paths(&self, ty: &Ty) -> Vec<Leaf> {
+        let below = |of: &Ty, step: Step| {
+            let leaves = self.leaf_paths(of).into_iter();
+            leaves.map(move |mut leaf| {
+                leaf.path.insert(0, step.clone());
+                leaf
+            })
+        };
+        match ty {
+            Ty::Array(of, n) => (0..n.map_or(0, |length| length.n))
+                .flat_map(|i| below(of, Step::Index(i)))
+                .collect(),
+            Ty::Matrix(kind, columns, rows) => (0..u32::from(*columns))
+                .flat_map(|c| below(&Ty::Vector(*kind, *rows), Step::Index(c)))
+                .collect(),
+            Ty::Struct(name) => {
+                let members = self.get(name).into_iter().flat_map(|s| &s.members);
+                members
+                    .flat_map(|m| below(&m.ty, Step::Member(m.name.clone())))
+                    .collect()
+            }
+            other => vec![Leaf {
+                path: Vec::new(),
+                ty: other.clone(),
+            }],
         }
     }
 }

@@ -1,8 +1,10 @@
 //! Writes a function: expressions and statements in order, with the `Emit`s between them. No other
 //! place makes an `Emit`.
 
-use naga::proc::Emitter;
-use naga::{Arena, Block, Expression, Function, Handle, Range, Span, Statement};
+use naga::proc::{
+    ConstantEvaluator, ConstantEvaluatorError, Emitter, ExpressionKindTracker, Layouter,
+};
+use naga::{Arena, Block, Expression, Function, Handle, Module, Range, Span, Statement};
 
 /// Appends `Emit`s of expressions that exist already: one for each run of consecutive handles.
 pub fn emit_existing(
@@ -120,6 +122,32 @@ impl FunctionWriter {
         self.function.expressions.append(expression, span)
     }
 
+    /// Appends an expression that is evaluated here, or its value if GLSL's constant expressions give
+    /// one. `known` has the kinds of all expressions of the function.
+    ///
+    /// # Errors
+    ///
+    /// The expression is constant and has no value.
+    pub fn fold(
+        &mut self,
+        expression: Expression,
+        span: Span,
+        module: &mut Module,
+        known: &mut ExpressionKindTracker,
+        layouter: &mut Layouter,
+    ) -> Result<Handle<Expression>, ConstantEvaluatorError> {
+        self.begin();
+        ConstantEvaluator::for_glsl_function(
+            module,
+            &mut self.function.expressions,
+            known,
+            layouter,
+            &mut self.emit.0,
+            &mut self.block,
+        )
+        .try_eval_and_append(expression, span)
+    }
+
     /// Opens an `Emit` of the expressions that follow, unless one is open.
     pub fn begin(&mut self) {
         self.emit.begin(&self.function.expressions);
@@ -170,6 +198,14 @@ impl FunctionWriter {
     pub fn open(&mut self, span: Span) -> Block {
         self.flush(span);
         std::mem::take(&mut self.block)
+    }
+
+    /// Continues an inner block. Pass the enclosing one, which it returns, to
+    /// [`FunctionWriter::close`].
+    #[must_use]
+    pub fn reopen(&mut self, inner: Block, span: Span) -> Block {
+        self.flush(span);
+        std::mem::replace(&mut self.block, inner)
     }
 
     /// Ends an inner block, which it returns, and continues the enclosing one.

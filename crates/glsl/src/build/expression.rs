@@ -1,0 +1,461 @@
+//! Expressions: variables, members, choices and stores.
+
+use naga::{
+    AddressSpace, Expression, Handle, Literal, LocalVariable, Span, Statement, SwizzleComponent,
+    Type, TypeInner,
+};
+
+use super::super::tree::{GlobalId, Kind, Node};
+use super::types::{power, scalar_of, size};
+use super::{Body, Declared, refused};
+use preshade_text::error::Error;
+
+/// What an expression is evaluated for.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Position {
+    /// Its value.
+    Value,
+    /// The pointer that a store takes.
+    Target,
+    /// An element or member of it, by an index that is constant or not.
+    Base { constant: bool },
+}
+
+impl Position {
+    /// The position of what is indexed.
+    fn of_base(self, constant: bool) -> Self {
+        match self {
+            Self::Target | Self::Base { constant: false } => self,
+            _ => Self::Base { constant },
+        }
+    }
+
+    /// The position of what has a value in either case.
+    fn is_target(self) -> bool {
+        self == Self::Target
+    }
+}
+
+impl<'s> Body<'_, 's> {
+    /// Evaluates an expression.
+    pub(super) fn value(&mut self, node: &'s Node) -> Result<Handle<Expression>, Error> {
+        self.expect(node, Position::Value)
+    }
+
+    /// The same, for a pointer.
+    pub(super) fn target(&mut self, node: &'s Node) -> Result<Handle<Expression>, Error> {
+        self.expect(node, Position::Target)
+    }
+
+    fn expect(&mut self, node: &'s Node, at: Position) -> Result<Handle<Expression>, Error> {
+        let span = self.place(node);
+        self.evaluate(node, at)?
+            .ok_or_else(|| refused("this returns nothing, but a value is expected", span))
+    }
+
+    /// The place of a node, or of the one around it.
+    pub(super) fn place(&self, node: &Node) -> Span {
+        match node.span.is_defined() {
+            true => node.span,
+            false => self.span,
+        }
+    }
+
+    /// Evaluates an expression that may have no value.
+    pub(super) fn evaluate(
+        &mut self,
+        node: &'s Node,
+        at: Position,
+    ) -> Result<Option<Handle<Expression>>, Error> {
+        let span = self.place(node);
+        let around = std::mem::replace(&mut self.span, span);
+        let evaluated = self.evaluate_at(node, at, span);
+        self.span = around;
+        evaluated
+    }
+
+    fn evaluate_at(
+        &mut self,
+        node: &'s Node,
+        at: Position,
+        span: Span,
+    ) -> Result<Option<Handle<Expression>>, Error> {
+        let found = match &*node.kind {
+            Kind::Local(id) => {
+                let local = self.locals.get(id).copied();
+                let local = local.ok_or_else(|| refused("this is not declared", span))?;
+                self.read(local, true, at, span)?
+            }
+            Kind::Parameter(i) => {
+                let (e, is_pointer) = self.parameters[*i];
+                self.read(e, is_pointer, at, span)?
+            }
+            Kind::Global(id) => self.global(*id, at, span)?,
+            Kind::BuiltIn(own) => {
+                let pointer = self.own.get(own.name).copied();
+                let pointer = pointer.ok_or_else(|| refused("this must be in a function", span))?;
+                self.read(pointer, true, at, span)?
+            }
+            Kind::Element(base, index) => self.element(base, index, at, span)?,
+            Kind::Field(base, name) => self.field(base, name, at, span)?,
+            Kind::Swizzle(base, components) => self.swizzle(base, components, at, span)?,
+            _ if at.is_target() => return Err(refused("this cannot be assigned to", span)),
+            Kind::Literal(literal) => self.add(Expression::Literal(*literal), span)?,
+            Kind::Unary(op, of) => {
+                let of = self.value(of)?;
+                self.unary(*op, of, span)?
+            }
+            Kind::Binary(op, a, b) => {
+                let (a, b) = (self.value(a)?, self.value(b)?);
+                self.binary(*op, a, b, span)?
+            }
+            Kind::Choose(condition, accept, reject) => {
+                self.choose(condition, accept, reject, span)?
+            }
+            Kind::Assign(to, value) => {
+                let pointer = self.target(to)?;
+                let value = self.value(value)?;
+                let value = self.implicitly(value, pointer, span)?;
+                self.store(pointer, value, span)?;
+                value
+            }
+            Kind::Step { op, postfix, of } => self.step(*op, *postfix, of, span)?,
+            Kind::Construct(ty, parts) => self.construct(ty, parts, span)?,
+            Kind::Combine { .. } => return Err(refused("a sampler is no value", span)),
+            Kind::Call(id, arguments) => return self.call(*id, arguments, span),
+            Kind::BuiltInCall(name, arguments) => {
+                return self.built_in_call(name, arguments, span);
+            }
+            Kind::Length(of) => {
+                let array = self.expect(of, Position::Base { constant: true })?;
+                let length = self.add(Expression::ArrayLength(array), span)?;
+                self.cast(length, naga::Scalar::I32, span)?
+            }
+            Kind::Sequence(all) => {
+                let mut last = None;
+                for node in all {
+                    last = self.evaluate(node, Position::Value)?;
+                }
+                return Ok(last);
+            }
+            Kind::Gather(of) => self.gather(of, span)?,
+            Kind::Subgroup {
+                of,
+                value,
+                lane,
+                result,
+            } => self.subgroup(*of, value, lane.as_ref(), result, span)?,
+            Kind::Atomic { of, target, value } => self.atomic(*of, target, value, span)?,
+            Kind::ImageAtomic {
+                of,
+                image,
+                at,
+                value,
+            } => {
+                self.image_atomic(*of, [image, at, value], span)?;
+                return Ok(None);
+            }
+        };
+        Ok(Some(found))
+    }
+
+    /// Reads a variable, if its value is asked for.
+    fn read(
+        &mut self,
+        e: Handle<Expression>,
+        is_pointer: bool,
+        at: Position,
+        span: Span,
+    ) -> Result<Handle<Expression>, Error> {
+        match at {
+            Position::Value if is_pointer => self.add(Expression::Load { pointer: e }, span),
+            _ => Ok(e),
+        }
+    }
+
+    fn global(
+        &mut self,
+        id: GlobalId,
+        at: Position,
+        span: Span,
+    ) -> Result<Handle<Expression>, Error> {
+        let declared = self.builder.globals.get(&id).copied();
+        let declared = declared.ok_or_else(|| refused("this is not declared", span))?;
+        match declared {
+            Declared::Constant(constant, _) if self.is_const => {
+                return self.add(Expression::Constant(constant), span);
+            }
+            Declared::Override(of) if self.is_const => {
+                return self.add(Expression::Override(of), span);
+            }
+            // A constant has no pointer, which an index that varies needs.
+            Declared::Constant(constant, ty) if at == (Position::Base { constant: false }) => {
+                let init = self.add(Expression::Constant(constant), Span::UNDEFINED)?;
+                return self.local(None, ty, Some(init), Span::UNDEFINED);
+            }
+            _ => {}
+        }
+        let e = self.globals.get(&id).copied();
+        let e = e.ok_or_else(|| refused("this must be in a function", span))?;
+        let is_pointer = match declared {
+            Declared::Variable(global) => {
+                let space = self.builder.module.global_variables[global].space;
+                space != AddressSpace::Handle
+            }
+            _ => false,
+        };
+        self.read(e, is_pointer, at, span)
+    }
+
+    /// Adds a local variable, and returns the pointer to it.
+    pub(super) fn local(
+        &mut self,
+        name: Option<String>,
+        ty: Handle<Type>,
+        init: Option<Handle<Expression>>,
+        span: Span,
+    ) -> Result<Handle<Expression>, Error> {
+        let variable = LocalVariable { name, ty, init };
+        let locals = &mut self.writer.function.local_variables;
+        let local = locals.append(variable, span);
+        self.add(Expression::LocalVariable(local), span)
+    }
+
+    fn element(
+        &mut self,
+        base: &'s Node,
+        index: &'s Node,
+        at: Position,
+        span: Span,
+    ) -> Result<Handle<Expression>, Error> {
+        let index = self.value(index)?;
+        let constant = match at {
+            // The pointer is to a variable in any case.
+            Position::Target => None,
+            _ => self.constant_index(index),
+        };
+        let base = self.expect(base, at.of_base(constant.is_some()))?;
+        let element = match constant {
+            Some(index) => Expression::AccessIndex { base, index },
+            None => Expression::Access { base, index },
+        };
+        let pointer = self.add(element, span)?;
+        match at == Position::Value && self.ty(pointer)?.pointer_space().is_some() {
+            true => self.add(Expression::Load { pointer }, span),
+            false => Ok(pointer),
+        }
+    }
+
+    /// The index that an expression is, if it is constant.
+    fn constant_index(&self, e: Handle<Expression>) -> Option<u32> {
+        let module = &self.builder.module;
+        let mut expression = self.expression(e);
+        if let Expression::Constant(constant) = expression {
+            expression = &module.global_expressions[module.constants[*constant].init];
+        }
+        match *expression {
+            Expression::Literal(Literal::U32(n)) => Some(n),
+            Expression::Literal(Literal::I32(n)) => u32::try_from(n).ok(),
+            Expression::ZeroValue(_) => Some(0),
+            _ => None,
+        }
+    }
+
+    /// A member, which is loaded alone.
+    fn field(
+        &mut self,
+        base: &'s Node,
+        name: &'s str,
+        at: Position,
+        span: Span,
+    ) -> Result<Handle<Expression>, Error> {
+        if let Kind::Global(id) = *base.kind
+            && let Some(member) = self.members.get(&(id, name)).copied()
+        {
+            return self.read(member, true, at, span);
+        }
+        let base_at = match at {
+            Position::Target => Position::Target,
+            _ => Position::Base { constant: true },
+        };
+        let base = self.expect(base, base_at)?;
+        self.resolve(base)?;
+        let module = &self.builder.module;
+        let (ty, is_pointer) = match *self.known_ty(base) {
+            TypeInner::Pointer { base, .. } => (&module.types[base].inner, true),
+            ref ty => (ty, false),
+        };
+        let TypeInner::Struct { members, .. } = ty else {
+            return Err(refused("this type has no members", span));
+        };
+        let index = members.iter().position(|m| m.name.as_deref() == Some(name));
+        let Some(index) = index else {
+            return Err(refused(&format!("there is no member `{name}`"), span));
+        };
+        let index = index as u32;
+        let member = self.add(Expression::AccessIndex { base, index }, span)?;
+        self.read(member, is_pointer, at, span)
+    }
+
+    fn swizzle(
+        &mut self,
+        base: &'s Node,
+        components: &[u32],
+        at: Position,
+        span: Span,
+    ) -> Result<Handle<Expression>, Error> {
+        let mut vector = self.expect(base, at)?;
+        let mut pattern = [SwizzleComponent::X; 4];
+        for (to, component) in pattern.iter_mut().zip(components) {
+            *to = SwizzleComponent::XYZW[(*component).min(3) as usize];
+        }
+        // A swizzle of a swizzle is one of the vector.
+        if let Expression::Swizzle {
+            vector: inner,
+            pattern: chosen,
+            ..
+        } = *self.expression(vector)
+        {
+            vector = inner;
+            pattern = pattern.map(|component| chosen[component as usize]);
+        }
+        let is_pointer = self.ty(vector)?.pointer_space().is_some();
+        if let [_] = components {
+            let index = pattern[0] as u32;
+            let base = vector;
+            return self.add(Expression::AccessIndex { base, index }, span);
+        }
+        // A store to a swizzle takes the pointer from the load.
+        if is_pointer {
+            vector = self.add(Expression::Load { pointer: vector }, span)?;
+        }
+        let swizzle = Expression::Swizzle {
+            size: size(components.len() as u8),
+            vector,
+            pattern,
+        };
+        self.add(swizzle, span)
+    }
+
+    /// An `if` that stores one of two values in a variable.
+    fn choose(
+        &mut self,
+        condition: &'s Node,
+        accept: &'s Node,
+        reject: &'s Node,
+        span: Span,
+    ) -> Result<Handle<Expression>, Error> {
+        let condition = self.value(condition)?;
+        let enclosing = self.writer.open(span);
+        let accept_span = self.place(accept);
+        let accepted = self.value(accept)?;
+        let mut accept = self.writer.close(enclosing, span);
+        let enclosing = self.writer.open(span);
+        let reject_span = self.place(reject);
+        let rejected = self.value(reject)?;
+        let mut reject = self.writer.close(enclosing, span);
+        let ty = self.ty_handle(accepted)?;
+        let pointer = self.local(None, ty, None, span)?;
+        let store = |value| Statement::Store { pointer, value };
+        accept.push(store(accepted), accept_span);
+        reject.push(store(rejected), reject_span);
+        let choice = Statement::If {
+            condition,
+            accept,
+            reject,
+        };
+        self.writer.statement(choice, span);
+        self.add(Expression::Load { pointer }, span)
+    }
+
+    /// Converts a value to the type of what a pointer points to, if GLSL does so implicitly.
+    fn implicitly(
+        &mut self,
+        value: Handle<Expression>,
+        pointer: Handle<Expression>,
+        span: Span,
+    ) -> Result<Handle<Expression>, Error> {
+        self.resolve(pointer)?;
+        let to = match *self.known_ty(pointer) {
+            TypeInner::Pointer { base, .. } => scalar_of(&self.builder.module.types[base].inner),
+            ref ty => scalar_of(ty),
+        };
+        self.widened(value, to, span)
+    }
+
+    /// Converts a value to a type of the module, if GLSL does so implicitly.
+    pub(super) fn converted(
+        &mut self,
+        value: Handle<Expression>,
+        ty: Handle<Type>,
+        span: Span,
+    ) -> Result<Handle<Expression>, Error> {
+        let to = scalar_of(&self.builder.module.types[ty].inner);
+        self.widened(value, to, span)
+    }
+
+    pub(super) fn widened(
+        &mut self,
+        value: Handle<Expression>,
+        to: Option<naga::Scalar>,
+        span: Span,
+    ) -> Result<Handle<Expression>, Error> {
+        let Some(to) = to else {
+            return Ok(value);
+        };
+        let from = scalar_of(self.ty(value)?).and_then(power);
+        match power(to) > from && from.is_some() {
+            true => self.cast(value, to, span),
+            false => Ok(value),
+        }
+    }
+
+    /// Converts a value's scalars.
+    pub(super) fn cast(
+        &mut self,
+        value: Handle<Expression>,
+        to: naga::Scalar,
+        span: Span,
+    ) -> Result<Handle<Expression>, Error> {
+        let cast = Expression::As {
+            expr: value,
+            kind: to.kind,
+            convert: Some(to.width),
+        };
+        self.add(cast, span)
+    }
+
+    /// Stores a value, to a swizzle by component.
+    pub(super) fn store(
+        &mut self,
+        pointer: Handle<Expression>,
+        value: Handle<Expression>,
+        span: Span,
+    ) -> Result<(), Error> {
+        let Expression::Swizzle {
+            size,
+            vector,
+            pattern,
+        } = *self.expression(pointer)
+        else {
+            let store = Statement::Store { pointer, value };
+            self.writer.statement(store, span);
+            return Ok(());
+        };
+        let vector = match *self.expression(vector) {
+            Expression::Load { pointer } => pointer,
+            _ => vector,
+        };
+        for (component, index) in pattern.iter().zip(0..size as u32) {
+            let to = Expression::AccessIndex {
+                base: vector,
+                index: *component as u32,
+            };
+            let pointer = self.add(to, span)?;
+            let value = self.add(Expression::AccessIndex { base: value, index }, span)?;
+            self.writer
+                .statement(Statement::Store { pointer, value }, span);
+        }
+        Ok(())
+    }
+}

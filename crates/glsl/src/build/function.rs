@@ -1,0 +1,417 @@
+//! Functions and statements.
+
+use std::collections::HashSet;
+
+use naga::proc::ensure_block_returns;
+use naga::{
+    AddressSpace, Block, Expression, Function as IrFunction, FunctionArgument, FunctionResult,
+    GlobalVariable, Handle, ScalarKind, Span, Statement as Ir, StorageAccess, SwitchCase,
+    SwitchValue, TypeInner, UnaryOperator,
+};
+
+use super::super::tree::{
+    Case, Function, FunctionId, GlobalId, GlobalKind, Kind, Node, OwnVariable, ParameterTy,
+    Statement, StatementKind as S,
+};
+use super::super::ty::Ty;
+use super::expression::Position;
+use super::{Body, Builder, Declared, refused};
+use preshade_text::error::Error;
+
+/// The globals that a function uses, and the members of blocks.
+#[derive(Default)]
+struct Used<'s> {
+    globals: HashSet<GlobalId>,
+    members: HashSet<(GlobalId, &'s str)>,
+}
+
+impl<'s> Used<'s> {
+    fn visit(&mut self, node: &'s Node) {
+        match &*node.kind {
+            Kind::Global(id) => {
+                self.globals.insert(*id);
+            }
+            Kind::Field(of, name) => {
+                if let Kind::Global(id) = *of.kind {
+                    self.members.insert((id, name));
+                }
+            }
+            _ => {}
+        }
+        node.kind.operands(&mut |of| self.visit(of));
+    }
+}
+
+/// Whether the statements after it are unreachable.
+fn leaves(statement: &Statement) -> bool {
+    match &statement.kind {
+        S::Break | S::Continue | S::Discard | S::Return(_) => true,
+        S::Block(inner) => inner.iter().any(leaves),
+        _ => false,
+    }
+}
+
+impl<'s> Builder<'s> {
+    pub(super) fn function(&mut self, id: FunctionId, of: &'s Function) -> Result<(), Error> {
+        let span = of.span;
+        let result = match &of.result {
+            Ty::Void => None,
+            ty => Some(FunctionResult {
+                ty: self.ty(ty, span)?,
+                binding: None,
+            }),
+        };
+        let function = IrFunction {
+            name: Some(of.name.clone()),
+            result,
+            ..IrFunction::default()
+        };
+        let mut body = Body::new(self, function);
+        body.span = span;
+        body.declare_globals(of)?;
+        body.parameters(id, of)?;
+        body.statements(&of.body)?;
+        let mut function = body.writer.finish();
+        ensure_block_returns(&mut function.body);
+        let handle = self.module.functions.append(function, span);
+        self.functions.insert(id, handle);
+        Ok(())
+    }
+}
+
+impl<'s> Body<'_, 's> {
+    /// Appends the pointers to the globals that the function uses.
+    fn declare_globals(&mut self, of: &'s Function) -> Result<(), Error> {
+        let mut used = Used::default();
+        for statement in &of.body {
+            statement.nodes(&mut |node| used.visit(node));
+        }
+        let stage = self.builder.stage;
+        let own = self.builder.own.clone();
+        let (before, after) = own.split_at(usize::from(stage.invariant).min(own.len()));
+        self.declare_own(before)?;
+        for id in stage.declared.iter().filter(|id| used.globals.contains(id)) {
+            let Some(declared) = self.builder.globals.get(id).copied() else {
+                continue;
+            };
+            let global = &stage.globals[id.0];
+            let e = match declared {
+                Declared::Variable(handle) => Expression::GlobalVariable(handle),
+                Declared::Constant(handle, _) => Expression::Constant(handle),
+                Declared::Override(handle) => Expression::Override(handle),
+            };
+            let e = self.add(e, global.span)?;
+            self.globals.insert(*id, e);
+            let GlobalKind::Block(block) = &global.kind else {
+                continue;
+            };
+            for (index, member) in (0..).zip(&block.members).filter(|_| block.is_open) {
+                let name = member.name.as_str();
+                if used.members.contains(&(*id, name)) {
+                    let pointer = Expression::AccessIndex { base: e, index };
+                    let pointer = self.add(pointer, global.span)?;
+                    self.members.insert((*id, name), pointer);
+                }
+            }
+        }
+        self.declare_own(after)
+    }
+
+    fn declare_own(
+        &mut self,
+        own: &[(&'static OwnVariable, Handle<GlobalVariable>)],
+    ) -> Result<(), Error> {
+        for (own, global) in own {
+            let pointer = self.add(Expression::GlobalVariable(*global), Span::UNDEFINED)?;
+            self.own.insert(own.name, pointer);
+        }
+        Ok(())
+    }
+
+    fn parameters(&mut self, id: FunctionId, of: &'s Function) -> Result<(), Error> {
+        for (i, parameter) in of.parameters.iter().enumerate() {
+            let span = parameter.span;
+            let base = match &parameter.ty {
+                ParameterTy::Data(ty) => self.builder.ty(ty, span)?,
+                ParameterTy::Handle(ty) => {
+                    let mut ty = ty.clone();
+                    ty.is_depth |= self.builder.depth.has_parameter(id, i);
+                    let access = StorageAccess::LOAD | StorageAccess::STORE;
+                    self.builder.handle(&ty, None, access, span)?
+                }
+            };
+            let ty = match parameter.is_out {
+                true => self.builder.insert(TypeInner::Pointer {
+                    base,
+                    space: AddressSpace::Function,
+                }),
+                false => base,
+            };
+            self.writer.function.arguments.push(FunctionArgument {
+                name: Some(parameter.name.clone()),
+                ty,
+                binding: None,
+            });
+            let argument = self.add(Expression::FunctionArgument(i as u32), span)?;
+            let is_value = matches!(parameter.ty, ParameterTy::Data(_)) && !parameter.is_out;
+            if !is_value || of.is_plain {
+                self.parameters.push((argument, parameter.is_out));
+                continue;
+            }
+            // The function may write it.
+            let name = Some(parameter.name.clone());
+            let pointer = self.local(name, base, None, span)?;
+            let store = Ir::Store {
+                pointer,
+                value: argument,
+            };
+            self.writer.statement(store, span);
+            self.parameters.push((pointer, true));
+        }
+        Ok(())
+    }
+
+    /// Makes globals of the built-in variables that are first used here.
+    fn register(&mut self, node: &'s Node) -> Result<(), Error> {
+        let mut own = Vec::new();
+        fn visit<'n>(node: &'n Node, own: &mut Vec<&'static OwnVariable>) {
+            if let Kind::BuiltIn(of) = *node.kind {
+                own.push(of);
+            }
+            node.kind.operands(&mut |of| visit(of, own));
+        }
+        visit(node, &mut own);
+        for own in own {
+            if !self.own.contains_key(own.name) {
+                let global = self.builder.register(own)?;
+                let pointer = self.add(Expression::GlobalVariable(global), Span::UNDEFINED)?;
+                self.own.insert(own.name, pointer);
+            }
+        }
+        Ok(())
+    }
+
+    fn root(&mut self, node: &'s Node) -> Result<Handle<Expression>, Error> {
+        self.register(node)?;
+        self.value(node)
+    }
+
+    pub(super) fn statements(&mut self, all: &'s [Statement]) -> Result<(), Error> {
+        for statement in all {
+            self.statement(statement)?;
+            if leaves(statement) {
+                break;
+            }
+        }
+        Ok(())
+    }
+
+    /// Writes statements to a block of their own.
+    fn block(&mut self, all: &'s [Statement], span: Span) -> Result<Block, Error> {
+        let enclosing = self.writer.open(span);
+        self.statements(all)?;
+        Ok(self.writer.close(enclosing, span))
+    }
+
+    fn statement(&mut self, statement: &'s Statement) -> Result<(), Error> {
+        let span = match statement.span.is_defined() {
+            true => statement.span,
+            false => self.span,
+        };
+        let around = std::mem::replace(&mut self.span, span);
+        self.statement_at(statement, span)?;
+        self.span = around;
+        Ok(())
+    }
+
+    fn statement_at(&mut self, statement: &'s Statement, span: Span) -> Result<(), Error> {
+        let ir = match &statement.kind {
+            S::Declare(local, init) => {
+                let of = &self.builder.stage.locals[local.0];
+                let ty = self.builder.ty(&of.ty, span)?;
+                let init = match init {
+                    Some(init) => {
+                        let value = self.root(init)?;
+                        Some(self.converted(value, ty, span)?)
+                    }
+                    None => None,
+                };
+                // A variable in a loop begins anew each time.
+                let is_initial = |e| !self.in_loop && self.known.is_const(e);
+                let (initial, late) = match init {
+                    Some(e) if is_initial(e) => (Some(e), None),
+                    init => (None, init),
+                };
+                let pointer = self.local(Some(of.name.clone()), ty, initial, span)?;
+                self.locals.insert(*local, pointer);
+                match late {
+                    Some(value) => Ir::Store { pointer, value },
+                    None => return Ok(()),
+                }
+            }
+            S::Evaluate(node) => {
+                self.register(node)?;
+                self.evaluate(node, Position::Value)?;
+                return Ok(());
+            }
+            S::Block(inner) => Ir::Block(self.block(inner, span)?),
+            S::If {
+                condition,
+                accept,
+                reject,
+            } => {
+                let condition = self.root(condition)?;
+                let accept = self.inner(accept, span)?;
+                let reject = match reject {
+                    Some(reject) => self.inner(reject, span)?,
+                    None => Block::new(),
+                };
+                Ir::If {
+                    condition,
+                    accept,
+                    reject,
+                }
+            }
+            S::Switch { selector, cases } => self.switch(selector, cases, span)?,
+            S::While { condition, body } => {
+                let enclosing = self.writer.open(span);
+                self.break_unless(condition)?;
+                self.looped(body, span)?;
+                endless(self.writer.close(enclosing, span), Block::new())
+            }
+            S::DoWhile { body, condition } => {
+                let enclosing = self.writer.open(span);
+                self.looped(body, span)?;
+                if !body.iter().any(leaves) {
+                    self.break_unless(condition)?;
+                }
+                endless(self.writer.close(enclosing, span), Block::new())
+            }
+            S::For {
+                init,
+                condition,
+                step,
+                body,
+            } => {
+                if let Some(init) = init {
+                    self.statement(init)?;
+                }
+                let enclosing = self.writer.open(span);
+                if let Some(condition) = condition {
+                    self.break_unless(condition)?;
+                }
+                let inner = self.writer.close(enclosing, span);
+                let enclosing = self.writer.open(span);
+                if let Some(step) = step {
+                    self.register(step)?;
+                    self.evaluate(step, Position::Value)?;
+                }
+                let continuing = self.writer.close(enclosing, span);
+                let enclosing = self.writer.reopen(inner, span);
+                self.looped(body, span)?;
+                endless(self.writer.close(enclosing, span), continuing)
+            }
+            S::Break => Ir::Break,
+            S::Continue => Ir::Continue,
+            S::Discard => Ir::Kill,
+            S::Return(value) => {
+                let value = match value {
+                    Some(value) => Some(self.root(value)?),
+                    None => None,
+                };
+                Ir::Return { value }
+            }
+        };
+        self.writer.statement(ir, span);
+        Ok(())
+    }
+
+    /// A block in a block, as the text has braces.
+    fn inner(&mut self, all: &'s [Statement], span: Span) -> Result<Block, Error> {
+        let enclosing = self.writer.open(span);
+        let block = self.block(all, span)?;
+        self.writer.statement(Ir::Block(block), span);
+        Ok(self.writer.close(enclosing, span))
+    }
+
+    /// The body of a loop.
+    fn looped(&mut self, body: &'s [Statement], span: Span) -> Result<(), Error> {
+        let around = std::mem::replace(&mut self.in_loop, true);
+        let block = self.block(body, span)?;
+        self.writer.statement(Ir::Block(block), span);
+        self.in_loop = around;
+        Ok(())
+    }
+
+    fn break_unless(&mut self, condition: &'s Node) -> Result<(), Error> {
+        let span = self.place(condition);
+        let expr = self.root(condition)?;
+        let op = UnaryOperator::LogicalNot;
+        let condition = self.add(Expression::Unary { op, expr }, span)?;
+        let mut accept = Block::new();
+        accept.push(Ir::Break, Span::UNDEFINED);
+        let exit = Ir::If {
+            condition,
+            accept,
+            reject: Block::new(),
+        };
+        self.writer.statement(exit, Span::UNDEFINED);
+        Ok(())
+    }
+
+    fn switch(&mut self, selector: &'s Node, all: &'s [Case], span: Span) -> Result<Ir, Error> {
+        let selector = self.root(selector)?;
+        let is_uint = self.ty(selector)?.scalar_kind() == Some(ScalarKind::Uint);
+        let mut cases = Vec::new();
+        for (at, case) in all.iter().enumerate() {
+            let value = match case.value {
+                None => SwitchValue::Default,
+                Some(n) if is_uint => SwitchValue::U32(n as u32),
+                Some(n) => SwitchValue::I32(n as i32),
+            };
+            let last = case.body.iter().position(leaves);
+            let reached = &case.body[..last.map_or(case.body.len(), |last| last + 1)];
+            let (reached, breaks) = match reached.split_last() {
+                Some((last, before)) if matches!(last.kind, S::Break) => (before, true),
+                _ => (reached, false),
+            };
+            let is_last = at + 1 == all.len();
+            if is_last && reached.is_empty() && !breaks {
+                return Err(refused("the last case has no statement", span));
+            }
+            // What a case declares is visible in later ones, even if it is not reached.
+            let unreached = &case.body[last.map_or(case.body.len(), |last| last + 1)..];
+            let enclosing = self.writer.open(span);
+            for statement in unreached {
+                if let S::Declare(local, _) = &statement.kind {
+                    let of = &self.builder.stage.locals[local.0];
+                    let ty = self.builder.ty(&of.ty, span)?;
+                    let pointer = self.local(Some(of.name.clone()), ty, None, span)?;
+                    self.locals.insert(*local, pointer);
+                }
+            }
+            self.statements(reached)?;
+            cases.push(SwitchCase {
+                value,
+                body: self.writer.close(enclosing, span),
+                fall_through: !breaks && !is_last,
+            });
+        }
+        if all.iter().all(|case| case.value.is_some()) {
+            cases.push(SwitchCase {
+                value: SwitchValue::Default,
+                body: Block::new(),
+                fall_through: false,
+            });
+        }
+        Ok(Ir::Switch { selector, cases })
+    }
+}
+
+fn endless(body: Block, continuing: Block) -> Ir {
+    Ir::Loop {
+        body,
+        continuing,
+        break_if: None,
+    }
+}

@@ -1,0 +1,220 @@
+//! Writes a resolved stage as IR.
+//!
+//! `types` makes types, `entry` globals and the entry point, `function` functions and their
+//! statements. Expressions are in `expression`, with `operator`, `constructor`, `call`, `built_in`
+//! and `texture`. All expressions go through [`Body::add`], which folds constants by GLSL's rules.
+
+mod atomic;
+mod built_in;
+mod call;
+mod constructor;
+mod depth;
+mod entry;
+mod expression;
+mod function;
+mod operator;
+mod texture;
+mod types;
+
+use std::collections::HashMap;
+
+use naga::front::Typifier;
+use naga::proc::{ConstantEvaluator, ExpressionKindTracker, Layouter, ResolveContext};
+use naga::{
+    Binding, Expression, Function as IrFunction, GlobalVariable, Handle, Module, ShaderStage, Span,
+    Type, TypeInner,
+};
+use preshade_ir::writer::FunctionWriter;
+
+use self::depth::DepthTextures;
+use super::tree::{FunctionId, GlobalId, LocalId, OwnVariable, Stage};
+use preshade_text::error::{Code, Error};
+
+/// What a global is in the IR.
+#[derive(Clone, Copy, Debug)]
+enum Declared {
+    Variable(Handle<GlobalVariable>),
+    Constant(Handle<naga::Constant>, Handle<Type>),
+    Override(Handle<naga::Override>),
+}
+
+/// An input or output of the entry point.
+#[derive(Clone, Debug)]
+struct Port {
+    global: Handle<GlobalVariable>,
+    name: String,
+    binding: Binding,
+    is_output: bool,
+}
+
+/// A module under construction.
+pub(super) struct Builder<'s> {
+    stage: &'s Stage,
+    kind: ShaderStage,
+    module: Module,
+    layouter: Layouter,
+    /// The kinds and types of the module's constant expressions.
+    known: ExpressionKindTracker,
+    types: Typifier,
+    structs: HashMap<&'s str, Handle<Type>>,
+    globals: HashMap<GlobalId, Declared>,
+    /// Built-in variables, from their first use on.
+    own: Vec<(&'static OwnVariable, Handle<GlobalVariable>)>,
+    ports: Vec<Port>,
+    functions: HashMap<FunctionId, Handle<IrFunction>>,
+    depth: DepthTextures,
+    /// The parts of storage blocks that atomic functions change.
+    atomics: Vec<atomic::Part>,
+    /// The images that they change.
+    atomic_images: Vec<Handle<GlobalVariable>>,
+}
+
+/// Writes a stage. Its entry point calls `main`.
+pub(super) fn build(stage: &Stage, kind: ShaderStage) -> Result<Module, Error> {
+    let mut builder = Builder {
+        stage,
+        kind,
+        module: Module::default(),
+        layouter: Layouter::default(),
+        known: ExpressionKindTracker::new(),
+        types: Typifier::new(),
+        structs: HashMap::new(),
+        globals: HashMap::new(),
+        own: Vec::new(),
+        ports: Vec::new(),
+        functions: HashMap::new(),
+        depth: DepthTextures::of(stage),
+        atomics: Vec::new(),
+        atomic_images: Vec::new(),
+    };
+    builder.structs()?;
+    builder.globals()?;
+    for id in &stage.order {
+        if let Some(Some(function)) = stage.functions.get(id.0) {
+            builder.function(*id, function)?;
+        }
+    }
+    builder.entry_point()?;
+    builder.atomics()?;
+    Ok(builder.module)
+}
+
+/// A function under construction, or a constant.
+struct Body<'b, 's> {
+    builder: &'b mut Builder<'s>,
+    writer: FunctionWriter,
+    types: Typifier,
+    /// The kinds of the function's expressions.
+    known: ExpressionKindTracker,
+    globals: HashMap<GlobalId, Handle<Expression>>,
+    /// Members of blocks without an instance.
+    members: HashMap<(GlobalId, &'s str), Handle<Expression>>,
+    own: HashMap<&'static str, Handle<Expression>>,
+    locals: HashMap<LocalId, Handle<Expression>>,
+    /// The value or pointer of each parameter, and whether it is a pointer.
+    parameters: Vec<(Handle<Expression>, bool)>,
+    /// A constant of the module is written.
+    is_const: bool,
+    in_loop: bool,
+    /// The place of the expression around the current one.
+    span: Span,
+}
+
+impl<'b, 's> Body<'b, 's> {
+    fn new(builder: &'b mut Builder<'s>, function: IrFunction) -> Self {
+        Self {
+            builder,
+            writer: FunctionWriter::of(function),
+            types: Typifier::new(),
+            known: ExpressionKindTracker::new(),
+            globals: HashMap::new(),
+            members: HashMap::new(),
+            own: HashMap::new(),
+            locals: HashMap::new(),
+            parameters: Vec::new(),
+            is_const: false,
+            in_loop: false,
+            span: Span::UNDEFINED,
+        }
+    }
+
+    /// Appends an expression, or its value if it is constant.
+    fn add(&mut self, expression: Expression, span: Span) -> Result<Handle<Expression>, Error> {
+        let Builder {
+            module,
+            layouter,
+            known,
+            ..
+        } = &mut *self.builder;
+        let added = match self.is_const {
+            true => ConstantEvaluator::for_glsl_module(module, known, layouter)
+                .try_eval_and_append(expression, span),
+            false => self
+                .writer
+                .fold(expression, span, module, &mut self.known, layouter),
+        };
+        added.map_err(|error| refused(&error.to_string(), span))
+    }
+
+    /// The type of an expression.
+    fn ty(&mut self, e: Handle<Expression>) -> Result<&TypeInner, Error> {
+        self.resolve(e)?;
+        Ok(self.known_ty(e))
+    }
+
+    /// The type of an expression that is resolved.
+    fn known_ty(&self, e: Handle<Expression>) -> &TypeInner {
+        let types = match self.is_const {
+            true => &self.builder.types,
+            false => &self.types,
+        };
+        types.get(e, &self.builder.module.types)
+    }
+
+    fn resolve(&mut self, e: Handle<Expression>) -> Result<(), Error> {
+        let function = &self.writer.function;
+        let Builder { module, types, .. } = &mut *self.builder;
+        let locals = &function.local_variables;
+        let context = ResolveContext::with_locals(module, locals, &function.arguments);
+        let grown = match self.is_const {
+            true => types.grow(e, &module.global_expressions, &context),
+            false => self.types.grow(e, &function.expressions, &context),
+        };
+        grown.map_err(|_| refused(WRONG_TYPE, self.span))
+    }
+
+    /// The type of an expression as a type of the module.
+    fn ty_handle(&mut self, e: Handle<Expression>) -> Result<Handle<Type>, Error> {
+        self.resolve(e)?;
+        let Builder { module, types, .. } = &mut *self.builder;
+        let types = if self.is_const {
+            types
+        } else {
+            &mut self.types
+        };
+        Ok(types.register_type(e, &mut module.types))
+    }
+
+    /// An expression of the current arena.
+    fn expression(&self, e: Handle<Expression>) -> &Expression {
+        match self.is_const {
+            true => &self.builder.module.global_expressions[e],
+            false => &self.writer.function.expressions[e],
+        }
+    }
+}
+
+const WRONG_TYPE: &str = "this type is wrong here, or not supported";
+
+/// An error with naga's words, unless they are meant for naga's developers.
+fn refused(text: &str, span: Span) -> Error {
+    let numbered = text.split('[').skip(1).any(|rest| {
+        let digits = rest.bytes().take_while(u8::is_ascii_digit).count();
+        digits > 0 && rest[digits..].starts_with(']')
+    });
+    let message = match numbered || text.contains('{') {
+        true => WRONG_TYPE,
+        false => text,
+    };
+    Error::new(Code::Parse, message).label_if(span.is_defined().then_some(span))
+}

@@ -1,0 +1,323 @@
+//! Texture and image functions. The vector of coordinates holds the layer and the reference too.
+
+use naga::{
+    BinaryOperator, Expression, Handle, ImageClass, ImageDimension, ImageQuery, Literal,
+    SampleLevel, Scalar, Span, Statement, SwizzleComponent, TypeInner, VectorSize,
+};
+
+use super::super::tree::{Gather, Kind, Node};
+use super::{Body, refused};
+use preshade_text::error::Error;
+
+type Value = Handle<Expression>;
+
+/// What a vector of coordinates holds.
+struct Coordinates {
+    coordinate: Value,
+    layer: Option<Value>,
+    reference: Option<Value>,
+    /// The reference is an argument of its own.
+    is_apart: bool,
+}
+
+impl<'s> Body<'_, 's> {
+    pub(super) fn texture_call(
+        &mut self,
+        name: &str,
+        arguments: &'s [Node],
+        span: Span,
+    ) -> Result<Option<Value>, Error> {
+        let Some((first, rest)) = arguments.split_first() else {
+            return Err(refused("an argument is missing", span));
+        };
+        let (image, sampler) = match &*first.kind {
+            Kind::Combine {
+                texture, sampler, ..
+            } => (self.value(texture)?, Some(self.value(sampler)?)),
+            _ => (self.value(first)?, None),
+        };
+        let mut values = Vec::with_capacity(rest.len());
+        for argument in rest {
+            values.push(self.value(argument)?);
+        }
+        let found = match name {
+            "textureSize" | "imageSize" => {
+                self.texture_size(image, values.first().copied(), span)?
+            }
+            "textureQueryLevels" => {
+                let query = ImageQuery::NumLevels;
+                let levels = self.add(Expression::ImageQuery { image, query }, span)?;
+                self.cast(levels, Scalar::I32, span)?
+            }
+            "texelFetch" | "texelFetchOffset" | "imageLoad" => self.fetch(image, &values, span)?,
+            "imageStore" => {
+                let [at, value] = values[..] else {
+                    return Err(refused("an argument is missing", span));
+                };
+                let of = self.coordinates(image, at, None, span)?;
+                let store = Statement::ImageStore {
+                    image,
+                    coordinate: of.coordinate,
+                    array_index: of.layer,
+                    value,
+                };
+                self.writer.statement(store, span);
+                return Ok(None);
+            }
+            _ => {
+                let sampler = sampler.ok_or_else(|| {
+                    refused("a texture function does not accept these arguments", span)
+                })?;
+                self.sample(name, (image, sampler), values, span)?
+            }
+        };
+        Ok(Some(found))
+    }
+
+    fn component(&mut self, base: Value, index: u32, span: Span) -> Result<Value, Error> {
+        self.add(Expression::AccessIndex { base, index }, span)
+    }
+
+    /// Divides coordinates by the last of them.
+    fn projected(&mut self, of: Value, span: Span) -> Result<Value, Error> {
+        let TypeInner::Vector { size, .. } = *self.ty(of)? else {
+            return Err(refused(
+                "a texture function does not accept these arguments",
+                span,
+            ));
+        };
+        let mut right = self.component(of, size as u32 - 1, span)?;
+        let smaller = match size {
+            VectorSize::Bi => None,
+            VectorSize::Tri => Some(VectorSize::Bi),
+            VectorSize::Quad => Some(VectorSize::Tri),
+        };
+        let left = match smaller {
+            None => self.component(of, 0, span)?,
+            Some(size) => {
+                right = self.add(Expression::Splat { size, value: right }, span)?;
+                self.resized(size, of, span)?
+            }
+        };
+        let op = BinaryOperator::Divide;
+        self.add(Expression::Binary { op, left, right }, span)
+    }
+
+    fn sample(
+        &mut self,
+        name: &str,
+        (image, sampler): (Value, Value),
+        values: Vec<Value>,
+        span: Span,
+    ) -> Result<Value, Error> {
+        let missing = || refused("an argument is missing", span);
+        let mut values = values.into_iter();
+        let mut at = values.next().ok_or_else(missing)?;
+        if name.contains("Proj") {
+            at = self.projected(at, span)?;
+        }
+        let of = self.coordinates(image, at, values.as_slice().first().copied(), span)?;
+        if of.is_apart {
+            values.next();
+        }
+        let compares = of.reference.is_some();
+        let mut level = if name.contains("Lod") {
+            let level = values.next().ok_or_else(missing)?;
+            // A comparison has no other levels in WGSL.
+            match compares {
+                true => SampleLevel::Zero,
+                false => SampleLevel::Exact(level),
+            }
+        } else if name.contains("Grad") {
+            let x = values.next().ok_or_else(missing)?;
+            let y = values.next().ok_or_else(missing)?;
+            match compares {
+                true => SampleLevel::Zero,
+                false => SampleLevel::Gradient { x, y },
+            }
+        } else {
+            SampleLevel::Auto
+        };
+        let offset = match name.ends_with("Offset") {
+            true => Some(values.next().ok_or_else(missing)?),
+            false => None,
+        };
+        if let (SampleLevel::Auto, Some(bias)) = (level, values.next()) {
+            level = SampleLevel::Bias(bias);
+        }
+        let array_index = match of.layer {
+            Some(layer) => Some(self.cast(layer, Scalar::I32, span)?),
+            None => None,
+        };
+        let sample = Expression::ImageSample {
+            image,
+            sampler,
+            gather: None,
+            coordinate: of.coordinate,
+            array_index,
+            offset,
+            level,
+            depth_ref: of.reference,
+            clamp_to_edge: false,
+        };
+        self.add(sample, span)
+    }
+
+    fn fetch(&mut self, image: Value, values: &[Value], span: Span) -> Result<Value, Error> {
+        let Some(at) = values.first() else {
+            return Err(refused("an argument is missing", span));
+        };
+        let of = self.coordinates(image, *at, None, span)?;
+        let is_multi = match *self.ty(image)? {
+            TypeInner::Image { class, .. } => class.is_multisampled(),
+            _ => false,
+        };
+        let which = values.get(1).copied();
+        let load = Expression::ImageLoad {
+            image,
+            coordinate: of.coordinate,
+            array_index: of.layer,
+            sample: which.filter(|_| is_multi),
+            level: which.filter(|_| !is_multi),
+        };
+        self.add(load, span)
+    }
+
+    fn texture_size(
+        &mut self,
+        image: Value,
+        level: Option<Value>,
+        span: Span,
+    ) -> Result<Value, Error> {
+        let TypeInner::Image { arrayed, .. } = *self.ty(image)? else {
+            return Err(refused("this is not a texture", span));
+        };
+        let query = ImageQuery::Size { level };
+        let mut size = self.add(Expression::ImageQuery { image, query }, span)?;
+        if arrayed {
+            let mut components = Vec::new();
+            let whole = match *self.ty(size)? {
+                TypeInner::Vector { size: n, .. } => {
+                    for index in 0..n as u32 {
+                        components.push(self.component(size, index, span)?);
+                    }
+                    match n {
+                        VectorSize::Bi => VectorSize::Tri,
+                        _ => VectorSize::Quad,
+                    }
+                }
+                _ => {
+                    components.push(size);
+                    VectorSize::Bi
+                }
+            };
+            let query = ImageQuery::NumLayers;
+            components.push(self.add(Expression::ImageQuery { image, query }, span)?);
+            let ty = self.builder.insert(TypeInner::Vector {
+                size: whole,
+                scalar: Scalar::U32,
+            });
+            size = self.add(Expression::Compose { ty, components }, span)?;
+        }
+        self.cast(size, Scalar::I32, span)
+    }
+
+    fn coordinates(
+        &mut self,
+        image: Value,
+        at: Value,
+        next: Option<Value>,
+        span: Span,
+    ) -> Result<Coordinates, Error> {
+        let TypeInner::Image {
+            dim,
+            arrayed,
+            class,
+        } = *self.ty(image)?
+        else {
+            return Err(refused("this is not a texture", span));
+        };
+        let wanted = match dim {
+            ImageDimension::D1 => None,
+            ImageDimension::D2 => Some(VectorSize::Bi),
+            ImageDimension::D3 | ImageDimension::Cube => Some(VectorSize::Tri),
+        };
+        let given = match *self.ty(at)? {
+            TypeInner::Vector { size, .. } => Some(size),
+            _ => None,
+        };
+        let coordinate = match (wanted, given) {
+            (Some(size), Some(given)) if size != given => self.resized(size, at, span)?,
+            (None, Some(_)) => self.component(at, 0, span)?,
+            _ => at,
+        };
+        let mut index = wanted.map_or(1, |size| size as u32);
+        let mut layer = None;
+        if arrayed {
+            layer = Some(self.component(at, index, span)?);
+            index += 1;
+        }
+        let compares = matches!(class, ImageClass::Depth { .. });
+        let is_apart = compares && index == 4;
+        let reference = match (compares, is_apart) {
+            (false, _) => None,
+            (true, true) => next,
+            (true, false) => Some(self.component(at, index, span)?),
+        };
+        Ok(Coordinates {
+            coordinate,
+            layer,
+            reference,
+            is_apart,
+        })
+    }
+
+    pub(super) fn gather(&mut self, of: &'s Gather, span: Span) -> Result<Value, Error> {
+        let image = self.value(&of.texture)?;
+        let sampler = self.value(&of.sampler)?;
+        let coordinate = self.value(&of.coordinates)?;
+        let depth_ref = match &of.depth {
+            Some(depth) => Some(self.value(depth)?),
+            None => None,
+        };
+        let offset = match of.offset {
+            Some(parts) => {
+                let ty = self.builder.insert(TypeInner::Vector {
+                    size: VectorSize::Bi,
+                    scalar: Scalar::I32,
+                });
+                let mut components = Vec::new();
+                for n in parts {
+                    components.push(self.add(Expression::Literal(Literal::I32(n)), span)?);
+                }
+                Some(self.add(Expression::Compose { ty, components }, span)?)
+            }
+            None => None,
+        };
+        let sample = Expression::ImageSample {
+            image,
+            sampler,
+            gather: Some(SwizzleComponent::XYZW[of.component.min(3) as usize]),
+            coordinate,
+            array_index: None,
+            offset,
+            level: SampleLevel::Zero,
+            depth_ref,
+            clamp_to_edge: false,
+        };
+        self.add(sample, span)
+    }
+
+    /// The image and coordinates of an image atomic.
+    pub(super) fn texel(
+        &mut self,
+        image: &'s Node,
+        at: &'s Node,
+        span: Span,
+    ) -> Result<[Option<Value>; 3], Error> {
+        let image = self.value(image)?;
+        let at = self.value(at)?;
+        let of = self.coordinates(image, at, None, span)?;
+        Ok([Some(image), Some(of.coordinate), of.layer])
+    }
+}

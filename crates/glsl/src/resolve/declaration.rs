@@ -1,0 +1,438 @@
+//! Resolves globals: structs, resources, variables and constants.
+
+use std::collections::HashMap;
+use std::mem;
+
+use naga::{AddressSpace, BinaryOperator, ResourceBinding, ShaderStage, Span, StorageAccess};
+use preshade_ir::declared;
+
+use super::super::formats::format_named;
+use super::super::interface::{BindingSlot, handles};
+use super::super::stage::{Block, Global as AstGlobal, Storage, Variable, unsupported};
+use super::super::tree::{
+    self, BlockTy, Global, GlobalId, GlobalKind, HandleTy, Kind, Member, Node, Statement, StructTy,
+};
+use super::super::ty::{BlockEntry, GlslMember, MemoryLayout, Rules, Ty, stored};
+use super::fold::Folds;
+use super::{Pair, RESERVED, Resolver, Var};
+use preshade_text::error::Error;
+use preshade_text::options::ClipSpace;
+
+fn bound(slot: BindingSlot) -> ResourceBinding {
+    ResourceBinding {
+        group: slot.0,
+        binding: slot.1,
+    }
+}
+
+impl Resolver<'_, '_> {
+    pub(super) fn stage(&mut self) -> Result<(), Error> {
+        self.resources()?;
+        self.varyings()?;
+        let varyings = self.out.declared.len();
+        self.globals()?;
+        if self.clip == ClipSpace::OpenGl
+            && self.is_vertex()
+            && self.stage.used.contains("gl_Position")
+            && let Some(own) = tree::own_variable("gl_Position", self.stage.kind)
+        {
+            // z = (z + w) / 2
+            let position = Node::new(Kind::BuiltIn(own));
+            let [z, w] = [2, 3].map(|c| position.component(c));
+            let sum = Node::binary(BinaryOperator::Add, z.clone(), w);
+            let half = Node::binary(BinaryOperator::Multiply, sum, Node::float(0.5));
+            let halved = Statement::evaluate(Node::assign(&z, half));
+            self.epilogue.push(halved);
+        }
+        if !self.is_vertex() && self.stage.used.contains("gl_SampleMask") {
+            let mask = self.standin("gl_SampleMask", "SampleMask").node.nth(0);
+            let out = self.output_of("gl_SampleMask");
+            let mask = Node::convert(&Ty::UINT, mask);
+            let written = Statement::evaluate(Node::assign(&out, mask));
+            self.epilogue.push(written);
+        }
+        self.functions()?;
+        // Last, because local structs are found while functions are resolved.
+        self.structs();
+        let standins = self.standins_declared();
+        self.out.declared.splice(varyings..varyings, standins);
+        let mut offsets = mem::take(&mut self.offsets);
+        offsets.sort_by(|(_, a), (_, b)| {
+            let name = |id: &GlobalId| &self.out.globals[id.0].name;
+            name(a).cmp(name(b))
+        });
+        self.out.declared.extend(offsets.iter().map(|(_, id)| *id));
+        let helpers = self.helpers.values().copied();
+        self.out.order.splice(0..0, helpers);
+        self.out.early_fragment_tests =
+            self.stage.early_fragment_tests && self.stage.kind == ShaderStage::Fragment;
+        self.out.invariant = self.stage.invariant && self.is_vertex();
+        Ok(())
+    }
+
+    fn structs(&mut self) {
+        for name in self.stage.structs.order.clone() {
+            let Some(of) = self.stage.structs.get(&name) else {
+                continue;
+            };
+            let entries = match of.in_uniform_block {
+                true => self.stage.structs.laid_out(&of.members, true),
+                false => {
+                    let data = of
+                        .members
+                        .iter()
+                        .filter(|m| self.stage.structs.has_data(&m.ty));
+                    data.map(BlockEntry::Member).collect()
+                }
+            };
+            let rules = of.in_uniform_block.then_some(Rules::Std140);
+            let member = |(i, entry): (usize, BlockEntry<'_>)| match entry {
+                BlockEntry::Member(member) => stored_member(member, rules),
+                BlockEntry::Padding => padding(format!("padding_{i}")),
+            };
+            let members: Vec<Member> = entries.into_iter().enumerate().map(member).collect();
+            if !members.is_empty() {
+                self.out.structs.push(StructTy { name, members });
+            }
+        }
+    }
+
+    /// Adds a global that is declared after those before it.
+    pub(super) fn declare(
+        &mut self,
+        name: Option<String>,
+        kind: GlobalKind,
+        place: Option<Span>,
+    ) -> Node {
+        let (id, node) = self.global_node(Global {
+            name,
+            kind,
+            span: place.unwrap_or_default(),
+        });
+        self.out.declared.push(id);
+        node
+    }
+
+    fn resources(&mut self) -> Result<(), Error> {
+        self.loose_uniforms();
+        let loose = mem::take(&mut self.out.declared);
+        // Blocks with an instance name come before all others.
+        let mut later = Vec::new();
+        for block in self.stage.blocks.clone() {
+            let (id, is_first) = self.block(&block);
+            match is_first {
+                true => self.out.declared.push(id),
+                false => later.push(id),
+            }
+        }
+        self.out.declared.extend(loose);
+        self.out.declared.append(&mut later);
+        for variable in self.stage.opaque.clone() {
+            self.opaque(&variable)?;
+        }
+        for uniform in self.stage.uniforms.clone() {
+            // An unused texture is inactive, as in OpenGL.
+            if self.stage.used.contains(&uniform.name) {
+                self.samplers(&uniform);
+            }
+        }
+        Ok(())
+    }
+
+    /// A block and its members. Returns true for a block with an instance name, which comes before
+    /// all others.
+    fn block(&mut self, block: &Block) -> (GlobalId, bool) {
+        let storage = block.qualifiers.storage == Some(Storage::Buffer);
+        let rules = block.rules();
+        let lay = |member: &GlslMember| MemoryLayout {
+            rows: member.row_major,
+            ..MemoryLayout::by(rules)
+        };
+        let slot = self.interface.blocks.get(&block.name).copied();
+        let shapes: Vec<GlslMember> = block
+            .members
+            .iter()
+            .map(|m| GlslMember {
+                ty: self.shape(&m.ty, lay(m)),
+                ..m.clone()
+            })
+            .collect();
+        let entries = match rules {
+            Rules::Std140 => self.stage.structs.laid_out(&shapes, false),
+            _ => shapes.iter().map(BlockEntry::Member).collect(),
+        };
+        let entries: Vec<(bool, Member)> = entries
+            .into_iter()
+            .enumerate()
+            .map(|(i, entry)| match entry {
+                BlockEntry::Member(member) => (true, stored_member(member, Some(rules))),
+                BlockEntry::Padding => (false, padding(declared::padding(&block.name, i))),
+            })
+            .collect();
+        let is_member = |name: &String| block.members.iter().any(|m| m.name == *name);
+        let instance = block.instance.as_ref().map(|i| match is_member(i) {
+            true => self.fresh(i),
+            false => self.safe(i),
+        });
+        let mut renamed: HashMap<String, String> = HashMap::new();
+        let mut members = Vec::new();
+        for (is_own, mut member) in entries {
+            if is_own && RESERVED.contains(&member.name.as_str()) {
+                let new = self.safe(&member.name);
+                renamed.insert(mem::replace(&mut member.name, new.clone()), new);
+            }
+            members.push(member);
+        }
+        let memory = &block.qualifiers.memory;
+        let space = match (block.qualifiers.says("push_constant"), storage) {
+            (true, _) => AddressSpace::Immediate,
+            (false, true) => AddressSpace::Storage {
+                access: access(memory),
+            },
+            (false, false) => AddressSpace::Uniform,
+        };
+        let last = block.members.last().map(|m| &m.ty);
+        let is_unsized = matches!(last, Some(Ty::Array(_, None)));
+        let has_atomics = self.stage.used.iter().any(|w| w.starts_with("atomic"));
+        let is_open = match instance {
+            None => true,
+            Some(_) => storage && block.array.is_none() && (is_unsized || has_atomics),
+        };
+        let kind = GlobalKind::Block(BlockTy {
+            is_open,
+            name: self.safe(&block.name),
+            members,
+            rules,
+            space,
+            binding: (space != AddressSpace::Immediate).then(|| bound(slot.unwrap_or_default())),
+            length: block.array,
+        });
+        let (id, node) = self.global_node(Global {
+            name: instance.clone(),
+            kind,
+            span: block.place.unwrap_or_default(),
+        });
+        let fixed = match storage {
+            true if memory.contains(&"readonly") => Some("in a readonly block"),
+            true => None,
+            false => Some("a uniform"),
+        };
+        for member in &block.members {
+            let own = renamed.get(&member.name).unwrap_or(&member.name);
+            let mut var = Var::plain(node.field(own.as_str()), member.ty.clone()).fixed(fixed);
+            var.lay = lay(member);
+            // A block is not a value; only its members are.
+            match &block.instance {
+                Some(instance) if block.array.is_some() => {
+                    self.bind(&format!("{instance}[].{}", member.name), var);
+                }
+                Some(instance) => self.bind(&format!("{instance}.{}", member.name), var),
+                None => self.bind(&member.name, var),
+            }
+        }
+        (id, !is_open)
+    }
+
+    /// A separate texture, sampler or image.
+    fn opaque(&mut self, variable: &Variable) -> Result<(), Error> {
+        let of = variable.ty.base_name();
+        if matches!(variable.ty, Ty::Array(..)) && of.contains("image") {
+            return Err(unsupported(
+                "arrays of images are not supported: naga's GLSL parser reads no format of them",
+                variable.place,
+            )
+            .note("declare an image for each element, or one with layers (`image2DArray`)"));
+        }
+        let slot = self.interface.opaque.get(&variable.name).copied();
+        let name = self.safe(&variable.name);
+        let words = variable.qualifiers.layout.iter();
+        let mut words = words.filter(|(_, value)| value.is_none());
+        let format = words.find_map(|(word, _)| format_named(word));
+        let mut lengths = Vec::new();
+        let mut ty = &variable.ty;
+        while let Ty::Array(of, length) = ty {
+            lengths.push(length.map(|length| length.n));
+            ty = of;
+        }
+        let kind = GlobalKind::Handle {
+            ty: HandleTy::plain(&of),
+            lengths,
+            binding: bound(slot.unwrap_or_default()),
+            format,
+            access: access(&variable.qualifiers.memory),
+        };
+        let node = self.declare(Some(name), kind, variable.place);
+        self.bind(&variable.name, Var::plain(node, variable.ty.clone()));
+        Ok(())
+    }
+
+    /// The split samplers of a uniform.
+    fn samplers(&mut self, uniform: &Variable) {
+        let mut found = Vec::new();
+        let structs = &self.stage.structs;
+        structs.samplers(&uniform.ty, &uniform.name, &mut found);
+        for (path, _) in found {
+            let Some(sampler) = self.interface.samplers.get(&path).cloned() else {
+                continue;
+            };
+            let mut declare = |name: &str, ty, slot| {
+                let kind = GlobalKind::Handle {
+                    ty,
+                    lengths: Vec::new(),
+                    binding: bound(slot),
+                    format: None,
+                    access: StorageAccess::empty(),
+                };
+                self.declare(Some(name.to_owned()), kind, uniform.place)
+            };
+            let [texture_ty, sampler_ty] = handles(&sampler.pair.combined);
+            let [t, s] = sampler.slots;
+            let pair = Pair {
+                texture: declare(&sampler.pair.texture, texture_ty, t),
+                sampler: declare(&sampler.pair.sampler, sampler_ty, s),
+                combined: sampler.pair.combined,
+            };
+            self.pairs.insert(path, pair);
+        }
+    }
+
+    fn loose_uniforms(&mut self) {
+        let [block, instance] = self.interface.uniform_block.clone();
+        let members = self.interface.uniforms.clone();
+        let entries = self.stage.structs.laid_out(&members, false);
+        let member = |(i, entry): (usize, BlockEntry<'_>)| match entry {
+            BlockEntry::Member(member) => stored_member(member, Some(Rules::Std140)),
+            BlockEntry::Padding => padding(format!("padding_{i}")),
+        };
+        let kind = GlobalKind::Block(BlockTy {
+            name: block,
+            members: entries.into_iter().enumerate().map(member).collect(),
+            rules: Rules::Std140,
+            space: AddressSpace::Uniform,
+            binding: Some(bound(self.interface.uniform_slot)),
+            length: None,
+            is_open: false,
+        });
+        let (id, node) = self.global_node(Global {
+            name: Some(instance),
+            kind,
+            span: Span::UNDEFINED,
+        });
+        for uniform in self.stage.uniforms.clone() {
+            let path = self
+                .stage
+                .structs
+                .has_samplers(&uniform.ty)
+                .then(|| uniform.name.clone());
+            let var = Var {
+                node: node.field(uniform.name.as_str()),
+                ty: uniform.ty.clone(),
+                lay: MemoryLayout::by(Rules::Std140),
+                path,
+                fixed: Some("a uniform"),
+                folds: Folds::No,
+            };
+            self.bind(&uniform.name, var);
+        }
+        // A stage only declares the block if it reads from it.
+        if members.iter().any(|m| self.stage.used.contains(&m.name)) {
+            self.out.declared.push(id);
+        }
+    }
+
+    fn globals(&mut self) -> Result<(), Error> {
+        let globals = mem::take(&mut self.stage.globals);
+        self.temporaries = Some(Vec::new());
+        for global in &globals {
+            self.global(global)?;
+        }
+        self.temporaries_of_globals = self.temporaries.take().unwrap_or_default();
+        Ok(())
+    }
+
+    fn global(&mut self, global: &AstGlobal<'_>) -> Result<(), Error> {
+        let author = global.name.as_str();
+        let name = self.safe(author);
+        let is_const = global.qualifiers.storage == Some(Storage::Const);
+        let id = global.qualifiers.number("constant_id");
+        let ty = global.ty.clone();
+        let mut folds = Folds::No;
+        let is_used = self.stage.used.contains(author) || id.is_some();
+        let mut late = None;
+        let kind = match global.init.filter(|_| is_used) {
+            None => GlobalKind::Variable { ty, init: None },
+            Some(init) => {
+                let temporaries = self.temporaries.as_ref().map_or(0, Vec::len);
+                let value = self.initial(init, &global.ty)?;
+                let is_whole = temporaries == self.temporaries.as_ref().map_or(0, Vec::len);
+                match (id, is_whole && self.is_simple(init)) {
+                    (Some(id), _) => {
+                        let init = value;
+                        GlobalKind::Override { ty, id, init }
+                    }
+                    (None, true) if is_const => {
+                        let known = self.stage.constants.value(author);
+                        folds = known.map_or(Folds::Unknown, Folds::To);
+                        GlobalKind::Constant { ty, init: value }
+                    }
+                    (None, true) => GlobalKind::Variable {
+                        ty,
+                        init: Some(value),
+                    },
+                    (None, false) => {
+                        late = Some(value);
+                        GlobalKind::Variable { ty, init: None }
+                    }
+                }
+            }
+        };
+        let (id, node) = self.global_node(Global {
+            name: Some(name),
+            kind,
+            span: global.place.unwrap_or_default(),
+        });
+        if is_used {
+            self.out.declared.push(id);
+        }
+        if let Some(value) = late {
+            let assigned = Statement::evaluate(Node::assign(&node, value));
+            self.prologue.push(assigned.at(global.place));
+        }
+        let mut var = Var::plain(node, global.ty.clone()).fixed(is_const.then_some("a constant"));
+        var.folds = folds;
+        self.bind(author, var);
+        Ok(())
+    }
+}
+
+/// A member of a block or struct with its stored type.
+fn stored_member(member: &GlslMember, rules: Option<Rules>) -> Member {
+    Member {
+        name: member.name.clone(),
+        ty: match rules {
+            Some(rules) => stored(&member.ty, rules),
+            None => member.ty.clone(),
+        },
+        span: member.place.unwrap_or_default(),
+    }
+}
+
+fn padding(name: String) -> Member {
+    Member {
+        name,
+        ty: Ty::FLOAT,
+        span: Span::UNDEFINED,
+    }
+}
+
+/// The access that memory qualifiers leave.
+fn access(memory: &[&str]) -> StorageAccess {
+    let mut access = StorageAccess::LOAD | StorageAccess::STORE;
+    if memory.contains(&"readonly") {
+        access &= StorageAccess::LOAD;
+    }
+    if memory.contains(&"writeonly") {
+        access &= StorageAccess::STORE;
+    }
+    access
+}

@@ -1,0 +1,750 @@
+//! Resolves expressions: their types, implicit conversions and layouts.
+
+use glsl_lang::ast::{
+    self, AssignmentOpData as A, BinaryOpData as B, Expr, ExprData, InitializerData, UnaryOpData,
+};
+use naga::{BinaryOperator, Literal, UnaryOperator};
+
+use super::super::built_ins;
+use super::super::constant::{self, ConstantValue};
+use super::super::stage::{initial_length, unsupported};
+use super::super::tree::{self, Kind, Node};
+use super::super::ty::{Component, MemoryLayout, Ty};
+use super::effect::{after, is_literal};
+use super::fold::Folds;
+use super::{Pair, Resolver, Var, check};
+use preshade_text::unsupported;
+use preshade_text::error::{Code, Error};
+
+/// Maximum elements compared one by one.
+const COMPARED: u64 = 1 << 12;
+
+/// A resolved expression.
+#[derive(Clone, Debug)]
+pub(super) struct Ex {
+    pub node: Node,
+    pub ty: Ty,
+    /// Its layout in a block. [`Resolver::value`] converts it to a value.
+    pub lay: MemoryLayout,
+    /// Assignment targets by component, where the IR has no pointer to it: `m[1].xy`, a column of
+    /// a row-major matrix.
+    pub parts: Option<Vec<Node>>,
+    /// The vector of which it is a swizzle, and the components.
+    pub swizzle: Option<(Box<Ex>, Vec<usize>)>,
+    /// It is a column of a matrix.
+    pub column: bool,
+    /// The row-major matrix and the index of which it is a column.
+    pub turned: Option<(Node, Node)>,
+    /// Where its samplers are in [`Resolver::pairs`].
+    pub path: Option<String>,
+    /// It is a combined sampler.
+    pub pair: Option<Pair>,
+    /// It is an element of a sampler array with a dynamic index.
+    pub choice: Option<(Box<Ex>, Vec<Pair>)>,
+    pub folds: Folds,
+}
+
+impl Ex {
+    pub(super) fn new(node: Node, ty: Ty) -> Self {
+        Self {
+            node,
+            ty,
+            lay: MemoryLayout::default(),
+            parts: None,
+            swizzle: None,
+            column: false,
+            turned: None,
+            path: None,
+            pair: None,
+            choice: None,
+            folds: Folds::No,
+        }
+    }
+
+    pub(super) fn folding(self, folds: Folds) -> Self {
+        Self { folds, ..self }
+    }
+
+    /// A conversion of the value to a type.
+    pub(super) fn converted(&self, ty: &Ty) -> Self {
+        Self::new(Node::convert(ty, self.node.clone()), ty.clone())
+    }
+}
+
+impl Resolver<'_, '_> {
+    /// Resolves an expression as a value, converted from its stored type.
+    pub(super) fn expr(&mut self, expr: &Expr) -> Result<Ex, Error> {
+        let mut first = Vec::new();
+        let is_place = matches!(expr.content, ExprData::Dot(..) | ExprData::Bracket(..));
+        if is_place && self.held(expr).is_none() && self.has_effect(expr) {
+            let looked = self.look(expr)?;
+            let is_whole = matches!(looked.ty, Ty::Matrix(..) | Ty::Array(..) | Ty::Struct(_));
+            if is_whole && looked.is_converted {
+                // The value has several parts, and each repeats the target.
+                first = self.settle(expr)?;
+            }
+        }
+        let ex = self.raw(expr)?;
+        Ok(after(first, self.value(ex)))
+    }
+
+    /// Resolves an expression with its stored type.
+    pub(super) fn raw(&mut self, expr: &Expr) -> Result<Ex, Error> {
+        if let Some(held) = self.held(expr) {
+            return Ok(held);
+        }
+        let place = self.place(expr.span);
+        let mut ex = match &expr.content {
+            ExprData::Variable(name) => self.variable(name.as_str(), expr)?,
+            ExprData::IntConst(i) => {
+                Ex::new(Node::int(*i), Ty::INT).folding(Folds::To(ConstantValue::Int(*i)))
+            }
+            ExprData::UIntConst(u) => {
+                Ex::new(Node::uint(*u), Ty::UINT).folding(Folds::To(ConstantValue::Uint(*u)))
+            }
+            ExprData::BoolConst(b) => {
+                Ex::new(Node::bool(*b), Ty::BOOL).folding(Folds::To(ConstantValue::Bool(*b)))
+            }
+            ExprData::FloatConst(f) => {
+                let f = finite(*f);
+                Ex::new(Node::float(f), Ty::FLOAT).folding(Folds::To(ConstantValue::Float(f)))
+            }
+            // naga's constants have no 64-bit literals.
+            ExprData::DoubleConst(d) if f64::from(*d as f32) == *d => {
+                let literal = Ex::new(Node::float(finite(*d as f32)), Ty::FLOAT);
+                literal.converted(&Ty::Scalar(Component::Double))
+            }
+            ExprData::DoubleConst(d) => {
+                return Err(unsupported(
+                    format!("the 64-bit literal {d:?} is too precise for naga"),
+                    place,
+                ));
+            }
+            ExprData::Unary(op, of) => self.unary(op, of, place)?,
+            ExprData::Binary(op, a, b) => self.binary(&op.content, a, b, place)?,
+            ExprData::Ternary(condition, a, b) => self.ternary(condition, a, b, place)?,
+            ExprData::Assignment(to, op, from) => self.assignment(to, &op.content, from)?,
+            ExprData::Bracket(of, index) => self.index(of, index, expr)?,
+            ExprData::FunCall(name, arguments) => self.call(name, arguments, expr)?,
+            ExprData::Dot(of, name) => self.dot(of, name.as_str(), expr)?,
+            ExprData::PostInc(of) => self.stepped(of, BinaryOperator::Add, true)?,
+            ExprData::PostDec(of) => self.stepped(of, BinaryOperator::Subtract, true)?,
+            ExprData::Comma(a, b) => {
+                let (a, b) = (self.expr(a)?, self.expr(b)?);
+                if a.ty == Ty::Void || b.ty == Ty::Void {
+                    return Err(unsupported(
+                        "a call that returns nothing cannot be part of this expression",
+                        place,
+                    )
+                    .note("make it a statement of its own"));
+                }
+                Ex::new(Node::after(vec![a.node], b.node), b.ty).folding(b.folds)
+            }
+        };
+        ex.node = ex.node.at(place);
+        Ok(ex)
+    }
+
+    /// `condition ? a : b`.
+    fn ternary(
+        &mut self,
+        condition: &Expr,
+        a: &Expr,
+        b: &Expr,
+        place: Option<naga::Span>,
+    ) -> Result<Ex, Error> {
+        let of = self.place(condition.span);
+        let condition = self.expr(condition)?;
+        self.check_condition(&condition, of)?;
+        let (a, b) = (self.expr(a)?, self.expr(b)?);
+        if a.ty == Ty::Void || b.ty == Ty::Void {
+            return Err(
+                unsupported("`?` selects between values, and this has none", place)
+                    .note("write an `if`"),
+            );
+        }
+        if !check::meet(&a.ty, &b.ty) {
+            let message = format!(
+                "`?` selects between {} and {}",
+                check::a(&a.ty),
+                check::a(&b.ty)
+            );
+            return Err(Error::new(Code::Parse, message).label_if(place));
+        }
+        let ty = match (a.ty.kind(), b.ty.kind()) {
+            (Some(x), Some(y)) if x.power() < y.power() => b.ty.clone(),
+            _ => a.ty.clone(),
+        };
+        let (a, b) = (self.coerce(a, &ty), self.coerce(b, &ty));
+        Ok(Ex::new(Node::choose(condition.node, a.node, b.node), ty))
+    }
+
+    fn variable(&mut self, name: &str, expr: &Expr) -> Result<Ex, Error> {
+        if let Some(var) = self.lookup(name).cloned() {
+            return Ok(self.of_var(&var));
+        }
+        if name.starts_with("gl_") {
+            return self.own_variable(name, expr);
+        }
+        Err(Error::new(
+            preshade_text::error::Code::Parse,
+            format!("`{name}` is not declared"),
+        )
+        .label_if(self.place(expr.span)))
+    }
+
+    pub(super) fn of_var(&self, var: &Var) -> Ex {
+        let mut ex = Ex::new(var.node.clone(), var.ty.clone());
+        ex.folds = var.folds.clone();
+        ex.lay = var.lay;
+        ex.path = var.path.clone();
+        self.with_pair(ex)
+    }
+
+    /// Adds the texture and sampler of a combined sampler.
+    fn with_pair(&self, mut ex: Ex) -> Ex {
+        if let (Ty::Combined(_), Some(path)) = (&ex.ty, &ex.path)
+            && let Some(pair) = self.pairs.get(path)
+        {
+            ex.node = pair.node();
+            ex.pair = Some(pair.clone());
+        }
+        ex
+    }
+
+    /// A built-in variable.
+    fn own_variable(&mut self, name: &str, expr: &Expr) -> Result<Ex, Error> {
+        let place = self.place(expr.span);
+        let number = |n: i32| Ok(Ex::new(Node::int(n), Ty::INT));
+        match name {
+            "gl_PointSize" if self.is_vertex() => {
+                return Ok(self.standin("gl_PointSize", "PointSize"));
+            }
+            "gl_FragColor" if !self.is_vertex() => {
+                return Ok(self.standin("gl_FragColor", "FragColor"));
+            }
+            "gl_MaxDrawBuffers" => return number(8),
+            "gl_MaxVertexAttribs"
+            | "gl_MaxTextureImageUnits"
+            | "gl_MaxCombinedTextureImageUnits"
+            | "gl_MaxVertexTextureImageUnits"
+            | "gl_MaxVaryingVectors"
+            | "gl_MaxVertexUniformVectors"
+            | "gl_MaxFragmentUniformVectors" => return number(16),
+            "gl_FragData" => {
+                return Err(unsupported(
+                    "`gl_FragData` can only be indexed by a constant here",
+                    place,
+                ));
+            }
+            _ => {}
+        }
+        if let Some(own) = tree::own_variable(name, self.stage.kind) {
+            let ex = Ex::new(Node::new(Kind::BuiltIn(own)), own.ty.clone());
+            return Ok(match own.ty {
+                Ty::UINT => ex.converted(&Ty::INT),
+                _ => ex,
+            });
+        }
+        if built_ins::variable(name, self.stage.kind).is_some() {
+            return Ok(self.built_in(name));
+        }
+        unsupported::refuse(name, place)?;
+        Err(unsupported(
+            format!("`{name}` is not supported: WebGPU has no equivalent"),
+            place,
+        ))
+    }
+
+    /// A built-in that is declared as an input or output of ours. Arrays keep their index.
+    fn built_in(&mut self, name: &str) -> Ex {
+        let Some(variable) = built_ins::variable(name, self.stage.kind) else {
+            return Ex::new(Node::int(0), Ty::Unknown);
+        };
+        let of = variable.first_name();
+        let mut ex = self.standin(of, of.trim_start_matches("gl_"));
+        match of {
+            // Its only element: WebGPU has at most 32 samples.
+            "gl_SampleMaskIn" => ex.converted(&Ty::INT),
+            _ if name == "gl_ViewIndex" => ex.converted(&Ty::INT),
+            "gl_ClipDistance" => {
+                let n = self.stage.clip_distances.unwrap_or(8);
+                ex.ty = Ty::Array(Box::new(Ty::FLOAT), Some(n.into()));
+                ex
+            }
+            _ => ex,
+        }
+    }
+
+    fn unary(
+        &mut self,
+        op: &ast::UnaryOp,
+        of: &Expr,
+        place: Option<naga::Span>,
+    ) -> Result<Ex, Error> {
+        let (word, op_of) = match op.content {
+            UnaryOpData::Inc => return self.stepped(of, BinaryOperator::Add, false),
+            UnaryOpData::Dec => return self.stepped(of, BinaryOperator::Subtract, false),
+            UnaryOpData::Add => return self.expr(of),
+            UnaryOpData::Minus => ("-", UnaryOperator::Negate),
+            UnaryOpData::Not => ("!", UnaryOperator::LogicalNot),
+            UnaryOpData::Complement => ("~", UnaryOperator::BitwiseNot),
+        };
+        let of = self.expr(of)?;
+        self.check_sign(word, &of.ty, place)?;
+        let folds = of.folds.map(|v| constant::unary(&op.content, v));
+        if word == "-" && of.ty.kind() == Some(Component::Uint) {
+            // WGSL negates no unsigned numbers.
+            let zero = match &of.ty {
+                Ty::Scalar(_) => Node::uint(0),
+                vector => Node::convert(vector, Node::uint(0)),
+            };
+            let node = Node::binary(BinaryOperator::Subtract, zero, of.node);
+            return Ok(Ex::new(node, of.ty).folding(folds));
+        }
+        Ok(Ex::new(Node::unary(op_of, of.node), of.ty).folding(folds))
+    }
+
+    fn binary(
+        &mut self,
+        op: &B,
+        a: &Expr,
+        b: &Expr,
+        place: Option<naga::Span>,
+    ) -> Result<Ex, Error> {
+        // The IR's operators evaluate both sides.
+        if matches!(op, B::And | B::Or) && self.has_effect(b) {
+            let (a, b) = (self.expr(a)?, self.expr(b)?);
+            self.check_operator(op, operator(op).0, [&a.ty, &b.ty], place)?;
+            let node = match op {
+                B::And => Node::choose(a.node, b.node, Node::bool(false)),
+                _ => Node::choose(a.node, Node::bool(true), b.node),
+            };
+            return Ok(Ex::new(node, Ty::BOOL));
+        }
+        let (a, b) = (self.expr(a)?, self.expr(b)?);
+        let (word, of) = operator(op);
+        self.check_operator(op, word, [&a.ty, &b.ty], place)?;
+        if *op == B::Xor {
+            return Ok(Ex::new(Node::binary(of, a.node, b.node), Ty::BOOL));
+        }
+        let shift = matches!(op, B::LShift | B::RShift);
+        let (a, b) = match (a.ty.kind(), b.ty.kind()) {
+            _ if shift => (a, b),
+            (Some(x), Some(y)) if x.power() < y.power() => (self.coerce_kind(a, Some(y)), b),
+            (Some(x), Some(y)) if x.power() > y.power() => {
+                let b = self.coerce_kind(b, Some(x));
+                (a, b)
+            }
+            _ => (a, b),
+        };
+        let ty = match op {
+            B::Or | B::And | B::Equal | B::NonEqual | B::Lt | B::Gt | B::Lte | B::Gte => Ty::BOOL,
+            B::Mult => product(&a.ty, &b.ty),
+            _ if shift => a.ty.clone(),
+            _ => wider(&a.ty, &b.ty),
+        };
+        let (a, b) = match op {
+            B::Mod => (splat(a, &ty), splat(b, &ty)),
+            _ => (a, b),
+        };
+        if matches!(op, B::Equal | B::NonEqual)
+            && self.stage.structs.count(&a.ty).elements > COMPARED
+        {
+            return Err(Error::new(
+                Code::TooDeep,
+                format!("values of more than {COMPARED} elements cannot be compared"),
+            )
+            .label_if(place)
+            .note("compare them in a loop"));
+        }
+        if matches!(op, B::Equal | B::NonEqual)
+            && let Some((first, equal)) = self.compared(&a, &b)
+        {
+            let node = match op {
+                B::Equal => equal,
+                _ => Node::unary(UnaryOperator::LogicalNot, equal),
+            };
+            return Ok(after(first, Ex::new(node, Ty::BOOL)));
+        }
+        let (first, b, folds) = self.operand_to_fold(op, &a, b);
+        let node = Node::binary(of, a.node, b.node).at(place);
+        Ok(after(first, Ex::new(node, ty).folding(folds)))
+    }
+
+    /// Compares structs and arrays by parts: the IR has no operator for them.
+    fn compared(&mut self, a: &Ex, b: &Ex) -> Option<(Vec<Node>, Node)> {
+        if !matches!(a.ty, Ty::Struct(_) | Ty::Array(..) | Ty::Matrix(..)) {
+            return None;
+        }
+        let ((first, a), (second, b)) = (self.once(a), self.once(b));
+        let leaves = self.stage.structs.leaf_paths(&a.ty);
+        let parts = leaves.iter().map(|leaf| {
+            let [a, b] = [&a, &b].map(|of| leaf.of(&of.node));
+            Node::binary(BinaryOperator::Equal, a, b)
+        });
+        let whole = parts.reduce(|all, part| Node::binary(BinaryOperator::LogicalAnd, all, part));
+        Some((first.into_iter().chain(second).collect(), whole?))
+    }
+
+    fn index(&mut self, of: &Expr, index: &Expr, whole: &Expr) -> Result<Ex, Error> {
+        let place = self.place(whole.span);
+        let known = constant::evaluate(index, &self.stage.constants);
+        if let ExprData::Variable(name) = &of.content
+            && name.as_str() == "gl_FragData"
+        {
+            let Some(n) = known.and_then(|n| u32::try_from(n).ok()) else {
+                return Err(unsupported(
+                    "`gl_FragData` can only be indexed by a constant here",
+                    place,
+                ));
+            };
+            return Ok(self.target(n));
+        }
+        if let ExprData::Variable(name) = &of.content
+            && name.as_str() == "gl_SampleMaskIn"
+        {
+            return self.raw(of);
+        }
+        if let ExprData::Variable(name) = &of.content
+            && name.as_str() == "gl_ClipDistance"
+        {
+            let n = known.and_then(|n| u32::try_from(n).ok());
+            self.clip_distances = self
+                .clip_distances
+                .max(n.map_or(8, |n| n.saturating_add(1)));
+        }
+        let base = self.raw(of)?;
+        let index = self.expr(index)?;
+        if self.stage.structs.has_samplers(&base.ty) {
+            return self.index_samplers(base, &index, known, place);
+        }
+        self.check_index(&base.ty, &index.ty, place)?;
+        let of_columns = matches!(base.ty, Ty::Matrix(..))
+            && base.lay.rows
+            && base.lay.stored(&base.lay.turned(&base.ty)) != base.lay.turned(&base.ty);
+        if of_columns && self.writes(of) {
+            return Err(unsupported(
+                "this index has side effects and selects a value with several parts",
+                place,
+            )
+            .note("assign the index to a variable first"));
+        }
+        let folds = match (&base.folds, &index.folds) {
+            (Folds::No, _) | (_, Folds::No) => Folds::No,
+            (value, Folds::To(at)) => value.map(|v| constant::indexed(v, at)),
+            _ => Folds::Unknown,
+        };
+        let index = match index.ty.kind() {
+            Some(Component::Float | Component::Bool) => Node::convert(&Ty::INT, index.node),
+            _ => index.node,
+        };
+        Ok(self.element_of(base, &index).folding(folds))
+    }
+
+    /// An element of an array that contains samplers.
+    fn index_samplers(
+        &mut self,
+        base: Ex,
+        index: &Ex,
+        known: Option<i64>,
+        place: Option<naga::Span>,
+    ) -> Result<Ex, Error> {
+        let Ty::Array(of, length) = base.ty.clone() else {
+            return Ok(base);
+        };
+        let path = base.path.clone().unwrap_or_default();
+        let mut ex = element(&base, &index.node);
+        if let Some(n) = known {
+            ex.path = Some(format!("{path}[{n}]"));
+            return Ok(self.with_pair(ex));
+        }
+        if !matches!(*of, Ty::Combined(_)) {
+            return Err(unsupported(
+                "structs with samplers can only be indexed by a constant here",
+                place,
+            ));
+        }
+        let pairs = (0..length.map_or(0, |length| length.n))
+            .map(|i| self.pairs.get(&format!("{path}[{i}]")).cloned())
+            .collect::<Option<Vec<_>>>()
+            .ok_or_else(|| unsupported("these samplers cannot be resolved", place))?;
+        ex.choice = Some((Box::new(index.clone()), pairs));
+        Ok(ex)
+    }
+
+    fn dot(&mut self, of: &Expr, name: &str, whole: &Expr) -> Result<Ex, Error> {
+        // A member of a block with an instance name.
+        if let ExprData::Variable(instance) = &of.content
+            && self.lookup(instance.as_str()).is_none()
+            && let Some(var) = self
+                .lookup(&format!("{}.{name}", instance.as_str()))
+                .cloned()
+        {
+            return Ok(self.of_var(&var));
+        }
+        // A member of an element of an array of blocks.
+        if let ExprData::Bracket(array, index) = &of.content
+            && let ExprData::Variable(instance) = &array.content
+            && let instance = instance.as_str()
+            && self.lookup(instance).is_none()
+            && let Some(var) = self.lookup(&format!("{instance}[].{name}")).cloned()
+        {
+            let index = self.expr(index)?;
+            let mut ex = self.of_var(&var);
+            if let Kind::Field(array, member) = &*var.node.kind {
+                ex.node = array.element(index.node).field(member.as_str());
+            }
+            return Ok(ex);
+        }
+        // A member of `gl_PerVertex` through its instance.
+        if let ExprData::Variable(instance) = &of.content
+            && name.starts_with("gl_")
+            && self.lookup(instance.as_str()).is_none()
+        {
+            return self.own_variable(name, whole);
+        }
+        let (of_expr, base) = (of, self.raw(of)?);
+        let folds = base.folds.map(|v| constant::swizzled(v, name));
+        let ex = match base.ty.clone() {
+            Ty::Struct(of) => {
+                let member = self
+                    .stage
+                    .structs
+                    .get(&of)
+                    .and_then(|s| s.members.iter().find(|m| m.name == name).cloned());
+                let Some(member) = member else {
+                    return Err(Error::new(
+                        preshade_text::error::Code::Parse,
+                        format!("the struct `{of}` has no member `{name}`"),
+                    )
+                    .label_if(self.place(whole.span)));
+                };
+                let mut ex = Ex::new(base.node.field(name), member.ty);
+                ex.lay = self.stage.structs.member_lay(&of, base.lay);
+                ex.path = base.path.map(|p| format!("{p}.{name}"));
+                self.with_pair(ex)
+            }
+            Ty::Scalar(kind) => {
+                let base = self.value(base);
+                let n = name.len().min(4) as u8;
+                match n {
+                    1 => base,
+                    _ => base.converted(&Ty::Vector(kind, n)),
+                }
+            }
+            Ty::Vector(..) => self.components_of(base, of_expr, name, self.place(whole.span))?,
+            _ => Ex::new(base.node.field(name), Ty::Unknown),
+        };
+        Ok(ex.folding(folds))
+    }
+
+    /// Implicitly converts an expression to `to`.
+    pub(super) fn coerce(&self, ex: Ex, to: &Ty) -> Ex {
+        match (&ex.ty, to) {
+            (Ty::Scalar(_) | Ty::Vector(..) | Ty::Matrix(..), _)
+                if ex.ty != *to && ex.ty.with_kind(to.kind().unwrap_or(Component::Bool)) == *to =>
+            {
+                self.coerce_kind(ex, to.kind())
+            }
+            _ => ex,
+        }
+    }
+
+    pub(super) fn coerce_kind(&self, ex: Ex, kind: Option<Component>) -> Ex {
+        let (Some(from), Some(to)) = (ex.ty.kind(), kind) else {
+            return ex;
+        };
+        if from == to || from == Component::Bool || to == Component::Bool {
+            return ex;
+        }
+        if let (Kind::Literal(Literal::I32(n)), Component::Float) = (&*ex.node.kind, to) {
+            let folds = ex.folds.map(|v| constant::call("float", &[v]));
+            return Ex::new(Node::float(*n as f32).at(Some(ex.node.span)), Ty::FLOAT)
+                .folding(folds);
+        }
+        let ty = ex.ty.with_kind(to);
+        let folds = ex.folds.map(|v| constant::call(&ty.name(), &[v]));
+        ex.converted(&ty).folding(folds)
+    }
+
+    /// An initialiser of type `ty`.
+    pub(super) fn initial(&mut self, init: &ast::Initializer, ty: &Ty) -> Result<Node, Error> {
+        match &init.content {
+            InitializerData::Simple(e) => {
+                let ex = self.expr(e)?;
+                self.check_given(&ex.ty, ty, self.place(e.span))?;
+                Ok(self.coerce(ex, ty).node)
+            }
+            InitializerData::List(list) => {
+                let parts: Vec<Ty> = match ty {
+                    Ty::Array(of, _) => vec![(**of).clone(); list.len()],
+                    Ty::Vector(k, _) => vec![Ty::Scalar(*k); list.len()],
+                    Ty::Matrix(k, _, rows) => vec![Ty::Vector(*k, *rows); list.len()],
+                    Ty::Struct(name) => match self.stage.structs.get(name) {
+                        Some(of) => of.members.iter().map(|m| m.ty.clone()).collect(),
+                        None => Vec::new(),
+                    },
+                    _ => vec![ty.clone(); list.len()],
+                };
+                let mut values = Vec::new();
+                for (part, ty) in list.iter().zip(&parts) {
+                    values.push(self.initial(part, ty)?);
+                }
+                let ty = match ty {
+                    Ty::Array(of, None) => &Ty::Array(of.clone(), initial_length(init)),
+                    other => other,
+                };
+                Ok(Node::construct(ty, values))
+            }
+        }
+    }
+
+    /// Whether a global's initialiser is a constant of the IR.
+    pub(super) fn is_simple(&self, init: &ast::Initializer) -> bool {
+        match &init.content {
+            InitializerData::List(list) => list.iter().all(|i| self.is_simple(i)),
+            InitializerData::Simple(e) => self.is_simple_expr(e),
+        }
+    }
+
+    fn is_simple_expr(&self, e: &Expr) -> bool {
+        match &e.content {
+            _ if is_literal(e) => true,
+            ExprData::Unary(op, of) => {
+                matches!(op.content, UnaryOpData::Minus) && self.is_simple_expr(of)
+            }
+            ExprData::Binary(op, a, b) => {
+                matches!(op.content, B::Add | B::Sub | B::Mult | B::Div)
+                    && self.is_scalar_literal(a)
+                    && self.is_scalar_literal(b)
+            }
+            ExprData::FunCall(name, arguments) => {
+                matches!(name.content, ast::FunIdentifierData::TypeSpecifier(_))
+                    && arguments.iter().all(|a| self.is_simple_expr(a))
+            }
+            _ => false,
+        }
+    }
+
+    fn is_scalar_literal(&self, e: &Expr) -> bool {
+        match &e.content {
+            ExprData::IntConst(_) | ExprData::UIntConst(_) | ExprData::FloatConst(_) => true,
+            ExprData::Unary(op, of) => {
+                matches!(op.content, UnaryOpData::Minus) && self.is_scalar_literal(of)
+            }
+            ExprData::Binary(op, a, b) => {
+                matches!(op.content, B::Add | B::Sub | B::Mult | B::Div)
+                    && self.is_scalar_literal(a)
+                    && self.is_scalar_literal(b)
+            }
+            _ => false,
+        }
+    }
+}
+
+/// Converts a scalar next to a vector to a vector.
+pub(super) fn splat(ex: Ex, to: &Ty) -> Ex {
+    match (&ex.ty, to) {
+        (Ty::Scalar(_), Ty::Vector(..)) => {
+            let folds = ex.folds.map(|v| constant::call(&to.name(), &[v]));
+            ex.converted(to).folding(folds)
+        }
+        _ => ex,
+    }
+}
+
+/// An element of an array, a column or a component, in its stored type.
+pub(super) fn element(base: &Ex, index: &Node) -> Ex {
+    let node = base.node.element(index.clone());
+    let (ty, padded) = match &base.ty {
+        Ty::Array(of, _) => {
+            // Padded to four components.
+            let padded = match (&**of, base.lay.is_padded()) {
+                (Ty::Scalar(_), true) => Some(1),
+                (Ty::Vector(_, 2), true) => Some(2),
+                _ => None,
+            };
+            ((**of).clone(), padded)
+        }
+        Ty::Matrix(k, _, rows) => {
+            let padded = base.lay.is_padded() && *rows == 2;
+            (Ty::Vector(*k, *rows), padded.then_some(2))
+        }
+        Ty::Vector(k, _) => (Ty::Scalar(*k), None),
+        _ => (Ty::Unknown, None),
+    };
+    let node = match padded {
+        Some(n) => node.swizzle(0..n),
+        None => node,
+    };
+    let mut ex = Ex::new(node, ty);
+    ex.lay = base.lay;
+    ex.column = matches!(base.ty, Ty::Matrix(..));
+    ex
+}
+
+/// What a literal is that no float holds: the largest.
+fn finite(f: f32) -> f32 {
+    f.min(f32::MAX)
+}
+
+/// An operator's word and what it is in the IR.
+pub(super) fn operator(op: &B) -> (&'static str, BinaryOperator) {
+    use BinaryOperator as O;
+    match op {
+        B::Or => ("||", O::LogicalOr),
+        B::Xor => ("^^", O::NotEqual),
+        B::And => ("&&", O::LogicalAnd),
+        B::BitOr => ("|", O::InclusiveOr),
+        B::BitXor => ("^", O::ExclusiveOr),
+        B::BitAnd => ("&", O::And),
+        B::Equal => ("==", O::Equal),
+        B::NonEqual => ("!=", O::NotEqual),
+        B::Lt => ("<", O::Less),
+        B::Gt => (">", O::Greater),
+        B::Lte => ("<=", O::LessEqual),
+        B::Gte => (">=", O::GreaterEqual),
+        B::LShift => ("<<", O::ShiftLeft),
+        B::RShift => (">>", O::ShiftRight),
+        B::Add => ("+", O::Add),
+        B::Sub => ("-", O::Subtract),
+        B::Mult => ("*", O::Multiply),
+        B::Div => ("/", O::Divide),
+        B::Mod => ("%", O::Modulo),
+    }
+}
+
+/// The operator of a compound assignment.
+pub(super) fn compound(op: &A) -> Option<B> {
+    Some(match op {
+        A::Equal => return None,
+        A::Mult => B::Mult,
+        A::Div => B::Div,
+        A::Mod => B::Mod,
+        A::Add => B::Add,
+        A::Sub => B::Sub,
+        A::LShift => B::LShift,
+        A::RShift => B::RShift,
+        A::And => B::BitAnd,
+        A::Xor => B::BitXor,
+        A::Or => B::BitOr,
+    })
+}
+
+fn wider(a: &Ty, b: &Ty) -> Ty {
+    match (a, b) {
+        (Ty::Unknown, _) | (_, Ty::Unknown) => Ty::Unknown,
+        (Ty::Scalar(_), other) => other.clone(),
+        (other, _) => other.clone(),
+    }
+}
+
+fn product(a: &Ty, b: &Ty) -> Ty {
+    match (a, b) {
+        (Ty::Matrix(k, _, rows), Ty::Vector(..)) => Ty::Vector(*k, *rows),
+        (Ty::Vector(..), Ty::Matrix(k, columns, _)) => Ty::Vector(*k, *columns),
+        (Ty::Matrix(k, _, rows), Ty::Matrix(_, columns, _)) => Ty::Matrix(*k, *columns, *rows),
+        _ => wider(a, b),
+    }
+}

@@ -1,0 +1,136 @@
+//! Keeps naga from folding what GLSL leaves open. naga evaluates constants by WGSL's rules, where a
+//! constant that is infinite or undefined is an error. In GLSL it is a value (4.60, 4.7.1 and 5.9).
+//!
+//! An operation on constants whose value is not known to be finite gets one operand from a variable:
+//! `sqrt(-1.0)` becomes `(held = -1.0, sqrt(held))`.
+
+use glsl_lang::ast::BinaryOpData as B;
+
+use super::super::constant::{self, ConstantValue};
+use super::super::tree::Node;
+use super::super::ty::{Component, Ty};
+use super::Resolver;
+use super::expression::Ex;
+
+/// Whether naga folds an expression.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub(super) enum Folds {
+    #[default]
+    No,
+    /// To a value that only naga knows.
+    Unknown,
+    To(ConstantValue),
+}
+
+impl Folds {
+    /// What a constant becomes by `of`.
+    pub(super) fn map(&self, of: impl FnOnce(ConstantValue) -> Option<ConstantValue>) -> Self {
+        match self {
+            Self::To(value) => of(value.clone()).map_or(Self::Unknown, Self::To),
+            other => other.clone(),
+        }
+    }
+
+    /// Of a call of a constructor or of a built-in function.
+    pub(super) fn of_call(name: &str, arguments: &[Ex]) -> Self {
+        let mut values = Vec::new();
+        for argument in arguments {
+            match &argument.folds {
+                Self::To(value) => values.push(value.clone()),
+                Self::Unknown => {}
+                Self::No => return Self::No,
+            }
+        }
+        match values.len() == arguments.len() && !arguments.is_empty() {
+            true => constant::call(name, &values).map_or(Self::Unknown, Self::To),
+            false => Self::Unknown,
+        }
+    }
+
+    fn is_constant(&self) -> bool {
+        *self != Self::No
+    }
+
+    fn finite(&self) -> Option<&ConstantValue> {
+        match self {
+            Self::To(value) if constant::is_finite(value) => Some(value),
+            _ => None,
+        }
+    }
+}
+
+/// Whether each scalar of a constant is one that `fits` says yes to. False if it is not known.
+fn all(value: &Folds, fits: impl Fn(i64) -> bool + Copy) -> bool {
+    fn scalars(value: &ConstantValue, fits: impl Fn(i64) -> bool + Copy) -> bool {
+        match value {
+            ConstantValue::Vector(parts) => parts.iter().all(|p| scalars(p, fits)),
+            scalar => constant::integer(scalar).is_some_and(fits),
+        }
+    }
+    matches!(value, Folds::To(value) if scalars(value, fits))
+}
+
+impl Resolver<'_, '_> {
+    /// The right operand of a binary operation, behind the assignment to evaluate first, and whether
+    /// naga folds the result.
+    pub(super) fn operand_to_fold(&mut self, op: &B, a: &Ex, b: Ex) -> (Option<Node>, Ex, Folds) {
+        let both = a.folds.is_constant() && b.folds.is_constant();
+        let value = match (&a.folds, &b.folds) {
+            (Folds::To(a), Folds::To(b)) => constant::binary(op, a.clone(), b.clone()),
+            _ => None,
+        };
+        let folds = match (both, value) {
+            (false, _) => Folds::No,
+            (true, value) => value.map_or(Folds::Unknown, Folds::To),
+        };
+        let is_integer = matches!(b.ty.kind(), Some(Component::Int | Component::Uint));
+        let is_open = b.folds.is_constant()
+            && match op {
+                // WGSL refuses these whatever the left operand is.
+                B::Div | B::Mod if is_integer && !all(&b.folds, |n| n != 0) => true,
+                B::RShift => !all(&b.folds, |n| (0..32).contains(&n)),
+                // A bit that is shifted out is an overflow in WGSL.
+                B::LShift => both || !all(&b.folds, |n| (0..32).contains(&n)),
+                B::Add | B::Sub | B::Mult | B::Div | B::Mod => both && folds.finite().is_none(),
+                _ => false,
+            };
+        match is_open {
+            true => {
+                let (first, b) = self.hidden(b);
+                (first, b, Folds::No)
+            }
+            false => (None, b, folds),
+        }
+    }
+
+    /// The same for the arguments of a built-in function.
+    pub(super) fn arguments_to_fold(
+        &mut self,
+        name: &str,
+        values: &mut [Ex],
+    ) -> (Vec<Node>, Folds) {
+        let folds = Folds::of_call(name, values);
+        if !folds.is_constant() || folds.finite().is_some() {
+            return (Vec::new(), folds);
+        }
+        let mut first = Vec::new();
+        for value in values {
+            let (before, held) = self.hidden(value.clone());
+            first.extend(before);
+            *value = held;
+        }
+        (first, Folds::No)
+    }
+
+    /// The value by way of a variable, if one can be declared here.
+    pub(super) fn hidden(&mut self, ex: Ex) -> (Option<Node>, Ex) {
+        let held = match &ex.ty {
+            Ty::Unknown | Ty::Opaque(_) => None,
+            ty => self.temporary(ty),
+        };
+        match held {
+            Some(held) => (Some(Node::assign(&held, ex.node)), Ex::new(held, ex.ty)),
+            None => (None, ex),
+        }
+    }
+}

@@ -1,0 +1,307 @@
+//! Resolves a stage: names, types, overloads, layouts of blocks and the order of evaluation. The
+//! result is a [`Stage`] of trees, which `build` writes as IR.
+//!
+//! `declaration` resolves globals, `statement` and `expression` function bodies. They use `call`,
+//! `overload` for overload resolution, `texture` for texture functions, `check` for type checks,
+//! `store` for block layouts, `effect` for the order of evaluation, and `fold` for constants.
+
+mod builtin;
+mod call;
+mod check;
+mod declaration;
+mod effect;
+mod expression;
+mod fold;
+mod function;
+mod helpers;
+mod overload;
+mod ports;
+mod statement;
+mod store;
+mod texture;
+
+use std::collections::{BTreeMap, HashMap, HashSet};
+
+use glsl_lang::ast::NodeSpan;
+use naga::{ShaderStage, Span};
+
+use self::fold::Folds;
+use super::interface::Interface;
+use super::stage::GlslStage;
+use super::tree::{FunctionId, Global, GlobalId, Kind, Local, LocalId, Node, Stage, Statement};
+use super::ty::{MemoryLayout, Ty};
+use preshade_text::error::Error;
+use preshade_text::options::ClipSpace;
+
+/// Keywords of naga's GLSL that older versions allow as names.
+const RESERVED: &[&str] = &[
+    "sample",
+    "buffer",
+    "shared",
+    "patch",
+    "precise",
+    "coherent",
+    "readonly",
+    "writeonly",
+    "restrict",
+    "volatile",
+    "sampler",
+    "samplerShadow",
+    "texture1D",
+    "texture2D",
+    "texture3D",
+    "textureCube",
+    "texture2DArray",
+    "textureCubeArray",
+    "image2D",
+    "image3D",
+    "smooth",
+    "noperspective",
+    "flat",
+    "centroid",
+    "subroutine",
+    "atomic_uint",
+    "double",
+    "main_1",
+    "resource",
+    "half",
+    "fixed",
+    "common",
+    "partition",
+    "active",
+    "filter",
+];
+
+/// Maximum nodes of a stage's statements. Some statements are repeated for each element.
+const NODES: usize = 1 << 22;
+
+/// A combined sampler, split into a texture and a sampler.
+#[derive(Clone, Debug)]
+pub(super) struct Pair {
+    /// The author's type, such as `sampler2D`.
+    pub combined: String,
+    pub texture: Node,
+    pub sampler: Node,
+}
+
+impl Pair {
+    fn node(&self) -> Node {
+        combined(&self.combined, &self.texture, &self.sampler)
+    }
+}
+
+/// A texture with its sampler, of the type `name`.
+fn combined(name: &str, texture: &Node, sampler: &Node) -> Node {
+    Node::new(Kind::Combine {
+        texture: texture.clone(),
+        sampler: sampler.clone(),
+        compares: name.ends_with("Shadow"),
+    })
+}
+
+/// A variable in scope.
+#[derive(Clone, Debug)]
+struct Var {
+    /// The expression that reads it.
+    node: Node,
+    ty: Ty,
+    /// Its layout in a block or a struct.
+    lay: MemoryLayout,
+    /// Where its samplers are: a path in [`Lower::pairs`].
+    path: Option<String>,
+    /// Why it cannot be assigned to.
+    fixed: Option<&'static str>,
+    folds: Folds,
+}
+
+impl Var {
+    fn fixed(self, what: Option<&'static str>) -> Self {
+        Self {
+            fixed: what,
+            ..self
+        }
+    }
+
+    fn plain(node: Node, ty: Ty) -> Self {
+        Self {
+            node,
+            ty,
+            lay: MemoryLayout::default(),
+            path: None,
+            fixed: None,
+            folds: Folds::No,
+        }
+    }
+}
+
+/// The state of resolving a stage.
+pub(super) struct Resolver<'a, 'u> {
+    stage: &'a mut GlslStage<'u>,
+    interface: &'a mut Interface,
+    clip: ClipSpace,
+    /// What is resolved so far.
+    out: Stage,
+    /// Innermost last.
+    scopes: Vec<HashMap<String, Var>>,
+    /// The texture and sampler of each combined sampler, by path.
+    pairs: HashMap<String, Pair>,
+    /// User functions with names of built-in functions.
+    renamed: HashMap<String, String>,
+    /// Functions by name and index of the signature.
+    functions: HashMap<(String, usize), FunctionId>,
+    /// Statements at the start and the end of `main`.
+    prologue: Vec<Statement>,
+    epilogue: Vec<Statement>,
+    /// The names that the epilogue reads. Locals of `main` may not hide them.
+    last_read: HashSet<String>,
+    in_main: bool,
+    /// A switch statement follows a jump: its declarations are visible in later cases, without an
+    /// initial value.
+    unreached: bool,
+    /// The number of scopes when the innermost switch began.
+    switch_scope: Option<usize>,
+    /// User functions that the current function calls: name and index of the signature.
+    calls: Vec<(String, usize)>,
+    /// The current function's result type.
+    result: Ty,
+    /// The globals that replace `gl_FragColor`, `gl_PointSize` and others.
+    standins: BTreeMap<&'static str, GlobalId>,
+    /// Elements of `gl_ClipDistance` in use.
+    clip_distances: u32,
+    /// The outputs of `gl_FragData` in use.
+    targets: BTreeMap<u32, GlobalId>,
+    /// Helper functions that GLSL lacks, by name.
+    helpers: BTreeMap<String, FunctionId>,
+    /// The names of helpers by purpose.
+    helper_names: HashMap<String, String>,
+    /// Temporaries of the current function; for globals, of `main`.
+    temporaries: Option<Vec<LocalId>>,
+    /// Those of `prologue`.
+    temporaries_of_globals: Vec<LocalId>,
+    /// Expressions held in temporaries, by position.
+    held: HashMap<(u32, u32), expression::Ex>,
+    /// Their positions, in order.
+    held_keys: Vec<(u32, u32)>,
+    /// Cached results of [`Self::look`].
+    looked: HashMap<(u32, u32), effect::Properties>,
+    /// Constants for literal texture offsets.
+    offsets: Vec<(Vec<i32>, GlobalId)>,
+    /// Nodes of statements so far.
+    written: usize,
+    /// Names in use.
+    taken: HashSet<String>,
+    /// Number of names derived from each name.
+    numbered: HashMap<String, usize>,
+}
+
+/// Resolves a stage.
+pub(super) fn resolve(
+    stage: &mut GlslStage<'_>,
+    interface: &mut Interface,
+    clip: ClipSpace,
+) -> Result<Stage, Error> {
+    let mut resolver = Resolver {
+        stage,
+        interface,
+        clip,
+        out: Stage::default(),
+        scopes: vec![HashMap::new()],
+        pairs: HashMap::new(),
+        renamed: HashMap::new(),
+        functions: HashMap::new(),
+        prologue: Vec::new(),
+        epilogue: Vec::new(),
+        last_read: HashSet::new(),
+        in_main: false,
+        unreached: false,
+        switch_scope: None,
+        calls: Vec::new(),
+        result: Ty::Void,
+        standins: BTreeMap::new(),
+        clip_distances: 0,
+        targets: BTreeMap::new(),
+        helpers: BTreeMap::new(),
+        helper_names: HashMap::new(),
+        temporaries: None,
+        temporaries_of_globals: Vec::new(),
+        held: HashMap::new(),
+        held_keys: Vec::new(),
+        looked: HashMap::new(),
+        offsets: Vec::new(),
+        written: 0,
+        taken: HashSet::new(),
+        numbered: HashMap::new(),
+    };
+    resolver.stage()?;
+    Ok(resolver.out)
+}
+
+impl Resolver<'_, '_> {
+    fn place(&self, span: Option<NodeSpan>) -> Option<Span> {
+        self.stage.unit.place(span)
+    }
+
+    fn is_vertex(&self) -> bool {
+        self.stage.kind == ShaderStage::Vertex
+    }
+
+    fn lookup(&self, name: &str) -> Option<&Var> {
+        self.scopes.iter().rev().find_map(|s| s.get(name))
+    }
+
+    fn bind(&mut self, name: &str, var: Var) {
+        if let Some(scope) = self.scopes.last_mut() {
+            scope.insert(name.to_owned(), var);
+        }
+    }
+
+    /// The author's name, with an underscore if it is a keyword or names a struct.
+    fn safe(&mut self, name: &str) -> String {
+        let is_struct = self.stage.structs.get(name).is_some();
+        match is_struct || RESERVED.contains(&name) || name.contains("__") {
+            true => {
+                let wanted = format!("{}_", name.replace("__", "_"));
+                self.fresh(&wanted)
+            }
+            false => name.to_owned(),
+        }
+    }
+
+    /// A name like `wanted` that this stage does not use. The other stage may.
+    fn fresh(&mut self, wanted: &str) -> String {
+        let is_free = |this: &mut Self, name: &String| {
+            !this.stage.unit.names.contains(name) && this.taken.insert(name.clone())
+        };
+        let mut name = wanted.to_owned();
+        if !self.numbered.contains_key(wanted) && is_free(self, &name) {
+            return name;
+        }
+        let base = wanted.trim_end_matches('_');
+        // Count, so that finding the thousandth name is as fast as the first.
+        loop {
+            let count = self.numbered.entry(wanted.to_owned()).or_default();
+            name = match *count {
+                0 => format!("{base}_"),
+                n => format!("{base}_{}", n + 1),
+            };
+            *count += 1;
+            if is_free(self, &name) {
+                return name;
+            }
+        }
+    }
+
+    /// Adds a global, which [`Stage::declared`] must list to be declared.
+    fn global_node(&mut self, global: Global) -> (GlobalId, Node) {
+        let id = GlobalId(self.out.globals.len());
+        self.out.globals.push(global);
+        (id, Node::new(Kind::Global(id)))
+    }
+
+    /// Adds a local variable.
+    fn add_local(&mut self, name: impl Into<String>, ty: Ty) -> LocalId {
+        let name = name.into();
+        self.out.locals.push(Local { name, ty });
+        LocalId(self.out.locals.len() - 1)
+    }
+}

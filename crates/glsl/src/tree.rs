@@ -1,0 +1,619 @@
+//! A stage as `resolve` hands it to `build`: names, types, overloads, layouts of blocks and the
+//! order of evaluation are settled. `build` writes it as IR, node by node.
+
+use std::rc::Rc;
+
+use naga::{BinaryOperator, Binding, BuiltIn, Literal, ResourceBinding, Span, UnaryOperator};
+
+use super::placeholders::{Atomic, Subgroup};
+use super::ty::{Rules, Ty};
+
+/// A local variable, by its index in [`Stage::locals`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(super) struct LocalId(pub usize);
+
+/// A global, by its index in [`Stage::globals`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(super) struct GlobalId(pub usize);
+
+/// A function, by its index in [`Stage::functions`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
+pub(super) struct FunctionId(pub usize);
+
+/// An expression. Two places that share a node evaluate it twice.
+#[derive(Clone, Debug)]
+pub(super) struct Node {
+    pub kind: Rc<Kind>,
+    /// Undefined: that of the node around it.
+    pub span: Span,
+    /// The number of nodes in it, shared ones each time.
+    pub size: usize,
+}
+
+/// What an expression does.
+#[derive(Debug)]
+pub(super) enum Kind {
+    Literal(Literal),
+    Local(LocalId),
+    /// A parameter of the function, by its index.
+    Parameter(usize),
+    Global(GlobalId),
+    /// A built-in variable that becomes a global where it is first used.
+    BuiltIn(&'static OwnVariable),
+    /// An element of an array, a column or a component.
+    Element(Node, Node),
+    /// A member of a struct or block.
+    Field(Node, String),
+    /// One to four components of a vector.
+    Swizzle(Node, Vec<u32>),
+    Unary(UnaryOperator, Node),
+    Binary(BinaryOperator, Node, Node),
+    /// `condition ? accept : reject`.
+    Choose(Node, Node, Node),
+    Assign(Node, Node),
+    /// `x++` and its like.
+    Step {
+        op: BinaryOperator,
+        postfix: bool,
+        of: Node,
+    },
+    Construct(Ty, Vec<Node>),
+    /// A texture with its sampler.
+    Combine {
+        texture: Node,
+        sampler: Node,
+        compares: bool,
+    },
+    Call(FunctionId, Vec<Node>),
+    /// A built-in function, with the types of its arguments for messages.
+    BuiltInCall(String, Vec<Node>),
+    /// The length of an unsized array.
+    Length(Node),
+    /// Its value is that of the last.
+    Sequence(Vec<Node>),
+    Gather(Gather),
+    Subgroup {
+        of: Subgroup,
+        value: Node,
+        lane: Option<Node>,
+        result: Ty,
+    },
+    Atomic {
+        of: Atomic,
+        target: Node,
+        value: Node,
+    },
+    ImageAtomic {
+        of: Atomic,
+        image: Node,
+        at: Node,
+        value: Node,
+    },
+}
+
+/// Gathers a component of a texture, at an offset in texels.
+#[derive(Debug)]
+pub(super) struct Gather {
+    pub texture: Node,
+    pub sampler: Node,
+    pub coordinates: Node,
+    pub depth: Option<Node>,
+    pub component: u32,
+    pub offset: Option<[i32; 2]>,
+}
+
+impl Node {
+    pub(super) fn new(kind: Kind) -> Self {
+        let mut size = 1usize;
+        kind.operands(&mut |of| size = size.saturating_add(of.size));
+        Self {
+            kind: Rc::new(kind),
+            span: Span::UNDEFINED,
+            size,
+        }
+    }
+
+    /// The same at a place in the source, if it is known.
+    pub(super) fn at(mut self, place: Option<Span>) -> Self {
+        self.span = place.unwrap_or(self.span);
+        self
+    }
+
+    pub(super) fn literal(literal: Literal) -> Self {
+        Self::new(Kind::Literal(literal))
+    }
+
+    pub(super) fn int(n: i32) -> Self {
+        Self::literal(Literal::I32(n))
+    }
+
+    pub(super) fn uint(n: u32) -> Self {
+        Self::literal(Literal::U32(n))
+    }
+
+    pub(super) fn float(x: f32) -> Self {
+        Self::literal(Literal::F32(x))
+    }
+
+    pub(super) fn bool(b: bool) -> Self {
+        Self::literal(Literal::Bool(b))
+    }
+
+    pub(super) fn local(id: LocalId) -> Self {
+        Self::new(Kind::Local(id))
+    }
+
+    pub(super) fn element(&self, index: Self) -> Self {
+        Self::new(Kind::Element(self.clone(), index))
+    }
+
+    /// An element with a constant index.
+    pub(super) fn nth(&self, index: u32) -> Self {
+        self.element(Self::int(index as i32))
+    }
+
+    pub(super) fn field(&self, name: impl Into<String>) -> Self {
+        Self::new(Kind::Field(self.clone(), name.into()))
+    }
+
+    pub(super) fn swizzle(&self, components: impl IntoIterator<Item = u32>) -> Self {
+        Self::new(Kind::Swizzle(
+            self.clone(),
+            components.into_iter().collect(),
+        ))
+    }
+
+    pub(super) fn component(&self, n: u32) -> Self {
+        self.swizzle([n])
+    }
+
+    pub(super) fn unary(op: UnaryOperator, of: Self) -> Self {
+        Self::new(Kind::Unary(op, of))
+    }
+
+    pub(super) fn binary(op: BinaryOperator, a: Self, b: Self) -> Self {
+        Self::new(Kind::Binary(op, a, b))
+    }
+
+    pub(super) fn choose(condition: Self, accept: Self, reject: Self) -> Self {
+        Self::new(Kind::Choose(condition, accept, reject))
+    }
+
+    pub(super) fn assign(to: &Self, value: Self) -> Self {
+        Self::new(Kind::Assign(to.clone(), value))
+    }
+
+    pub(super) fn construct(ty: &Ty, parts: Vec<Self>) -> Self {
+        Self::new(Kind::Construct(ty.clone(), parts))
+    }
+
+    /// Converts a value to another component type.
+    pub(super) fn convert(ty: &Ty, value: Self) -> Self {
+        Self::construct(ty, vec![value])
+    }
+
+    pub(super) fn own(name: &str, arguments: Vec<Self>) -> Self {
+        Self::new(Kind::BuiltInCall(name.to_owned(), arguments))
+    }
+
+    /// Evaluates `first`, then the node.
+    pub(super) fn after(first: Vec<Self>, node: Self) -> Self {
+        if first.is_empty() {
+            return node;
+        }
+        let mut all = first;
+        all.push(node);
+        Self::new(Kind::Sequence(all))
+    }
+
+    /// Whether reading it twice has no effect and costs nothing: a path of variables, members and
+    /// numbers.
+    pub(super) fn is_path(&self) -> bool {
+        match &*self.kind {
+            Kind::Literal(_) => true,
+            Kind::Local(_) | Kind::Parameter(_) | Kind::Global(_) | Kind::BuiltIn(_) => true,
+            Kind::Field(of, _) | Kind::Swizzle(of, _) => of.is_path(),
+            Kind::Element(of, index) => of.is_path() && index.is_path(),
+            _ => false,
+        }
+    }
+
+    /// Whether it only reads, and calls nothing.
+    pub(super) fn is_pure(&self) -> bool {
+        let mut pure = !matches!(
+            &*self.kind,
+            Kind::Call(..)
+                | Kind::BuiltInCall(..)
+                | Kind::Construct(..)
+                | Kind::Assign(..)
+                | Kind::Step { .. }
+                | Kind::Atomic { .. }
+                | Kind::ImageAtomic { .. }
+        );
+        self.kind.operands(&mut |of| pure &= of.is_pure());
+        pure
+    }
+
+    /// Whether it is a variable or a literal.
+    pub(super) fn is_name(&self) -> bool {
+        self.is_path()
+            && !matches!(
+                &*self.kind,
+                Kind::Field(..) | Kind::Swizzle(..) | Kind::Element(..)
+            )
+    }
+
+    /// The number, if it is a literal index.
+    pub(super) fn index(&self) -> Option<usize> {
+        match *self.kind {
+            Kind::Literal(Literal::I32(n)) => usize::try_from(n).ok(),
+            _ => None,
+        }
+    }
+}
+
+impl Kind {
+    /// Calls `each` for the operands, in the order of the text.
+    pub(super) fn operands<'n>(&'n self, each: &mut dyn FnMut(&'n Node)) {
+        match self {
+            Self::Literal(_)
+            | Self::Local(_)
+            | Self::Parameter(_)
+            | Self::Global(_)
+            | Self::BuiltIn(_) => {}
+            Self::Field(of, _)
+            | Self::Swizzle(of, _)
+            | Self::Unary(_, of)
+            | Self::Step { of, .. }
+            | Self::Length(of) => each(of),
+            Self::Element(a, b) | Self::Binary(_, a, b) | Self::Assign(a, b) => {
+                each(a);
+                each(b);
+            }
+            Self::Choose(a, b, c) => [a, b, c].into_iter().for_each(each),
+            Self::Construct(_, all)
+            | Self::Call(_, all)
+            | Self::BuiltInCall(_, all)
+            | Self::Sequence(all) => all.iter().for_each(each),
+            Self::Combine {
+                texture, sampler, ..
+            } => [texture, sampler].into_iter().for_each(each),
+            Self::Gather(of) => {
+                [&of.texture, &of.sampler, &of.coordinates]
+                    .into_iter()
+                    .chain(&of.depth)
+                    .for_each(each);
+            }
+            Self::Subgroup { value, lane, .. } => [value].into_iter().chain(lane).for_each(each),
+            Self::Atomic { target, value, .. } => [target, value].into_iter().for_each(each),
+            Self::ImageAtomic {
+                image, at, value, ..
+            } => [image, at, value].into_iter().for_each(each),
+        }
+    }
+}
+
+/// A statement.
+#[derive(Clone, Debug)]
+pub(super) struct Statement {
+    pub kind: StatementKind,
+    pub span: Span,
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum StatementKind {
+    Declare(LocalId, Option<Node>),
+    Evaluate(Node),
+    Block(Vec<Statement>),
+    If {
+        condition: Node,
+        accept: Vec<Statement>,
+        reject: Option<Vec<Statement>>,
+    },
+    Switch {
+        selector: Node,
+        cases: Vec<Case>,
+    },
+    While {
+        condition: Node,
+        body: Vec<Statement>,
+    },
+    DoWhile {
+        body: Vec<Statement>,
+        condition: Node,
+    },
+    For {
+        init: Option<Box<Statement>>,
+        condition: Option<Node>,
+        step: Option<Node>,
+        body: Vec<Statement>,
+    },
+    Break,
+    Continue,
+    Discard,
+    Return(Option<Node>),
+}
+
+/// A label of a `switch` with the statements up to the next.
+#[derive(Clone, Debug)]
+pub(super) struct Case {
+    /// `None`: the default.
+    pub value: Option<i64>,
+    pub body: Vec<Statement>,
+}
+
+impl Statement {
+    pub(super) fn new(kind: StatementKind) -> Self {
+        Self {
+            kind,
+            span: Span::UNDEFINED,
+        }
+    }
+
+    pub(super) fn at(mut self, place: Option<Span>) -> Self {
+        self.span = place.unwrap_or(self.span);
+        self
+    }
+
+    pub(super) fn evaluate(node: Node) -> Self {
+        Self::new(StatementKind::Evaluate(node))
+    }
+
+    /// Calls `each` for each node that is not part of another, in the order of the text.
+    pub(super) fn nodes<'s>(&'s self, each: &mut dyn FnMut(&'s Node)) {
+        let all = |body: &'s [Statement], each: &mut dyn FnMut(&'s Node)| {
+            body.iter().for_each(|s| s.nodes(each));
+        };
+        match &self.kind {
+            StatementKind::Declare(_, init) => init.iter().for_each(each),
+            StatementKind::Evaluate(of) => each(of),
+            StatementKind::Block(body) => all(body, each),
+            StatementKind::If {
+                condition,
+                accept,
+                reject,
+            } => {
+                each(condition);
+                all(accept, each);
+                all(reject.as_deref().unwrap_or_default(), each);
+            }
+            StatementKind::Switch { selector, cases } => {
+                each(selector);
+                cases.iter().for_each(|case| all(&case.body, each));
+            }
+            StatementKind::While { condition, body } => {
+                each(condition);
+                all(body, each);
+            }
+            StatementKind::DoWhile { body, condition } => {
+                all(body, each);
+                each(condition);
+            }
+            StatementKind::For {
+                init,
+                condition,
+                step,
+                body,
+            } => {
+                init.iter().for_each(|s| s.nodes(each));
+                condition.iter().chain(step).for_each(&mut *each);
+                all(body, each);
+            }
+            StatementKind::Break | StatementKind::Continue | StatementKind::Discard => {}
+            StatementKind::Return(value) => value.iter().for_each(each),
+        }
+    }
+
+    /// The number of nodes in it.
+    pub(super) fn size(&self) -> usize {
+        let mut size = 1usize;
+        self.nodes(&mut |node| size = size.saturating_add(node.size));
+        size
+    }
+}
+
+/// A local variable.
+#[derive(Clone, Debug)]
+pub(super) struct Local {
+    pub name: String,
+    pub ty: Ty,
+}
+
+/// A parameter of a function.
+#[derive(Clone, Debug)]
+pub(super) struct Parameter {
+    pub name: String,
+    pub ty: ParameterTy,
+    /// The call writes it.
+    pub is_out: bool,
+    /// The call reads it.
+    pub is_in: bool,
+    pub span: Span,
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum ParameterTy {
+    Data(Ty),
+    /// A texture or sampler by the name of its type, and whether it compares.
+    Handle(HandleTy),
+}
+
+/// The type of a texture, a sampler or an image.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct HandleTy {
+    /// `texture2D`, `sampler`, `iimage3D`.
+    pub name: String,
+    /// A texture whose samples are comparisons.
+    pub is_depth: bool,
+}
+
+impl HandleTy {
+    /// A type as the author names it.
+    pub(super) fn plain(name: &str) -> Self {
+        Self {
+            name: name.to_owned(),
+            is_depth: false,
+        }
+    }
+}
+
+/// A function.
+#[derive(Clone, Debug)]
+pub(super) struct Function {
+    pub name: String,
+    pub parameters: Vec<Parameter>,
+    pub result: Ty,
+    pub body: Vec<Statement>,
+    /// Its parameters are only read and need no variables.
+    pub is_plain: bool,
+    pub span: Span,
+}
+
+/// A struct, in the order of declaration.
+#[derive(Clone, Debug)]
+pub(super) struct StructTy {
+    pub name: String,
+    pub members: Vec<Member>,
+}
+
+/// A member of a struct or block in its stored type.
+#[derive(Clone, Debug)]
+pub(super) struct Member {
+    pub name: String,
+    pub ty: Ty,
+    pub span: Span,
+}
+
+/// A global variable or constant.
+#[derive(Clone, Debug)]
+pub(super) struct Global {
+    pub name: Option<String>,
+    pub kind: GlobalKind,
+    pub span: Span,
+}
+
+/// A resource block.
+#[derive(Clone, Debug)]
+pub(super) struct BlockTy {
+    pub name: String,
+    pub members: Vec<Member>,
+    pub rules: Rules,
+    pub space: naga::AddressSpace,
+    pub binding: Option<ResourceBinding>,
+    /// Of an array of blocks its length, if it has one.
+    pub length: Option<Option<u32>>,
+    /// Its members are names of their own.
+    pub is_open: bool,
+}
+
+#[derive(Clone, Debug)]
+pub(super) enum GlobalKind {
+    Block(BlockTy),
+    /// A texture, sampler or image.
+    Handle {
+        ty: HandleTy,
+        /// The lengths of arrays around it, outermost first.
+        lengths: Vec<Option<u32>>,
+        binding: ResourceBinding,
+        format: Option<naga::StorageFormat>,
+        access: naga::StorageAccess,
+    },
+    /// An input or output of the stage.
+    Port {
+        ty: Ty,
+        is_output: bool,
+        binding: Binding,
+        /// The name at the entry point.
+        name: String,
+    },
+    Variable {
+        ty: Ty,
+        init: Option<Node>,
+    },
+    Constant {
+        ty: Ty,
+        init: Node,
+    },
+    Override {
+        ty: Ty,
+        id: u32,
+        init: Node,
+    },
+}
+
+/// A stage.
+#[derive(Debug, Default)]
+pub(super) struct Stage {
+    pub structs: Vec<StructTy>,
+    /// Those that are declared, in the order of declaration.
+    pub declared: Vec<GlobalId>,
+    pub globals: Vec<Global>,
+    pub locals: Vec<Local>,
+    /// In any order; [`Stage::order`] has the callees first.
+    pub functions: Vec<Option<Function>>,
+    pub order: Vec<FunctionId>,
+    pub main: Option<FunctionId>,
+    pub early_fragment_tests: bool,
+    /// The position is invariant.
+    pub invariant: bool,
+}
+
+/// A built-in variable of GLSL that the IR has as it is.
+#[derive(Debug, PartialEq)]
+pub(super) struct OwnVariable {
+    pub name: &'static str,
+    pub built_in: BuiltIn,
+    /// A float vector of four, a float, a bool or a uint.
+    pub ty: Ty,
+    pub is_output: bool,
+}
+
+const fn own(name: &'static str, built_in: BuiltIn, ty: Ty, is_output: bool) -> OwnVariable {
+    OwnVariable {
+        name,
+        built_in,
+        ty,
+        is_output,
+    }
+}
+
+const VEC4: Ty = Ty::Vector(super::ty::Component::Float, 4);
+const POSITION: BuiltIn = BuiltIn::Position { invariant: false };
+
+/// All of them.
+pub(super) static OWN: &[OwnVariable] = &[
+    own("gl_Position", POSITION, VEC4, true),
+    own("gl_FragCoord", POSITION, VEC4, false),
+    own("gl_FrontFacing", BuiltIn::FrontFacing, Ty::BOOL, false),
+    own("gl_FragDepth", BuiltIn::FragDepth, Ty::FLOAT, true),
+    own("gl_VertexIndex", BuiltIn::VertexIndex, Ty::UINT, false),
+    own("gl_InstanceIndex", BuiltIn::InstanceIndex, Ty::UINT, false),
+    own("gl_SampleID", BuiltIn::SampleIndex, Ty::UINT, false),
+    own("gl_PrimitiveID", BuiltIn::PrimitiveIndex, Ty::UINT, false),
+    own("gl_BaseVertex", BuiltIn::BaseVertex, Ty::UINT, false),
+    own("gl_BaseInstance", BuiltIn::BaseInstance, Ty::UINT, false),
+    own("gl_DrawID", BuiltIn::DrawIndex, Ty::UINT, false),
+];
+
+/// The one of that name in a stage.
+pub(super) fn own_variable(name: &str, stage: naga::ShaderStage) -> Option<&'static OwnVariable> {
+    let is_vertex = stage == naga::ShaderStage::Vertex;
+    let name = match name {
+        "gl_FragDepthEXT" => "gl_FragDepth",
+        "gl_VertexID" => "gl_VertexIndex",
+        "gl_InstanceID" | "gl_InstanceIDARB" => "gl_InstanceIndex",
+        "gl_BaseVertexARB" => "gl_BaseVertex",
+        "gl_BaseInstanceARB" => "gl_BaseInstance",
+        "gl_DrawIDARB" => "gl_DrawID",
+        other => other,
+    };
+    let of_fragments = [
+        "gl_FragCoord",
+        "gl_FrontFacing",
+        "gl_FragDepth",
+        "gl_SampleID",
+        "gl_PrimitiveID",
+    ];
+    let own = OWN.iter().find(|own| own.name == name)?;
+    (of_fragments.contains(&own.name) != is_vertex).then_some(own)
+}
