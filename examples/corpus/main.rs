@@ -15,7 +15,7 @@
 //! `--judge` has every author's text and every written text judged: by Tint, spirv-val and
 //! glslangValidator. It also compares the interface that spirv-cross reflects of SPIR-V and Vulkan's
 //! GLSL with that of the author's words. All tools must be on the `PATH`. `--json` writes one object
-//! a line and a material. `--only` leaves out files that end otherwise. `--keep` keeps what is written. `--print` shows what naga is given;
+//! a line and a material. `--only` leaves out files that end otherwise. `--keep` keeps what is written. `--print` shows what each is as WGSL;
 //! `--time` what reading takes.
 //!
 //! The exit status is 1 if there is an invalid output, a bug, a difference of reflection, a panic

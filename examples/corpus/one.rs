@@ -1,4 +1,4 @@
-//! What naga is given for one material, and how long it takes.
+//! What one material is, and how long it takes to read.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -24,15 +24,20 @@ fn options(include: &[PathBuf]) -> Options {
     }
 }
 
-/// Shows what naga's front end is given for one material.
+/// Shows one material as WGSL.
 pub fn print(paths: &[PathBuf], include: &[PathBuf]) {
     let (sources, options) = (sources(paths), options(include));
-    match front::normalised_glsl(&sources, &options) {
-        Ok(stages) => stages.iter().for_each(|(_, text)| println!("{text}")),
+    match front::parse(&sources, &options) {
+        Ok(parsed) => {
+            let plan = parsed.plan("material", &MaterialState::default());
+            match emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()) {
+                Ok(files) => files
+                    .iter()
+                    .for_each(|f| println!("{}", String::from_utf8_lossy(&f.bytes))),
+                Err(error) => println!("{error}"),
+            }
+        }
         Err(error) => println!("{}", error.render(front::Color::Never)),
-    }
-    if let Err(error) = front::parse(&sources, &options) {
-        println!("{}", error.render(front::Color::Never));
     }
 }
 
@@ -48,14 +53,12 @@ pub fn time(paths: &[PathBuf], include: &[PathBuf]) {
         (0..20).map(once).min().unwrap_or_default()
     };
     let parser = least(&|| drop(front::glsl_syntax(&sources, &options)));
-    let rewritten = least(&|| drop(front::normalised_glsl(&sources, &options)));
     let whole = least(&|| drop(front::parse(&sources, &options)));
     let share = |a: Duration, b: Duration| a.saturating_sub(b);
     println!("preprocessed and parsed: {parser:.1?}");
-    println!("rewritten: {:.1?}", share(rewritten, parser));
     println!(
-        "by naga, validated and linked: {:.1?}",
-        share(whole, rewritten)
+        "resolved, written, validated and linked: {:.1?}",
+        share(whole, parser)
     );
     println!("in all: {whole:.1?}");
     if let Ok(parsed) = front::parse(&sources, &options) {

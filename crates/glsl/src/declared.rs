@@ -1,7 +1,7 @@
 //! Records the author's declarations, so that emitted GLSL can use the same names, types and
 //! numbers.
 
-use naga::{Module, ResourceBinding, ShaderStage};
+use naga::{ResourceBinding, ShaderStage};
 use preshade_ir::declared::{
     Block, Chosen, CombinedSampler, Declaration, Declared, Depth, Located, Numbered,
     StagePrecision, Type,
@@ -96,7 +96,7 @@ pub(super) fn declared(
 }
 
 /// Records what the IR has transposed, and its copies and names of structs. `interface` has the copies that
-/// lowering made.
+/// resolving made.
 pub(super) fn layouts(stages: &[GlslStage<'_>], interface: &Interface, out: &mut Declared) {
     let copies = interface.struct_copies.iter();
     let copies = copies.map(|((own, rows, _), copy)| (copy, own, *rows));
@@ -166,24 +166,6 @@ fn dropped(stages: &[GlslStage<'_>]) -> Vec<String> {
                 .to_owned(),
         );
     }
-    out
-}
-
-/// Binding numbers of texts that naga read unchanged.
-pub(super) fn as_bound(modules: &[Module]) -> Vec<Numbered> {
-    let mut out: Vec<Numbered> = Vec::new();
-    for module in modules {
-        let bound = module
-            .global_variables
-            .iter()
-            .filter_map(|(_, g)| g.binding);
-        out.extend(bound.map(|binding| Numbered {
-            binding,
-            number: binding.binding,
-        }));
-    }
-    out.sort_by_key(|n| (n.binding.group, n.binding.binding));
-    out.dedup();
     out
 }
 

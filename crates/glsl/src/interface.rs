@@ -11,7 +11,7 @@ mod bindings;
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
-use naga::{Module, ShaderStage, Span, TypeInner};
+use naga::{ShaderStage, Span};
 
 use self::bindings::explicit;
 use super::stage::{GlslStage, Qualifiers, Variable, unsupported};
@@ -41,40 +41,6 @@ pub(super) struct BoundSampler {
     pub number: Option<u32>,
 }
 
-/// A block that is printed without an instance name.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct Opened {
-    pub slot: BindingSlot,
-    pub instance: String,
-    /// Members in order, padding included.
-    pub members: Vec<String>,
-}
-
-impl Opened {
-    /// Restores the names of the block and its members in the module.
-    pub(super) fn close(&self, module: &mut Module) {
-        let at = |g: &&mut naga::GlobalVariable| {
-            let bound = g.binding.as_ref();
-            bound.is_some_and(|b| (b.group, b.binding) == self.slot)
-        };
-        let mut globals = module.global_variables.iter_mut().map(|(_, g)| g);
-        let Some(global) = globals.find(at) else {
-            return;
-        };
-        global.name = Some(self.instance.clone());
-        let handle = global.ty;
-        let mut ty = module.types[handle].clone();
-        if let TypeInner::Struct { members, .. } = &mut ty.inner
-            && members.len() == self.members.len()
-        {
-            for (member, name) in members.iter_mut().zip(&self.members) {
-                member.name = Some(name.clone());
-            }
-            module.types.replace(handle, ty);
-        }
-    }
-}
-
 /// The interface of both stages.
 #[derive(Debug, Default)]
 pub(super) struct Interface {
@@ -100,8 +66,6 @@ pub(super) struct Interface {
     pub interpolation: HashMap<String, [Option<&'static str>; 2]>,
     /// Names in use.
     pub names: HashSet<String>,
-    /// Opened blocks of the current stage.
-    pub opened: Vec<Opened>,
 }
 
 /// A stage's index in the arrays of [`Interface`].
@@ -393,24 +357,15 @@ fn import(ty: &Ty, all: &[Struct], stage: &mut GlslStage<'_>) {
 }
 
 /// The types of a combined sampler's texture and sampler.
-pub(super) fn split_type(combined: &str) -> [String; 2] {
-    let texture = combined.replacen("sampler", "texture", 1);
-    let sampler = if combined.ends_with("Shadow") {
-        "samplerShadow"
-    } else {
-        "sampler"
-    };
-    [
-        texture.trim_end_matches("Shadow").to_owned(),
-        sampler.to_owned(),
-    ]
-}
-
-/// The same as types of the tree.
 pub(super) fn handles(combined: &str) -> [HandleTy; 2] {
     let is_depth = combined.ends_with("Shadow");
-    let [texture, sampler] = split_type(combined);
-    [(texture, is_depth), (sampler, false)].map(|(name, is_depth)| HandleTy { name, is_depth })
+    let texture = combined.replacen("sampler", "texture", 1);
+    let texture = texture.trim_end_matches("Shadow");
+    let sampler = if is_depth { "samplerShadow" } else { "sampler" };
+    [(texture, is_depth), (sampler, false)].map(|(name, is_depth)| HandleTy {
+        name: name.to_owned(),
+        is_depth,
+    })
 }
 
 /// Converts a path to a name: `lights[1].map` to `lights_1_map`.
@@ -443,8 +398,7 @@ fn numbered(
     let mut out: HashMap<String, u32> = HashMap::new();
     let mut taken = HashSet::new();
     let size = |v: &Variable| {
-        let mut leaves = Vec::new();
-        stage.structs.leaves(&v.ty, "", &mut leaves);
+        let leaves = stage.structs.leaf_paths(&v.ty);
         leaves.len().max(1) as u32
     };
     let said = |v: &Variable| {

@@ -1,6 +1,6 @@
 //! Finds the arrays whose lengths a specialisation constant gives, and names their types.
 //!
-//! The lowered text has their default lengths, as naga reads no others. So the text is lowered a
+//! The modules have their default lengths, as the IR knows no others. So the text is resolved a
 //! second time with a default that is larger by one. An array that is then longer by one has its
 //! length from the constant. If anything else differs, the constant decides more than lengths, and
 //! its default is final.
@@ -15,7 +15,7 @@ use preshade_ir::declared::LengthConstant;
 /// A constant that may give lengths, and its default.
 pub type Candidate = (LengthConstant, u32);
 
-/// A candidate, with the modules of the lowering in which its default is larger.
+/// A candidate, with the modules of the reading in which its default is larger.
 pub(super) type Raised = (Candidate, Vec<Module>);
 
 /// Names the types of the arrays in the modules of all stages. Returns the constants that give
@@ -82,10 +82,10 @@ fn named(module: &Module, raised: Vec<(&Candidate, Module)>) -> Option<(Module, 
     Some((module, raised))
 }
 
-/// A type of the first lowering, and those of the others.
+/// A type of the first reading, and those of the others.
 type Pair = (Handle<Type>, Vec<Handle<Type>>);
 
-/// Types of the first lowering by those of all.
+/// Types of the first reading by those of all.
 struct Paired<'c> {
     types: UniqueArena<Type>,
     raised: Vec<UniqueArena<Type>>,

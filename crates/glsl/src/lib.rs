@@ -1,35 +1,24 @@
-//! Parses GLSL of every version to naga modules.
+//! Reads GLSL of every version to IR, in the order of these modules:
 //!
-//! naga's front end only reads Vulkan's dialect with explicit bindings and locations. We pass such
-//! texts to naga unchanged if it reads them correctly. All other texts are parsed here and printed
-//! in that dialect, in the order of these modules:
-//!
-//! `preprocess` runs directives and macros; `syntax` parses, with `type_names`; `shadow_samplers` types Vulkan's samplers;
-//! `stage` collects a stage's declarations; `interface` assigns bindings and locations to both stages; `declared` records the
-//! author's own; `lower` prints; `source_marks` maps the printed text to the source, and
-//! `map_spans` applies that map to the module. `member_loads` narrows what naga loads.
-//! `placeholders`, `atomics`, `binding_arrays`, `built_ins` and `lengths` add to the IR what naga's
-//! front end lacks.
+//! `preprocess` runs directives and macros; `syntax` parses, with `type_names`; `shadow_samplers`
+//! types Vulkan's samplers; `stage` collects a stage's declarations; `interface` assigns bindings and
+//! locations to both stages; `declared` records the author's own. `resolve` settles names, types,
+//! overloads, layouts and the order of evaluation in a `tree`, and `build` writes that as IR.
+//! `lengths` finds the arrays whose lengths a specialisation constant gives.
 #![warn(missing_docs)]
 
-mod atomics;
 mod build;
 mod built_ins;
-mod compare;
 mod constant;
 mod declared;
 mod formats;
 mod include;
 mod interface;
 mod lengths;
-mod lower;
-mod member_loads;
-mod parser_messages;
-mod placeholders;
+mod operations;
 mod preprocess;
 mod resolve;
 mod shadow_samplers;
-mod source_marks;
 mod stage;
 mod syntax;
 pub mod tree;
@@ -39,31 +28,19 @@ mod version;
 
 use std::path::Path;
 
-use naga::front::glsl::{Frontend, Options as NagaOptions};
-use naga::proc::{Alignment, Layouter};
-use naga::{
-    AddressSpace, ConservativeDepth, EarlyDepthTest, Handle, Module, ShaderStage, Span, Type,
-    TypeInner,
-};
+use naga::{EarlyDepthTest, Module, ShaderStage};
 use preshade_ir::declared::Declared;
-use preshade_ir::link::offset;
 use preshade_text::source::SourceMap;
 
 use self::constant::Specialised;
 use self::interface::Interface;
-use self::lower::BuiltinCall;
-use self::placeholders::Placeholders;
-use self::source_marks::Map;
 use self::stage::GlslStage;
 use self::syntax::StageText;
 use self::version::Dialect;
-use preshade_ir::{
-    beyond_wgsl, binding_arrays, killed_loops, lengths as length_constants, map_spans, wrapped_main,
-};
-use preshade_text::error::{Code, Error};
+use preshade_ir::{beyond_wgsl, killed_loops, lengths as length_constants, wrapped_main};
+use preshade_text::error::Error;
 use preshade_text::options::{ClipSpace, Options};
 use preshade_text::tokens::without_comments;
-use preshade_text::unsupported;
 
 /// One stage's text.
 pub struct Text<'a> {
@@ -85,97 +62,13 @@ pub fn parse(
     options: &Options,
     map: &mut SourceMap,
 ) -> Result<(Vec<Module>, Declared), Error> {
-    if std::env::var_os("GLSL_COMPARE").is_some() {
-        compared(texts, options, map);
-    }
-    let (mut modules, mut declared) = match std::env::var_os("GLSL_OLD") {
-        None => built(texts, options, map)?,
-        Some(_) => parsed(texts, options, map)?,
-    };
+    let (mut modules, mut declared) = read(texts, options, map)?;
     declared.mains = texts.iter().map(|t| t.stage).collect();
     beyond_wgsl::narrow_storage(&mut modules);
     Ok((modules, declared))
 }
 
-fn parsed(
-    texts: &[Text<'_>],
-    options: &Options,
-    map: &mut SourceMap,
-) -> Result<(Vec<Module>, Declared), Error> {
-    let read_by_naga = || match options.clip_space {
-        Some(ClipSpace::OpenGl) => None,
-        _ => read_by_naga(texts).map(|modules| {
-            let declared = Declared {
-                numbers: declared::as_bound(&modules),
-                // naga reads Vulkan's GLSL alone.
-                y_down: true,
-                ..Declared::default()
-            };
-            (modules, declared)
-        }),
-    };
-    // We expand macros ourselves: naga's preprocessor does not limit the work.
-    let has_macros = !options.defines.is_empty() || texts.iter().any(|t| has_directives(t.text));
-    let lost = has_macros || texts.iter().any(|t| is_misread_by_naga(t.text));
-    if !lost && let Some(read) = read_by_naga() {
-        return Ok(read);
-    }
-    let rewritten = rewritten(texts, options, map);
-    match lost && !has_macros {
-        // If we cannot rewrite the text, naga's own reading is better than none.
-        true => rewritten.or_else(|e| match e.code() {
-            Code::Unsupported => read_by_naga().ok_or(e),
-            _ => Err(e),
-        }),
-        false => rewritten,
-    }
-}
-
-/// Whether naga accepts the text but changes its meaning: short-circuit operators, `do` loops,
-/// array layers, fetch offsets, written parameters.
-fn is_misread_by_naga(text: &str) -> bool {
-    let marks = ["&&", "||", "Array", "texelFetchOffset"];
-    let mut words = text.split(|c: char| !c.is_alphanumeric() && c != '_');
-    marks.iter().any(|m| text.contains(m))
-        || words.any(|w| w == "do" || w == "inout")
-        || writes_parameters(text)
-        || has_effect_in_index(text)
-}
-
-/// Whether the text has directives other than `#version` and `#extension`. naga's preprocessor does
-/// not limit nested macros.
-fn has_directives(text: &str) -> bool {
-    text.split('#').skip(1).any(|rest| {
-        let rest = rest.trim_start();
-        !["version", "extension"].iter().any(|w| rest.starts_with(w))
-    })
-}
-
-/// Whether a function has an `out` parameter.
-fn writes_parameters(text: &str) -> bool {
-    text.match_indices("out ").any(|(at, _)| {
-        let before = text[..at].trim_end();
-        before.ends_with(['(', ',']) || before.ends_with("const")
-    })
-}
-
-/// Whether an index has side effects: naga evaluates the index of a target twice.
-fn has_effect_in_index(text: &str) -> bool {
-    text.split('[').skip(1).any(|rest| {
-        let inside = rest.split(']').next().unwrap_or("");
-        inside.contains("++") || inside.contains("--") || inside.contains(['(', '='])
-    })
-}
-
-fn compared(texts: &[Text<'_>], options: &Options, map: &mut SourceMap) {
-    let routed = parsed(texts, options, &mut map.clone());
-    let old = rewritten(texts, options, &mut map.clone());
-    let new = built(texts, options, &mut map.clone());
-    compare::compare(texts, options.clip_space, [&routed, &old], &new);
-}
-
-/// Reads a material's stages straight to IR.
-fn built(
+fn read(
     texts: &[Text<'_>],
     options: &Options,
     map: &mut SourceMap,
@@ -261,61 +154,6 @@ fn resolve(
     })
 }
 
-fn rewritten(
-    texts: &[Text<'_>],
-    options: &Options,
-    map: &mut SourceMap,
-) -> Result<(Vec<Module>, Declared), Error> {
-    let units = units(texts, options, map)?;
-    let lowered = lower(&units, texts, options, None)?;
-    let mut modules = modules(&lowered, texts)?;
-    let mut declared = lowered.declared;
-    let is_fixed = |(of, _): &lengths::Candidate| {
-        let constant = (of.id, of.own.clone());
-        lowered.fixed.contains(&constant)
-    };
-    let mut raised = Vec::new();
-    for candidate in lowered.lengths.iter().filter(|c| !is_fixed(c)) {
-        let again = lower(&units, texts, options, Some(candidate.0.id));
-        if let Ok(modules) = again.and_then(|lowered| self::modules(&lowered, texts)) {
-            raised.push((candidate.clone(), modules));
-        }
-    }
-    declared.lengths = lengths::mark(&mut modules, raised);
-    let candidates = lowered.lengths.into_iter().map(|(of, _)| of);
-    let others = candidates.filter(|of| !declared.lengths.contains(of));
-    let mut fixed = lowered.fixed;
-    fixed.extend(others.map(|of| (of.id, of.own)));
-    for constant in fixed {
-        length_constants::fix(&mut modules, constant, &mut declared)?;
-    }
-    Ok((modules, declared))
-}
-
-/// naga's modules of lowered texts.
-fn modules(lowered: &Lowered, texts: &[Text<'_>]) -> Result<Vec<Module>, Error> {
-    let stages = lowered.stages.iter().zip(texts);
-    stages
-        .map(|(lowered, text)| {
-            let place = |span: Span| lowered.map.back(span);
-            let mut module = read(&lowered.text, text.stage, &place, &lowered.given)?;
-            placeholders::replace(&mut module, &lowered.placeholders);
-            atomics::replace(&mut module, &lowered.placeholders, &place)?;
-            built_ins::replace(&mut module, lowered.clip_distances.as_deref());
-            lowered.opened.iter().for_each(|o| o.close(&mut module));
-            if let Some(conservative) = lowered.depth {
-                for entry in &mut module.entry_points {
-                    let bound = EarlyDepthTest::Allow { conservative };
-                    entry.early_depth_test.get_or_insert(bound);
-                }
-            }
-            map_spans::map_spans(&mut module, &place);
-            finish(&mut module, text.stage);
-            Ok(module)
-        })
-        .collect()
-}
-
 /// Preprocesses and parses the stages only.
 pub fn parse_alone(
     texts: &[Text<'_>],
@@ -348,90 +186,6 @@ fn units(
     Ok(units)
 }
 
-/// A stage in naga's dialect.
-#[derive(Clone, Debug)]
-pub struct LoweredStage {
-    /// Its text.
-    pub text: String,
-    map: Map,
-    opened: Vec<interface::Opened>,
-    given: Vec<BuiltinCall>,
-    placeholders: Placeholders,
-    /// The array that stands for `gl_ClipDistance`.
-    clip_distances: Option<String>,
-    /// The bound of `gl_FragDepth`, which naga's front end does not read.
-    depth: Option<ConservativeDepth>,
-}
-
-/// A material's stages in naga's dialect.
-pub struct Lowered {
-    /// The stages, in the order of the texts.
-    pub stages: Vec<LoweredStage>,
-    declared: Declared,
-    /// Specialisation constants that may give lengths of arrays by themselves.
-    lengths: Vec<lengths::Candidate>,
-    /// Those whose defaults are final.
-    fixed: Specialised,
-}
-
-/// Rewrites a material's stages for naga and records their declarations.
-pub fn normalise(
-    texts: &[Text<'_>],
-    options: &Options,
-    map: &mut SourceMap,
-) -> Result<Lowered, Error> {
-    lower(&units(texts, options, map)?, texts, options, None)
-}
-
-/// Lowers the stages. `raised`: the specialisation constant whose default counts as one more.
-fn lower(
-    units: &[syntax::Unit],
-    texts: &[Text<'_>],
-    options: &Options,
-    raised: Option<u32>,
-) -> Result<Lowered, Error> {
-    let mut stages = Vec::new();
-    for (unit, text) in units.iter().zip(texts) {
-        stages.push(GlslStage::collect(unit, text.stage, raised)?);
-    }
-    let of_text = clip_space(&stages);
-    let clip = options.clip_space.unwrap_or(of_text);
-    let mut interface = Interface::of(&mut stages)?;
-    let mut declared =
-        declared::declared(&stages, &interface, clip, of_text == ClipSpace::AsWritten);
-    let lowered: Result<Vec<LoweredStage>, Error> = stages
-        .iter_mut()
-        .map(|stage| {
-            let lowered = lower::lower(stage, &mut interface, clip)?;
-            let (text, map) = lowered.marks.settle(&lowered.text);
-            Ok(LoweredStage {
-                text,
-                map,
-                opened: std::mem::take(&mut interface.opened),
-                given: lowered.given,
-                placeholders: lowered.placeholders,
-                clip_distances: lowered.clip_distances,
-                depth: stage.depth.filter(|_| stage.used.contains("gl_FragDepth")),
-            })
-        })
-        .collect();
-    let lowered = lowered?;
-    declared::layouts(&stages, &interface, &mut declared);
-    declared.demotes = stages.iter().any(|s| s.demotes.get());
-    let mut lengths: Vec<lengths::Candidate> = Vec::new();
-    for length in stages.iter().flat_map(|s| s.lengths.take()) {
-        if !lengths.contains(&length) {
-            lengths.push(length);
-        }
-    }
-    Ok(Lowered {
-        stages: lowered,
-        declared,
-        lengths,
-        fixed: stages.iter().flat_map(|s| s.assumed.take()).collect(),
-    })
-}
-
 /// Guesses the clip space: OpenGL's, unless the text is Vulkan's GLSL, which has explicit bindings
 /// and no loose uniforms. A text of an old version, or of ES, must have words that only Vulkan has.
 fn clip_space(stages: &[GlslStage<'_>]) -> ClipSpace {
@@ -453,129 +207,6 @@ fn clip_space(stages: &[GlslStage<'_>]) -> ClipSpace {
         true => ClipSpace::OpenGl,
         false => ClipSpace::AsWritten,
     }
-}
-
-/// naga's own modules, if it reads all texts correctly.
-fn read_by_naga(texts: &[Text<'_>]) -> Option<Vec<Module>> {
-    let modules: Option<Vec<Module>> = texts
-        .iter()
-        .map(|text| {
-            let Dialect { version, es } = Dialect::of(text.text, Path::new(text.name));
-            // naga ignores these silently, and swaps the dimensions of arrays of arrays.
-            let lost = [
-                "precise",
-                "outerProduct",
-                "isnan",
-                "isinf",
-                "][",
-                "offset=",
-                "offset =",
-                "align=",
-                "align =",
-                "origin_upper_left",
-                "pixel_center_integer",
-                "depth_greater",
-                "depth_less",
-                "depth_unchanged",
-            ];
-            let mut words = text.text.split(|c: char| !c.is_alphanumeric() && c != '_');
-            // naga reads some that no language has, and others wrongly.
-            let is_lost = |w: &str| {
-                matches!(w, "sample" | "centroid")
-                    || unsupported::absent(w).is_some()
-                    || built_ins::variable(w, text.stage).is_some()
-            };
-            if es
-                || version < 440
-                || lost.iter().any(|w| text.text.contains(w))
-                || words.any(is_lost)
-            {
-                return None;
-            }
-            let place = |span: Span| span;
-            let read = || read(text.text, text.stage, &place, &[]).ok();
-            let mut module =
-                std::panic::catch_unwind(std::panic::AssertUnwindSafe(read)).ok()??;
-            // naga does not follow GLSL's struct layout, and WGSL has no std140 storage blocks.
-            let is_mixed = ["buffer", "std140"].iter().all(|w| text.text.contains(w));
-            if !wrapped_main::is_valid(&module) || is_mixed || !is_laid_out(&module) {
-                return None;
-            }
-            map_spans::map_spans(&mut module, &|span| offset(span, text.base));
-            finish(&mut module, text.stage);
-            Some(module)
-        })
-        .collect();
-    modules
-}
-
-/// Whether blocks have the same layout in GLSL and WGSL: array strides that WGSL can express, and
-/// 16-byte aligned structs in uniform blocks. naga does not check this.
-fn is_laid_out(module: &Module) -> bool {
-    fn of(module: &Module, layouter: &Layouter, ty: Handle<Type>, uniform: bool) -> bool {
-        match &module.types[ty].inner {
-            TypeInner::Array { base, stride, .. } => {
-                *stride == layouter[*base].to_stride() && of(module, layouter, *base, uniform)
-            }
-            TypeInner::Struct { members, .. } => members.iter().all(|m| {
-                let layout = layouter[m.ty];
-                let is_struct = matches!(module.types[m.ty].inner, TypeInner::Struct { .. });
-                let on_16 =
-                    layout.alignment >= Alignment::MIN_UNIFORM && layout.size.is_multiple_of(16);
-                (on_16 || !(uniform && is_struct)) && of(module, layouter, m.ty, uniform)
-            }),
-            _ => true,
-        }
-    }
-    let mut layouter = Layouter::default();
-    layouter.update(module.to_ctx()).is_ok()
-        && module.global_variables.iter().all(|(_, g)| {
-            let in_block = matches!(
-                g.space,
-                AddressSpace::Uniform | AddressSpace::Storage { .. } | AddressSpace::Immediate
-            );
-            !in_block || of(module, &layouter, g.ty, g.space == AddressSpace::Uniform)
-        })
-}
-
-/// Parses naga's dialect. `place` maps error spans to the source.
-fn read(
-    text: &str,
-    stage: ShaderStage,
-    place: &dyn Fn(Span) -> Span,
-    given: &[BuiltinCall],
-) -> Result<Module, Error> {
-    Frontend::default()
-        .parse(&NagaOptions::from(stage), text)
-        .map(|mut module| {
-            binding_arrays::replace(&mut module);
-            member_loads::narrow(&mut module);
-            module
-        })
-        .map_err(|errors| {
-            let mut all = errors.errors.iter();
-            let Some(first) = all.next() else {
-                return Error::new(Code::Parse, "the GLSL parser failed without a message");
-            };
-            let at = place(first.meta);
-            let called = |g: &&BuiltinCall| {
-                let name = format!("`{}`", g.name);
-                let meets = g.place.to_range().zip(at.to_range());
-                parser_messages::message(&first.kind).contains(&name)
-                    && meets.is_some_and(|(a, b)| a.start < b.end && b.start < a.end)
-            };
-            let message = match given.iter().find(called) {
-                Some(given) => {
-                    let types: Vec<String> = given.types.iter().map(ty::Ty::spelled).collect();
-                    format!("no `{}` takes ({})", given.name, types.join(", "))
-                }
-                None => parser_messages::message(&first.kind),
-            };
-            let error = Error::new(Code::Parse, message).label(at, "");
-            all.fold(error, |error, other| {
-                error.label(place(other.meta), parser_messages::message(&other.kind))
-            })
-        })
 }
 
 /// Normalises the module for the passes.

@@ -5,7 +5,7 @@ use std::rc::Rc;
 
 use naga::{BinaryOperator, Binding, BuiltIn, Literal, ResourceBinding, Span, UnaryOperator};
 
-use super::placeholders::{Atomic, Subgroup};
+use super::operations::{Atomic, Subgroup};
 use super::ty::{Rules, Ty};
 
 /// A local variable, by its index in [`Stage::locals`].

@@ -196,12 +196,11 @@ impl Ty {
         }
     }
 
-    /// The array dimensions, such as `[2][3]`; empty for other types.
-    pub(super) fn dimensions(&self) -> String {
+    /// The array dimensions, outermost first, such as `[2][3]`; empty for other types.
+    fn dimensions(&self) -> String {
         match self {
-            // Innermost first: naga's front end reads dimensions in the reverse order of GLSL.
-            Self::Array(of, Some(length)) => format!("{}[{}]", of.dimensions(), length.n),
-            Self::Array(of, None) => format!("{}[]", of.dimensions()),
+            Self::Array(of, Some(length)) => format!("[{}]{}", length.n, of.dimensions()),
+            Self::Array(of, None) => format!("[]{}", of.dimensions()),
             _ => String::new(),
         }
     }
@@ -209,18 +208,6 @@ impl Ty {
     /// The name in a constructor: `float[3]`.
     pub(super) fn name(&self) -> String {
         self.base_name() + &self.dimensions()
-    }
-
-    /// The name as an author writes it, outermost dimension first.
-    pub(super) fn spelled(&self) -> String {
-        fn dimensions(ty: &Ty) -> String {
-            match ty {
-                Ty::Array(of, Some(length)) => format!("[{}]{}", length.n, dimensions(of)),
-                Ty::Array(of, None) => format!("[]{}", dimensions(of)),
-                _ => String::new(),
-            }
-        }
-        self.base_name() + &dimensions(self)
     }
 
     /// A declaration: `float x[3]`.
@@ -446,30 +433,6 @@ impl Structs {
                 }
             }
             _ => {}
-        }
-    }
-
-    /// Lists the scalars and vectors of a varying, as a path suffix and a type.
-    pub(super) fn leaves(&self, ty: &Ty, path: &str, out: &mut Vec<(String, Ty)>) {
-        match ty {
-            Ty::Array(of, n) => {
-                for i in 0..n.map_or(0, |length| length.n) {
-                    self.leaves(of, &format!("{path}[{i}]"), out);
-                }
-            }
-            Ty::Matrix(kind, columns, rows) => {
-                for c in 0..*columns {
-                    out.push((format!("{path}[{c}]"), Ty::Vector(*kind, *rows)));
-                }
-            }
-            Ty::Struct(name) => {
-                if let Some(of) = self.get(name) {
-                    for member in &of.members {
-                        self.leaves(&member.ty, &format!("{path}.{}", member.name), out);
-                    }
-                }
-            }
-            other => out.push((path.to_owned(), other.clone())),
         }
     }
 }
@@ -837,7 +800,7 @@ mod tests {
         );
         assert_eq!(
             stored(&array(Ty::named("mat2"), 3), Rules::Std140).name(),
-            "vec4[2][3]"
+            "vec4[3][2]"
         );
         let whole = array(Ty::named("vec3"), 4);
         assert_eq!(stored(&whole, Rules::Std140), whole);

@@ -1,5 +1,5 @@
-//! Makes binding arrays of arrays of textures, samplers, images and blocks: naga's readers of GLSL
-//! and SPIR-V make plain arrays, which no binding has.
+//! Makes binding arrays of arrays of textures, samplers, images and blocks: naga's reader of
+//! SPIR-V makes plain arrays, which no binding has.
 
 use naga::{AddressSpace, Expression, Function, GlobalVariable, Handle, Module, Span};
 use naga::{Type, TypeInner};

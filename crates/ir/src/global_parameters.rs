@@ -36,8 +36,7 @@ type Parameters = HashMap<Handle<Function>, Vec<Handle<GlobalVariable>>>;
 /// Passes variables as parameters to the functions that `main` calls. `module` must be valid and
 /// stays valid.
 pub(super) fn pass_globals(module: &mut Module) {
-    // naga's front end gives every function an expression for every global. Compaction leaves those
-    // in use.
+    // Compaction leaves the expressions in use.
     naga::compact::compact(module, naga::compact::KeepUnused::Yes);
     // Several stages would share functions.
     let [_] = module.entry_points.as_slice() else {

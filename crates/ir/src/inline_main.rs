@@ -1,6 +1,6 @@
 //! Converts GLSL entry points to the form of hand-written WGSL.
 //!
-//! naga's GLSL front end stores inputs, outputs and globals in private variables and wraps `main`:
+//! GLSL's inputs, outputs and globals are private variables, and a wrapper calls `main`:
 //!
 //! ```wgsl
 //! @fragment fn wrapper(uv: vec2f) -> Output { uv_1 = uv; main(); return Output(color); }
@@ -23,8 +23,7 @@ use naga_operands::calls;
 
 /// Inlines `main` into each wrapper entry point. `module` must be valid and stays valid.
 pub(super) fn inline_main(module: &mut Module) {
-    // naga's front end gives every function an expression for every global. Compaction leaves those
-    // in use.
+    // Compaction leaves the expressions in use.
     naga::compact::compact(module, naga::compact::KeepUnused::Yes);
     for index in 0..module.entry_points.len() {
         let Some((at, main)) = wrapped(module, index) else {

@@ -1,11 +1,11 @@
-//! Brings the modules of naga's GLSL and SPIR-V readers to the form of hand-written WGSL.
+//! Brings the modules of GLSL and SPIR-V to the form of hand-written WGSL.
 
 use naga::Module;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use super::{fall_through, global_parameters, inline_main, missing_returns};
 
-/// Inlines `main` into the function that naga wraps around it, and settles what WGSL lacks.
+/// Inlines `main` into the function that calls it, and settles what WGSL lacks.
 pub fn inline(module: &mut Module) {
     fall_through::remove(module);
     // Leave an invalid module unchanged for the validator's message.
@@ -17,7 +17,7 @@ pub fn inline(module: &mut Module) {
 }
 
 /// Whether naga's validator accepts a module.
-pub fn is_valid(module: &Module) -> bool {
+pub(super) fn is_valid(module: &Module) -> bool {
     Validator::new(ValidationFlags::all(), Capabilities::all())
         .validate(module)
         .is_ok()

@@ -684,30 +684,6 @@ pub(crate) fn glsl_tree(
     naga_glsl::tree(&text, &mut map)
 }
 
-/// One stage rewritten to the GLSL that naga reads, for debugging and tests.
-///
-/// # Errors
-/// As [`parse`], except for errors from naga.
-#[cfg(feature = "glsl")]
-pub fn normalised_glsl(
-    sources: &[Source],
-    options: &Options,
-) -> Result<Vec<(ShaderStage, String)>, Error> {
-    let mut map = SourceMap::new();
-    let bases: Vec<u32> = sources.iter().map(|s| map.add(&s.name, &s.text)).collect();
-    let stages = glsl_stages(sources, &bases);
-    let texts: Vec<naga_glsl::Text<'_>> = stages.iter().map(GlslStage::text).collect();
-    let read = panics::run(|| naga_glsl::normalise(&texts, options, &mut map));
-    let read = read.unwrap_or_else(|panicked| Err(bug(sources, &panicked)));
-    let map = Arc::new(map);
-    let normalised = read.map_err(|e| e.with_sources(&map))?;
-    Ok(texts
-        .iter()
-        .zip(normalised.stages)
-        .map(|(text, n)| (text.stage, n.text))
-        .collect())
-}
-
 /// Preprocesses and parses GLSL without lowering it, to time the parser alone.
 ///
 /// # Errors

@@ -7,7 +7,7 @@ use naga::{
     Span, Statement, StorageAccess, Type, TypeInner, UniqueArena,
 };
 
-use super::super::placeholders::Atomic;
+use super::super::operations::Atomic;
 use super::super::stage::unsupported;
 use super::super::tree::Node;
 use super::expression::Position;

@@ -6,7 +6,7 @@ use naga::{
     Statement, TypeInner, UnaryOperator, VectorSize,
 };
 
-use super::super::placeholders::Subgroup;
+use super::super::operations::Subgroup;
 use super::super::tree::Node;
 use super::super::ty::Ty;
 use super::{Body, refused};

@@ -3,7 +3,7 @@
 use glsl_lang::ast::{self, Expr, ExprData, FunIdentifierData};
 use naga::{BinaryOperator, Span, UnaryOperator};
 
-use super::super::placeholders::{self, Atomic, Subgroup};
+use super::super::operations::{self, Atomic, Subgroup};
 use super::super::stage::{Signature, Storage, spelled, unsupported};
 use super::super::tree::{FunctionId, Kind, Node};
 use super::super::ty::{BlockEntry, Component, Length, MemoryLayout, Ty};
@@ -372,11 +372,11 @@ impl Resolver<'_, '_> {
         if name.starts_with("subgroup") {
             let lane = arguments.get(1).and_then(|e| self.stage.fixed_integer(e));
             let lane = lane.and_then(|n| u32::try_from(n).ok());
-            if let Some(of) = placeholders::subgroup(name, lane) {
+            if let Some(of) = operations::subgroup(name, lane) {
                 return self.subgroup(name, of, arguments, place);
             }
         }
-        if let Some(of) = placeholders::atomic(name) {
+        if let Some(of) = operations::atomic(name) {
             return self.atomic(name, of, arguments, place);
         }
         let mut values = self.values(arguments)?;
@@ -444,7 +444,7 @@ impl Resolver<'_, '_> {
         if replaced.is_none() {
             check_supported(name, place)?;
             if !builtin::takes(name, &given) {
-                let spelled: Vec<String> = types.iter().map(Ty::spelled).collect();
+                let spelled: Vec<String> = types.iter().map(Ty::name).collect();
                 let message = format!("no `{name}` takes ({})", spelled.join(", "));
                 return Err(Error::new(Code::Parse, message).label_if(place));
             }

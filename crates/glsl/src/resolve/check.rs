@@ -14,10 +14,10 @@ use preshade_text::error::{Code, Error};
 pub(super) fn a(ty: &Ty) -> String {
     match ty {
         Ty::Void => "nothing".to_owned(),
-        Ty::Array(..) => format!("an array {}", ty.spelled()),
+        Ty::Array(..) => format!("an array {}", ty.name()),
         Ty::Struct(name) => format!("a struct `{name}`"),
-        _ if ty.spelled().starts_with('i') => format!("an {}", ty.spelled()),
-        _ => format!("a {}", ty.spelled()),
+        _ if ty.name().starts_with('i') => format!("an {}", ty.name()),
+        _ => format!("a {}", ty.name()),
     }
 }
 
@@ -119,7 +119,7 @@ impl Resolver<'_, '_> {
             .zip(to.components())
             .is_some_and(|(f, t)| f < t && f > 1);
         Err(match asked && !smaller && !matches!(to, Ty::Matrix(..)) {
-            true => error.note(format!("convert it explicitly: `{}(..)`", to.spelled())),
+            true => error.note(format!("convert it explicitly: `{}(..)`", to.name())),
             false => error,
         })
     }
@@ -184,8 +184,8 @@ impl Resolver<'_, '_> {
     ) -> Result<(), Error> {
         let structs = &self.stage.structs;
         let wrong = |why: String| {
-            let types: Vec<String> = given.iter().map(Ty::spelled).collect();
-            let message = format!("`{}({})`: {why}", ty.spelled(), types.join(", "));
+            let types: Vec<String> = given.iter().map(Ty::name).collect();
+            let message = format!("`{}({})`: {why}", ty.name(), types.join(", "));
             Err(Error::new(Code::Parse, message).label_if(place))
         };
         if given.iter().any(is_open) {

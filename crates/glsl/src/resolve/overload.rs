@@ -124,7 +124,7 @@ fn shown(name: &str, signature: &Signature) -> String {
             Storage::InOut => "inout ",
             _ => "",
         };
-        format!("{word}{}", ty.spelled())
+        format!("{word}{}", ty.name())
     });
     format!("`{name}({})`", each.collect::<Vec<_>>().join(", "))
 }
@@ -150,7 +150,7 @@ impl Resolver<'_, '_> {
             all.join(", ")
         };
         let called = || {
-            let types: Vec<String> = given.iter().map(|t| t.spelled()).collect();
+            let types: Vec<String> = given.iter().map(|t| t.name()).collect();
             types.join(", ")
         };
         let implicit = self.is_implicit();

@@ -12,7 +12,7 @@ use naga::{Span, UnaryOperator};
 use super::super::stage::{Storage, simple, unsupported};
 use super::super::tree::{Case, Node, Statement, StatementKind as S};
 use super::super::ty::Ty;
-use super::super::{constant, placeholders};
+use super::super::{constant, operations};
 use super::expression::Ex;
 use super::{Resolver, Var, effect};
 use preshade_text::error::{Code, Error};
@@ -167,7 +167,7 @@ impl Resolver<'_, '_> {
             }
             ExprData::FunCall(name, arguments) => {
                 let name = name.as_ident().map_or("", |n| n.as_str());
-                match (placeholders::image_atomic(name), arguments.as_slice()) {
+                match (operations::image_atomic(name), arguments.as_slice()) {
                     (Some(of), [image, at @ .., value]) => {
                         let place = self.place(e.span);
                         S::Evaluate(self.image_atomic((name, of), (image, at, value), place)?)

@@ -54,7 +54,7 @@ impl Variable {
         }
     }
 
-    /// Its name in the rewritten text.
+    /// Its name in the IR.
     pub(super) fn emitted(&self) -> String {
         match &self.block {
             Some((_, Some(instance))) => format!("{instance}_{}", self.name),
@@ -84,8 +84,7 @@ pub(super) struct Block {
 }
 
 impl Block {
-    /// Layout rules. The default of a storage block is std430, as in Vulkan. naga knows no other
-    /// layouts.
+    /// Layout rules. The default of a storage block is std430, as in Vulkan.
     pub(super) fn rules(&self) -> Rules {
         rules(&self.qualifiers)
     }
@@ -140,7 +139,7 @@ pub(super) struct GlslStage<'u> {
     pub signatures: HashMap<String, Vec<Signature>>,
     /// Functions with side effects.
     pub writers: HashSet<String>,
-    /// A `demote` was lowered.
+    /// A `demote` was resolved.
     pub demotes: Cell<bool>,
     /// Names used by reachable functions.
     pub used: HashSet<String>,
@@ -510,9 +509,7 @@ impl<'u> GlslStage<'u> {
                 if let (Some(n), None) = (next, q.number("location")) {
                     q.layout.push(("location".to_owned(), Some(i64::from(n))));
                 }
-                let mut leaves = Vec::new();
-                self.structs.leaves(&member.ty, "", &mut leaves);
-                let length = leaves.len() as u32;
+                let length = self.structs.leaf_paths(&member.ty).len() as u32;
                 next = q.number("location").map(|n| n.saturating_add(length));
                 list.push(Variable {
                     name: member.name,
@@ -547,8 +544,8 @@ impl<'u> GlslStage<'u> {
         Ok(())
     }
 
-    /// Fills gaps before members with an explicit offset (GLSL 4.60, 4.4.5), because naga only
-    /// knows the default layout.
+    /// Fills gaps before members with an explicit offset (GLSL 4.60, 4.4.5): blocks are laid out by
+    /// their rules alone.
     fn padded(
         &self,
         block: &str,

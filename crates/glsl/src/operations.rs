@@ -1,0 +1,98 @@
+//! Atomic and subgroup functions by name.
+
+use naga::{CollectiveOperation, Direction, SubgroupOperation};
+
+/// An atomic function.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Atomic {
+    Add,
+    And,
+    Or,
+    Xor,
+    Min,
+    Max,
+    Exchange,
+}
+
+/// The atomic function of that name, of storage blocks.
+pub(super) fn atomic(name: &str) -> Option<Atomic> {
+    operation(name.strip_prefix("atomic")?)
+}
+
+/// The atomic function of that name, of images, as far as naga has it.
+pub(super) fn image_atomic(name: &str) -> Option<Atomic> {
+    operation(name.strip_prefix("imageAtomic")?).filter(|a| *a != Atomic::Exchange)
+}
+
+fn operation(word: &str) -> Option<Atomic> {
+    Some(match word {
+        "Add" => Atomic::Add,
+        "And" => Atomic::And,
+        "Or" => Atomic::Or,
+        "Xor" => Atomic::Xor,
+        "Min" => Atomic::Min,
+        "Max" => Atomic::Max,
+        "Exchange" => Atomic::Exchange,
+        _ => return None,
+    })
+}
+
+/// A subgroup function.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Subgroup {
+    Collective(SubgroupOperation, CollectiveOperation),
+    Ballot,
+    First,
+    Broadcast(u32),
+    QuadBroadcast(u32),
+    Shuffle,
+    ShuffleDown,
+    ShuffleUp,
+    ShuffleXor,
+    QuadSwap(Direction),
+}
+
+/// The subgroup function of that name (GL_KHR_shader_subgroup). `lane` is its second argument, if
+/// that is constant.
+pub(super) fn subgroup(name: &str, lane: Option<u32>) -> Option<Subgroup> {
+    use CollectiveOperation::{ExclusiveScan, InclusiveScan, Reduce};
+    use SubgroupOperation as S;
+    let collective = |rest: &str| {
+        let (rest, scan) = match rest.strip_prefix("Inclusive") {
+            Some(rest) => (rest, InclusiveScan),
+            None => match rest.strip_prefix("Exclusive") {
+                Some(rest) => (rest, ExclusiveScan),
+                None => (rest, Reduce),
+            },
+        };
+        let operation = match rest {
+            "Add" => S::Add,
+            "Mul" => S::Mul,
+            // WGSL scans no others.
+            _ if scan != Reduce => return None,
+            "Min" => S::Min,
+            "Max" => S::Max,
+            "And" => S::And,
+            "Or" => S::Or,
+            "Xor" => S::Xor,
+            "All" => S::All,
+            "Any" => S::Any,
+            _ => return None,
+        };
+        Some(Subgroup::Collective(operation, scan))
+    };
+    Some(match name.strip_prefix("subgroup")? {
+        "Ballot" => Subgroup::Ballot,
+        "BroadcastFirst" => Subgroup::First,
+        "Broadcast" => lane.map_or(Subgroup::Shuffle, Subgroup::Broadcast),
+        "QuadBroadcast" => Subgroup::QuadBroadcast(lane?),
+        "Shuffle" => Subgroup::Shuffle,
+        "ShuffleDown" => Subgroup::ShuffleDown,
+        "ShuffleUp" => Subgroup::ShuffleUp,
+        "ShuffleXor" => Subgroup::ShuffleXor,
+        "QuadSwapHorizontal" => Subgroup::QuadSwap(Direction::X),
+        "QuadSwapVertical" => Subgroup::QuadSwap(Direction::Y),
+        "QuadSwapDiagonal" => Subgroup::QuadSwap(Direction::Diagonal),
+        rest => return collective(rest),
+    })
+}
