@@ -1,7 +1,10 @@
 //! What GLSL for Vulkan and OpenGL has and preshade does not read, by name.
 //!
-//! The lexer asks for types and qualifiers, which would end in a syntax error. The lowering asks
+//! The lexer asks for types and qualifiers, which would end in a syntax error. The resolver asks
 //! for functions, variables and layouts. The reader of SPIR-V asks by GLSL's words.
+
+use std::collections::HashMap;
+use std::sync::LazyLock;
 
 use naga::Span;
 
@@ -128,13 +131,40 @@ impl Absent {
     }
 }
 
+/// The table by name. Each entry has its number, since the first of several counts.
+struct Index {
+    names: HashMap<&'static str, (usize, &'static Absent)>,
+    /// The names before a `*`.
+    starts: Vec<(&'static str, (usize, &'static Absent))>,
+}
+
+static INDEX: LazyLock<Index> = LazyLock::new(|| {
+    let mut index = Index {
+        names: HashMap::new(),
+        starts: Vec::new(),
+    };
+    for (n, absent) in ABSENT.iter().enumerate() {
+        for name in absent.names.split(' ') {
+            match name.strip_suffix('*') {
+                Some(start) => index.starts.push((start, (n, absent))),
+                None => {
+                    index.names.entry(name).or_insert((n, absent));
+                }
+            }
+        }
+    }
+    index
+});
+
 /// The entry of a name.
 pub fn absent(name: &str) -> Option<&'static Absent> {
-    let is = |pattern: &str| match pattern.strip_suffix('*') {
-        Some(start) => name.starts_with(start),
-        None => name == pattern,
-    };
-    ABSENT.iter().find(|a| a.names.split(' ').any(is))
+    let whole = INDEX.names.get(name);
+    let starts = INDEX
+        .starts
+        .iter()
+        .find(|(start, _)| name.starts_with(start));
+    let found = whole.into_iter().chain(starts.map(|(_, found)| found));
+    found.min_by_key(|(n, _)| *n).map(|(_, absent)| *absent)
 }
 
 /// An error, if the name is not supported.

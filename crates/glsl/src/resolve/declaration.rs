@@ -1,6 +1,5 @@
 //! Resolves globals: structs, resources, variables and constants.
 
-use std::collections::HashMap;
 use std::mem;
 
 use naga::{AddressSpace, BinaryOperator, ResourceBinding, ShaderStage, Span, StorageAccess};
@@ -14,7 +13,7 @@ use super::super::tree::{
 };
 use super::super::ty::{BlockEntry, GlslMember, MemoryLayout, Rules, Ty, stored};
 use super::fold::Folds;
-use super::{Pair, RESERVED, Resolver, Var};
+use super::{Pair, Resolver, Var};
 use preshade_text::error::Error;
 use preshade_text::options::ClipSpace;
 
@@ -161,28 +160,15 @@ impl Resolver<'_, '_> {
             Rules::Std140 => self.stage.structs.laid_out(&shapes, false),
             _ => shapes.iter().map(BlockEntry::Member).collect(),
         };
-        let entries: Vec<(bool, Member)> = entries
+        let members: Vec<Member> = entries
             .into_iter()
             .enumerate()
             .map(|(i, entry)| match entry {
-                BlockEntry::Member(member) => (true, stored_member(member, Some(rules))),
-                BlockEntry::Padding => (false, padding(declared::padding(&block.name, i))),
+                BlockEntry::Member(member) => stored_member(member, Some(rules)),
+                BlockEntry::Padding => padding(declared::padding(&block.name, i)),
             })
             .collect();
-        let is_member = |name: &String| block.members.iter().any(|m| m.name == *name);
-        let instance = block.instance.as_ref().map(|i| match is_member(i) {
-            true => self.fresh(i),
-            false => self.safe(i),
-        });
-        let mut renamed: HashMap<String, String> = HashMap::new();
-        let mut members = Vec::new();
-        for (is_own, mut member) in entries {
-            if is_own && RESERVED.contains(&member.name.as_str()) {
-                let new = self.safe(&member.name);
-                renamed.insert(mem::replace(&mut member.name, new.clone()), new);
-            }
-            members.push(member);
-        }
+        let instance = block.instance.clone();
         let memory = &block.qualifiers.memory;
         let space = match (block.qualifiers.says("push_constant"), storage) {
             (true, _) => AddressSpace::Immediate,
@@ -200,7 +186,7 @@ impl Resolver<'_, '_> {
         };
         let kind = GlobalKind::Block(BlockTy {
             is_open,
-            name: self.safe(&block.name),
+            name: block.name.clone(),
             members,
             rules,
             space,
@@ -218,8 +204,8 @@ impl Resolver<'_, '_> {
             false => Some("a uniform"),
         };
         for member in &block.members {
-            let own = renamed.get(&member.name).unwrap_or(&member.name);
-            let mut var = Var::plain(node.field(own.as_str()), member.ty.clone()).fixed(fixed);
+            let node = node.field(member.name.as_str());
+            let mut var = Var::plain(node, member.ty.clone()).fixed(fixed);
             var.lay = lay(member);
             // A block is not a value; only its members are.
             match &block.instance {
@@ -244,7 +230,7 @@ impl Resolver<'_, '_> {
             .note("declare an image for each element, or one with layers (`image2DArray`)"));
         }
         let slot = self.interface.opaque.get(&variable.name).copied();
-        let name = self.safe(&variable.name);
+        let name = variable.name.clone();
         let words = variable.qualifiers.layout.iter();
         let mut words = words.filter(|(_, value)| value.is_none());
         let format = words.find_map(|(word, _)| format_named(word));
@@ -352,7 +338,7 @@ impl Resolver<'_, '_> {
 
     fn global(&mut self, global: &AstGlobal<'_>) -> Result<(), Error> {
         let author = global.name.as_str();
-        let name = self.safe(author);
+        let name = author.to_owned();
         let is_const = global.qualifiers.storage == Some(Storage::Const);
         let id = global.qualifiers.number("constant_id");
         let ty = global.ty.clone();

@@ -111,8 +111,7 @@ impl Resolver<'_, '_> {
     /// Declares a temporary in the current function; `None` outside of functions.
     pub(super) fn temporary(&mut self, ty: &Ty) -> Option<Node> {
         self.temporaries.as_ref()?;
-        let name = self.fresh("held");
-        let local = self.add_local(name, ty.clone());
+        let local = self.add_local("held", ty.clone());
         self.temporaries.as_mut()?.push(local);
         Some(Node::local(local))
     }

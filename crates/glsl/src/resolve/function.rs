@@ -12,7 +12,7 @@ use super::super::tree::{
     StatementKind as S,
 };
 use super::super::ty::{BlockEntry, Component, Rules, Ty, stored};
-use super::{Pair, Resolver, Var, builtin};
+use super::{Pair, Resolver, Var};
 use preshade_text::error::Error;
 
 /// Orders functions after those that they call.
@@ -37,15 +37,6 @@ fn order(
 impl<'u> Resolver<'_, 'u> {
     pub(super) fn functions(&mut self) -> Result<(), Error> {
         let functions = mem::take(&mut self.stage.functions);
-        for function in &functions {
-            let name = function.prototype.name.as_str();
-            if (builtin::is_known(name) || super::RESERVED.contains(&name))
-                && !self.renamed.contains_key(name)
-            {
-                let new = self.fresh(&format!("{name}_"));
-                self.renamed.insert(name.to_owned(), new);
-            }
-        }
         let mut all = Vec::new();
         for function in functions {
             let signature = self.stage.signature(&function.prototype)?;
@@ -85,8 +76,7 @@ impl<'u> Resolver<'_, 'u> {
         for parameter in &prototype.parameters {
             self.parameter(parameter, &mut parameters)?;
         }
-        let renamed = self.renamed.get(author).map(String::as_str);
-        let name = renamed.unwrap_or(author).to_owned();
+        let name = author.to_owned();
         let place = self.place(prototype.span);
         if !self.stage.structs.has_data(&signature.result) {
             return Err(unsupported("a function cannot return samplers", place));
@@ -179,7 +169,7 @@ impl<'u> Resolver<'_, 'u> {
         };
         let storage = self.stage.qualifiers(qualifier.as_ref())?.storage;
         constant::declare(&mut self.stage.constants, &author, &ty, None, None);
-        let name = self.safe(&author);
+        let name = author.clone();
         let span = place.unwrap_or_default();
         let mut add = |name: &str, ty| {
             out.push(Parameter {

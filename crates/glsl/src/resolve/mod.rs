@@ -33,45 +33,6 @@ use super::ty::{MemoryLayout, Ty};
 use preshade_text::error::Error;
 use preshade_text::options::ClipSpace;
 
-/// Keywords of naga's GLSL that older versions allow as names.
-const RESERVED: &[&str] = &[
-    "sample",
-    "buffer",
-    "shared",
-    "patch",
-    "precise",
-    "coherent",
-    "readonly",
-    "writeonly",
-    "restrict",
-    "volatile",
-    "sampler",
-    "samplerShadow",
-    "texture1D",
-    "texture2D",
-    "texture3D",
-    "textureCube",
-    "texture2DArray",
-    "textureCubeArray",
-    "image2D",
-    "image3D",
-    "smooth",
-    "noperspective",
-    "flat",
-    "centroid",
-    "subroutine",
-    "atomic_uint",
-    "double",
-    "main_1",
-    "resource",
-    "half",
-    "fixed",
-    "common",
-    "partition",
-    "active",
-    "filter",
-];
-
 /// Maximum nodes of a stage's statements. Some statements are repeated for each element.
 const NODES: usize = 1 << 22;
 
@@ -145,21 +106,15 @@ pub(super) struct Resolver<'a, 'u> {
     scopes: Vec<HashMap<String, Var>>,
     /// The texture and sampler of each combined sampler, by path.
     pairs: HashMap<String, Pair>,
-    /// User functions with names of built-in functions.
-    renamed: HashMap<String, String>,
     /// Functions by name and index of the signature.
     functions: HashMap<(String, usize), FunctionId>,
     /// Statements at the start and the end of `main`.
     prologue: Vec<Statement>,
     epilogue: Vec<Statement>,
-    /// The names that the epilogue reads. Locals of `main` may not hide them.
-    last_read: HashSet<String>,
     in_main: bool,
     /// A switch statement follows a jump: its declarations are visible in later cases, without an
     /// initial value.
     unreached: bool,
-    /// The number of scopes when the innermost switch began.
-    switch_scope: Option<usize>,
     /// User functions that the current function calls: name and index of the signature.
     calls: Vec<(String, usize)>,
     /// The current function's result type.
@@ -190,8 +145,6 @@ pub(super) struct Resolver<'a, 'u> {
     written: usize,
     /// Names in use.
     taken: HashSet<String>,
-    /// Number of names derived from each name.
-    numbered: HashMap<String, usize>,
 }
 
 /// Resolves a stage.
@@ -207,14 +160,11 @@ pub(super) fn resolve(
         out: Stage::default(),
         scopes: vec![HashMap::new()],
         pairs: HashMap::new(),
-        renamed: HashMap::new(),
         functions: HashMap::new(),
         prologue: Vec::new(),
         epilogue: Vec::new(),
-        last_read: HashSet::new(),
         in_main: false,
         unreached: false,
-        switch_scope: None,
         calls: Vec::new(),
         result: Ty::Void,
         standins: BTreeMap::new(),
@@ -230,7 +180,6 @@ pub(super) fn resolve(
         offsets: Vec::new(),
         written: 0,
         taken: HashSet::new(),
-        numbered: HashMap::new(),
     };
     resolver.stage()?;
     Ok(resolver.out)
@@ -255,40 +204,13 @@ impl Resolver<'_, '_> {
         }
     }
 
-    /// The author's name, with an underscore if it is a keyword or names a struct.
-    fn safe(&mut self, name: &str) -> String {
-        let is_struct = self.stage.structs.get(name).is_some();
-        match is_struct || RESERVED.contains(&name) || name.contains("__") {
-            true => {
-                let wanted = format!("{}_", name.replace("__", "_"));
-                self.fresh(&wanted)
-            }
-            false => name.to_owned(),
-        }
-    }
-
     /// A name like `wanted` that this stage does not use. The other stage may.
     fn fresh(&mut self, wanted: &str) -> String {
-        let is_free = |this: &mut Self, name: &String| {
-            !this.stage.unit.names.contains(name) && this.taken.insert(name.clone())
-        };
         let mut name = wanted.to_owned();
-        if !self.numbered.contains_key(wanted) && is_free(self, &name) {
-            return name;
+        while self.stage.unit.names.contains(&name) || !self.taken.insert(name.clone()) {
+            name.push('_');
         }
-        let base = wanted.trim_end_matches('_');
-        // Count, so that finding the thousandth name is as fast as the first.
-        loop {
-            let count = self.numbered.entry(wanted.to_owned()).or_default();
-            name = match *count {
-                0 => format!("{base}_"),
-                n => format!("{base}_{}", n + 1),
-            };
-            *count += 1;
-            if is_free(self, &name) {
-                return name;
-            }
-        }
+        name
     }
 
     /// Adds a global, which [`Stage::declared`] must list to be declared.

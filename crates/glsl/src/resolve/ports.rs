@@ -45,7 +45,7 @@ impl Resolver<'_, '_> {
         location: Option<u32>,
         is_output: bool,
     ) -> Result<(), Error> {
-        let name = self.safe(&variable.emitted());
+        let name = variable.emitted();
         let leaves = self.stage.structs.leaf_paths(&variable.ty);
         let is_whole = matches!(&leaves[..], [leaf] if leaf.path.is_empty());
         let target = !self.is_vertex() && is_output;
@@ -87,7 +87,6 @@ impl Resolver<'_, '_> {
         let kind = self.port(variable, location, &rgba, true, &leaf)?;
         let leaf = self.declare(Some(leaf), kind, variable.place);
         let node = self.variable_of(name, &variable.ty);
-        self.last_read.insert(name.to_owned());
         let given = usize::from(variable.ty.components().unwrap_or(1));
         let black = [0, 0, 0, 1].map(Node::int).into_iter().skip(given);
         let whole = Node::construct(&rgba, [node.clone()].into_iter().chain(black).collect());
@@ -113,9 +112,6 @@ impl Resolver<'_, '_> {
             declared.push((self.declare(Some(own), kind, variable.place), leaf));
         }
         let node = self.variable_of(name, &variable.ty);
-        if is_output {
-            self.last_read.insert(name.to_owned());
-        }
         for (own, leaf) in declared {
             let part = leaf.of(&node);
             match is_output {

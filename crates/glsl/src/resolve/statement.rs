@@ -89,7 +89,6 @@ impl Resolver<'_, '_> {
         let mut cases: Vec<Case> = Vec::new();
         self.scopes.push(Default::default());
         let constants = self.stage.constants.clone();
-        let around_switch = self.switch_scope.replace(self.scopes.len());
         let mut reached = true;
         for statement in &s.body {
             if let StatementData::CaseLabel(label) = &statement.content {
@@ -115,7 +114,6 @@ impl Resolver<'_, '_> {
             }
             reached &= !leaves(statement);
         }
-        self.switch_scope = around_switch;
         self.stage.constants = constants;
         self.scopes.pop();
         Ok(S::Switch { selector, cases })
@@ -252,8 +250,7 @@ impl Resolver<'_, '_> {
             // `continue` tests the condition, too.
             IterationStatementData::DoWhile(body, condition) if effect::continues(body) => {
                 let condition = self.asked(condition)?.node;
-                let first = self.fresh("first");
-                let first = self.add_local(first, Ty::BOOL);
+                let first = self.add_local("first", Ty::BOOL);
                 let is_first = Node::local(first);
                 let init = Statement::new(S::Declare(first, Some(Node::bool(true)))).at(place);
                 S::For {
@@ -318,8 +315,7 @@ impl Resolver<'_, '_> {
         match apart {
             // These statements precede the body from the second iteration on.
             Some(e) => {
-                let first = self.fresh("first");
-                let first = self.add_local(first, Ty::BOOL);
+                let first = self.add_local("first", Ty::BOOL);
                 let is_first = Node::local(first);
                 let declared = S::Declare(first, Some(Node::bool(true)));
                 let mut around = vec![Statement::new(declared)];
@@ -451,17 +447,12 @@ impl Resolver<'_, '_> {
         };
         let known = init.filter(|_| constant).and_then(simple);
         constant::declare(&mut self.stage.constants, author, &ty, known, None);
-        let is_of_switch = self.switch_scope == Some(self.scopes.len());
-        let name = match is_of_switch || self.in_main && self.last_read.contains(author) {
-            true => self.fresh(author),
-            false => self.safe(author),
-        };
         let fixed = constant.then_some("a constant");
         if self.scopes.last().is_some_and(|s| s.contains_key(author)) {
             let message = format!("`{author}` is declared twice");
             return Err(Error::new(Code::Parse, message).label_if(place));
         }
-        let local = self.add_local(name, ty.clone());
+        let local = self.add_local(author, ty.clone());
         self.bind(author, Var::plain(Node::local(local), ty).fixed(fixed));
         Ok(Statement::new(S::Declare(local, value)))
     }
