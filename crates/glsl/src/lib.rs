@@ -12,6 +12,7 @@ mod built_ins;
 mod constant;
 mod declared;
 mod formats;
+mod functions;
 mod include;
 mod interface;
 mod lengths;

@@ -1,11 +1,11 @@
 //! Calls of GLSL's functions. `resolve` checks the types of their arguments.
 
 use naga::{
-    Barrier, BinaryOperator as O, DerivativeAxis as Axis, DerivativeControl as Control, Expression,
-    GatherMode, Handle, Literal, MathFunction as F, RelationalFunction, Scalar, ScalarKind, Span,
-    Statement, TypeInner, UnaryOperator, VectorSize,
+    Barrier, BinaryOperator as O, Expression, GatherMode, Handle, Literal, MathFunction as F,
+    RelationalFunction, Scalar, ScalarKind, Span, Statement, TypeInner, UnaryOperator, VectorSize,
 };
 
+use super::super::functions::{self, Meaning};
 use super::super::operations::Subgroup;
 use super::super::tree::Node;
 use super::super::ty::Ty;
@@ -13,48 +13,6 @@ use super::{Body, refused};
 use preshade_text::error::Error;
 
 type Value = Handle<Expression>;
-
-/// Functions that are one of the IR's.
-#[rustfmt::skip]
-const MATH: &[(&str, F)] = &[
-    ("abs", F::Abs), ("acos", F::Acos), ("acosh", F::Acosh), ("asin", F::Asin), ("asinh", F::Asinh),
-    ("atanh", F::Atanh), ("bitCount", F::CountOneBits), ("bitfieldReverse", F::ReverseBits),
-    ("ceil", F::Ceil), ("cos", F::Cos), ("cosh", F::Cosh), ("cross", F::Cross),
-    ("degrees", F::Degrees), ("determinant", F::Determinant), ("distance", F::Distance),
-    ("dot", F::Dot), ("exp", F::Exp), ("exp2", F::Exp2), ("faceforward", F::FaceForward),
-    ("findLSB", F::FirstTrailingBit), ("findMSB", F::FirstLeadingBit), ("floor", F::Floor),
-    ("fma", F::Fma), ("fract", F::Fract), ("inverse", F::Inverse),
-    ("inversesqrt", F::InverseSqrt), ("ldexp", F::Ldexp), ("length", F::Length), ("log", F::Log),
-    ("log2", F::Log2), ("normalize", F::Normalize), ("packHalf2x16", F::Pack2x16float),
-    ("packSnorm2x16", F::Pack2x16snorm), ("packSnorm4x8", F::Pack4x8snorm),
-    ("packUnorm2x16", F::Pack2x16unorm), ("packUnorm4x8", F::Pack4x8unorm), ("pow", F::Pow),
-    ("radians", F::Radians), ("reflect", F::Reflect), ("refract", F::Refract), ("round", F::Round),
-    ("roundEven", F::Round), ("sign", F::Sign), ("sin", F::Sin), ("sinh", F::Sinh),
-    ("sqrt", F::Sqrt), ("tan", F::Tan), ("tanh", F::Tanh), ("transpose", F::Transpose),
-    ("trunc", F::Trunc), ("unpackHalf2x16", F::Unpack2x16float),
-    ("unpackSnorm2x16", F::Unpack2x16snorm), ("unpackSnorm4x8", F::Unpack4x8snorm),
-    ("unpackUnorm2x16", F::Unpack2x16unorm), ("unpackUnorm4x8", F::Unpack4x8unorm),
-];
-
-/// Derivatives.
-#[rustfmt::skip]
-const DERIVATIVES: &[(&str, Axis, Control)] = &[
-    ("dFdx", Axis::X, Control::None), ("dFdxCoarse", Axis::X, Control::Coarse),
-    ("dFdxFine", Axis::X, Control::Fine), ("dFdy", Axis::Y, Control::None),
-    ("dFdyCoarse", Axis::Y, Control::Coarse), ("dFdyFine", Axis::Y, Control::Fine),
-    ("fwidth", Axis::Width, Control::None), ("fwidthCoarse", Axis::Width, Control::Coarse),
-    ("fwidthFine", Axis::Width, Control::Fine),
-];
-
-/// Operators of vectors that GLSL writes as functions.
-const OPERATORS: &[(&str, O)] = &[
-    ("equal", O::Equal),
-    ("greaterThan", O::Greater),
-    ("greaterThanEqual", O::GreaterEqual),
-    ("lessThan", O::Less),
-    ("lessThanEqual", O::LessEqual),
-    ("notEqual", O::NotEqual),
-];
 
 impl<'s> Body<'_, 's> {
     pub(super) fn built_in_call(
@@ -149,32 +107,28 @@ impl<'s> Body<'_, 's> {
             "min" | "max" | "step" | "mix" | "clamp" | "smoothstep" => {
                 self.splatted_math(name, values, span)
             }
-            _ => {
-                if let Some((_, op)) = OPERATORS.iter().find(|(word, _)| *word == name)
-                    && let [left, right] = values[..]
-                {
-                    let op = *op;
-                    return self.add(Expression::Binary { op, left, right }, span);
+            _ => match functions::meaning(name) {
+                Some(Meaning::Math(fun)) => {
+                    let found = self.math(fun, &values, span)?;
+                    let is_uint = self.ty(first)?.scalar_kind() == Some(ScalarKind::Uint);
+                    match matches!(fun, F::FirstTrailingBit | F::FirstLeadingBit) && is_uint {
+                        true => self.cast(found, Scalar::I32, span),
+                        false => Ok(found),
+                    }
                 }
-                let derivative = DERIVATIVES.iter().find(|(word, ..)| *word == name);
-                if let Some((_, axis, ctrl)) = derivative {
-                    let derivative = Expression::Derivative {
-                        axis: *axis,
-                        ctrl: *ctrl,
-                        expr: first,
-                    };
-                    return self.add(derivative, span);
+                Some(Meaning::Derivative(axis, ctrl)) => {
+                    let expr = first;
+                    self.add(Expression::Derivative { axis, ctrl, expr }, span)
                 }
-                let Some((_, fun)) = MATH.iter().find(|(word, _)| *word == name) else {
-                    return Err(refused(&format!("no `{name}` takes these arguments"), span));
-                };
-                let found = self.math(*fun, &values, span)?;
-                let is_uint = self.ty(first)?.scalar_kind() == Some(ScalarKind::Uint);
-                match matches!(fun, F::FirstTrailingBit | F::FirstLeadingBit) && is_uint {
-                    true => self.cast(found, Scalar::I32, span),
-                    false => Ok(found),
+                Some(Meaning::Operator(op)) => {
+                    let right = *values.last().unwrap_or(&first);
+                    let left = first;
+                    self.add(Expression::Binary { op, left, right }, span)
                 }
-            }
+                Some(Meaning::Other) | None => {
+                    Err(refused(&format!("no `{name}` takes these arguments"), span))
+                }
+            },
         }
     }
 

@@ -55,41 +55,7 @@ impl<'s> Builder<'s> {
                     span,
                 ))
             }
-            GlobalKind::Handle {
-                ty,
-                lengths,
-                binding,
-                format,
-                access,
-            } => {
-                within(binding.group, span)?;
-                within(binding.binding, span)?;
-                let mut ty = ty.clone();
-                ty.is_depth |= self.depth.has_global(id);
-                if ty.name.contains("image") && format.is_none() {
-                    return Err(refused(
-                        "an image needs a format, as in `layout(rgba8)`",
-                        span,
-                    ));
-                }
-                let mut ty = self.handle(&ty, *format, *access, span)?;
-                for length in lengths.iter().rev() {
-                    let size = match length {
-                        Some(n) => array_size(*n, span)?,
-                        None => naga::ArraySize::Dynamic,
-                    };
-                    ty = self.insert(TypeInner::BindingArray { base: ty, size });
-                }
-                Ok(self.variable(
-                    GlobalVariable {
-                        name: name.clone(),
-                        space: AddressSpace::Handle,
-                        binding: Some(*binding),
-                        ..plain(ty)
-                    },
-                    span,
-                ))
-            }
+            GlobalKind::Handle { .. } => self.resource(id, global),
             GlobalKind::Port {
                 ty,
                 is_output,
@@ -155,6 +121,44 @@ impl<'s> Builder<'s> {
                 Ok(Declared::Override(self.module.overrides.append(of, span)))
             }
         }
+    }
+
+    /// A texture, sampler or image.
+    fn resource(&mut self, id: GlobalId, global: &Global) -> Result<Declared, Error> {
+        let span = global.span;
+        let GlobalKind::Handle {
+            ty,
+            lengths,
+            binding,
+            format,
+            access,
+        } = &global.kind
+        else {
+            return Err(refused("this is not a texture", span));
+        };
+        within(binding.group, span)?;
+        within(binding.binding, span)?;
+        let mut ty = ty.clone();
+        ty.is_depth |= self.depth.has_global(id);
+        if ty.name.contains("image") && format.is_none() {
+            let message = "an image needs a format, as in `layout(rgba8)`";
+            return Err(refused(message, span));
+        }
+        let mut ty = self.handle(&ty, *format, *access, span)?;
+        for length in lengths.iter().rev() {
+            let size = match length {
+                Some(n) => array_size(*n, span)?,
+                None => naga::ArraySize::Dynamic,
+            };
+            ty = self.insert(TypeInner::BindingArray { base: ty, size });
+        }
+        let variable = GlobalVariable {
+            name: global.name.clone(),
+            space: AddressSpace::Handle,
+            binding: Some(*binding),
+            ..plain(ty)
+        };
+        Ok(self.variable(variable, span))
     }
 
     fn variable(&mut self, variable: GlobalVariable, span: Span) -> Declared {

@@ -3,6 +3,7 @@
 use glsl_lang::ast::{self, Expr, ExprData, FunIdentifierData};
 use naga::{BinaryOperator, Span, UnaryOperator};
 
+use super::super::functions;
 use super::super::operations::{self, Atomic, Subgroup};
 use super::super::stage::{Signature, Storage, spelled, unsupported};
 use super::super::tree::{FunctionId, Kind, Node};
@@ -251,7 +252,7 @@ impl Resolver<'_, '_> {
         signatures: &[Signature],
         arguments: &[Expr],
     ) -> Result<bool, Error> {
-        let own = builtin::is_known(name) || texture::function(name).is_some();
+        let own = functions::meaning(name).is_some() || texture::function(name).is_some();
         if !own {
             return Ok(false);
         }
@@ -763,7 +764,7 @@ fn replacement(name: &str, values: &[Node], first: Option<&Ty>, result: &Ty) -> 
 /// Rejects built-in functions that WebGPU or the IR lacks.
 fn check_supported(name: &str, place: Option<Span>) -> Result<(), Error> {
     unsupported::refuse(name, place)?;
-    match builtin::is_known(name) || name.starts_with("image") {
+    match functions::meaning(name).is_some() || name.starts_with("image") {
         true => Ok(()),
         false => Err(unsupported(format!("there is no function `{name}`"), place)),
     }
