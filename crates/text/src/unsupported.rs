@@ -60,7 +60,7 @@ const INTERLOCK_REMEDY: &str = "blend, or draw the layers in passes of their own
 const COMPUTE: &str = "it belongs to compute shaders";
 const FIXED: &str = "it depends on OpenGL's fixed functions";
 const RATES: &str = "WebGPU has no variable shading rate";
-const PARAMETERS: &str = "naga's GLSL parser cannot express it";
+const PARAMETERS: &str = "preshade does not read it";
 
 #[rustfmt::skip]
 const ABSENT: &[Absent] = &[

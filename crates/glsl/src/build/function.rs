@@ -174,7 +174,7 @@ impl<'s> Body<'_, 's> {
     /// Makes globals of the built-in variables that are first used here.
     fn register(&mut self, node: &'s Node) -> Result<(), Error> {
         let mut own = Vec::new();
-        fn visit<'n>(node: &'n Node, own: &mut Vec<&'static OwnVariable>) {
+        fn visit(node: &Node, own: &mut Vec<&'static OwnVariable>) {
             if let Kind::BuiltIn(of) = *node.kind {
                 own.push(of);
             }

@@ -74,7 +74,7 @@ impl<'s> Body<'_, 's> {
         mut right: Handle<Expression>,
         span: Span,
     ) -> Result<Handle<Expression>, Error> {
-        let [from, to] = [left, right].map(|e| self.ty(e).map(|ty| scalar_of(ty)));
+        let [from, to] = [left, right].map(|e| self.ty(e).map(scalar_of));
         if let (Some(a), Some(b)) = (from?, to?)
             && let (Some(x), Some(y)) = (power(a), power(b))
         {

@@ -223,11 +223,10 @@ impl Resolver<'_, '_> {
     fn opaque(&mut self, variable: &Variable) -> Result<(), Error> {
         let of = variable.ty.base_name();
         if matches!(variable.ty, Ty::Array(..)) && of.contains("image") {
-            return Err(unsupported(
-                "arrays of images are not supported: naga's GLSL parser reads no format of them",
-                variable.place,
-            )
-            .note("declare an image for each element, or one with layers (`image2DArray`)"));
+            return Err(
+                unsupported("arrays of images are not supported", variable.place)
+                    .note("declare an image for each element, or one with layers (`image2DArray`)"),
+            );
         }
         let slot = self.interface.opaque.get(&variable.name).copied();
         let name = variable.name.clone();

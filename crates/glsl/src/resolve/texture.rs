@@ -177,7 +177,7 @@ impl<'a> TextureShape<'a> {
             .zip(&wanted)
             .all(|(given, wanted)| given == wanted);
         let is_bias = rest.len() == wanted.len() + 1 && bias;
-        let last = given.last();
+        let last = rest.last().map(|ex| &ex.ty);
         fits && (rest.len() == wanted.len() || is_bias && last == Some(&Ty::FLOAT))
     }
 
