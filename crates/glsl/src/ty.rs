@@ -86,7 +86,7 @@ pub(super) enum Ty {
     Combined(String),
     /// Another opaque type by name: `texture2D`, `sampler`, `image2D`.
     Opaque(String),
-    /// A type that only naga knows.
+    /// A type that is not known here.
     Unknown,
 }
 
@@ -351,7 +351,7 @@ impl Structs {
             })
     }
 
-    /// Whether naga's layout of the declared type matches std430. naga lays structs out by std140,
+    /// Whether the declared type lies as by std430. `build` lays structs out by std140,
     /// and structs that are also in a uniform block have padding and [`stored`] members.
     pub(super) fn is_std430(&self, ty: &Ty) -> bool {
         match ty {
@@ -605,8 +605,8 @@ impl Structs {
         }
     }
 
-    /// naga's alignment of the type. It does not round a struct's up to 16.
-    fn naga_align(&self, ty: &Ty) -> u32 {
+    /// The alignment that `build` gives the type. It does not round a struct's up to 16.
+    fn built_align(&self, ty: &Ty) -> u32 {
         match ty {
             Ty::Struct(name) => {
                 let members = self
@@ -614,7 +614,7 @@ impl Structs {
                     .map(|s| s.members.as_slice())
                     .unwrap_or_default();
                 let members = members.iter().filter(|m| self.has_data(&m.ty));
-                members.map(|m| self.naga_align(&m.ty)).max().unwrap_or(4)
+                members.map(|m| self.built_align(&m.ty)).max().unwrap_or(4)
             }
             other => self.std140(other).0,
         }
@@ -633,7 +633,7 @@ impl Structs {
         for member in members.iter().filter(|m| self.has_data(&m.ty)) {
             let (align, size) = self.std140(&member.ty);
             let at = end.next_multiple_of(align);
-            let naga = self.naga_align(&member.ty);
+            let naga = self.built_align(&member.ty);
             largest = largest.max(naga);
             if end.next_multiple_of(naga) != at {
                 out.extend((0..(at - end) / 4).map(|_| BlockEntry::Padding));
@@ -697,7 +697,7 @@ impl Structs {
         }
     }
 
-    /// Marks structs as `in_uniform_block` that naga always lays out as in a block: those with
+    /// Marks structs as `in_uniform_block` that `build` lays out as in a block in any case: those with
     /// arrays of small elements or two-row matrices.
     pub(super) fn mark_small_elements(&mut self) {
         for of in self.by_name.values_mut().filter(|of| !of.tight) {
@@ -716,7 +716,7 @@ pub(super) enum Rules {
     Std140,
     /// No `bool`.
     Std430,
-    /// A struct in std430. naga first lays it out by std140. No two-row matrices.
+    /// A struct in std430, which `build` first lays out by std140. No two-row matrices.
     Std430Struct,
 }
 

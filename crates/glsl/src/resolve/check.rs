@@ -1,5 +1,5 @@
-//! Checks types and reports errors in GLSL's terms: naga's errors print type handles. naga checks
-//! types that are unknown here.
+//! Checks types and reports errors in GLSL's terms. The validator checks types that are unknown
+//! here.
 
 use glsl_lang::ast::BinaryOpData as B;
 use naga::Span;
@@ -21,7 +21,7 @@ pub(super) fn a(ty: &Ty) -> String {
     }
 }
 
-/// Whether only naga knows the type.
+/// Whether the type is not known here.
 fn is_open(ty: &Ty) -> bool {
     match ty {
         Ty::Unknown | Ty::Opaque(_) => true,
@@ -228,7 +228,7 @@ impl Resolver<'_, '_> {
         }
         let matrices = given.iter().any(|t| matches!(t, Ty::Matrix(..)));
         if matrices {
-            // A single matrix is resized. naga checks the others.
+            // A single matrix is resized. The validator checks the others.
             return Ok(());
         }
         if matches!(ty, Ty::Scalar(_)) {

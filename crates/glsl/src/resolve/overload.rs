@@ -15,7 +15,7 @@ pub(super) enum Conversion {
     IntToFloat,
     IntToDouble,
     Other,
-    /// The type is only known to naga.
+    /// The type is not known here.
     Open,
 }
 
