@@ -19,9 +19,9 @@ use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 use preshade_plan::state::MaterialState;
-use preshade_text::error::Color;
-use preshade_text::files;
-use preshade_text::options;
+use shader_text::error::Color;
+use shader_text::files;
+use shader_text::options;
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 
@@ -222,7 +222,7 @@ fn time(step: &str, made: &Made) -> Result<f64> {
             black_box(Program::new(
                 module,
                 Default::default(),
-                preshade_text::source::Language::Wgsl,
+                shader_text::source::Language::Wgsl,
             ))?;
             Ok(())
         }),

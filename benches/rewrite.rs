@@ -20,8 +20,8 @@ use preshade_passes::transforms::hoist::{self, Candidates, Hoist, HoistStages};
 use preshade_plan::pass::{Facts, Pass, Refusal};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
-use preshade_text::error::Color;
-use preshade_text::options;
+use shader_text::error::Color;
+use shader_text::options;
 
 const RUNS: usize = 20;
 

@@ -13,8 +13,8 @@ use preshade_draw::capture::{self, Choice, check};
 use preshade_draw::render::{AdapterChoice, Gpu};
 use preshade_frames::folder::Capture;
 use preshade_lab::measure::record::Picture;
-use preshade_text::limits::Limits;
 use serde_json::{Value, json};
+use shader_text::limits::Limits;
 
 fn main() -> ExitCode {
     let (mut adapter, mut pictures, mut folders) = (AdapterChoice::Best, None, Vec::new());

@@ -10,7 +10,7 @@ use preshade_compiler::pipeline::{Shader, rewrite};
 use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::state::MaterialState;
-use preshade_text::options::Options;
+use shader_text::options::Options;
 
 fn main() -> Result<(), Box<dyn Error>> {
     let arguments: Vec<String> = std::env::args().skip(1).collect();

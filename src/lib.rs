@@ -53,11 +53,11 @@ pub use preshade_plan::plan::{BindingSource, BindingUse, GpuPass, Plan};
 #[cfg(feature = "compiler")]
 pub use preshade_plan::state::{ColorTarget, CullMode, MaterialState};
 #[cfg(feature = "compiler")]
-pub use preshade_text::files::File;
+pub use shader_text::files::File;
 #[cfg(feature = "compiler")]
-pub use preshade_text::options::Options;
+pub use shader_text::options::Options;
 #[cfg(feature = "compiler")]
-pub use preshade_text::source::Language;
+pub use shader_text::source::Language;
 
 #[cfg(feature = "verify")]
 pub use preshade_draw::render::{AdapterChoice, Gpu};

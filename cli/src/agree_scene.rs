@@ -113,7 +113,7 @@ impl SceneArgs {
                 );
             }
         }
-        let written = preshade_text::files::write(folder, &files)
+        let written = shader_text::files::write(folder, &files)
             .map_err(|e| Failure(format!("error: {e}")))?;
         for path in written {
             output::message(&format!("wrote {}", path.display()));

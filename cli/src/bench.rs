@@ -16,8 +16,8 @@ use preshade_plan::plan::{
 };
 use preshade_plan::reflect;
 use preshade_plan::state::{CompareFunction, CullMode, DepthBias, MaterialState};
-use preshade_text::options::Options;
 use serde::Serialize;
+use shader_text::options::Options;
 
 use crate::verify::parse_seconds;
 use crate::view::parse_size;
@@ -322,7 +322,7 @@ fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
         ..Options::default()
     };
     let parsed = front::parse(&[source], &options)
-        .map_err(|e| Failure(e.render(preshade_text::error::Color::Never)))?;
+        .map_err(|e| Failure(e.render(shader_text::error::Color::Never)))?;
     let numbers = |n: f64| Value::Numbers(vec![n]);
     let values = BTreeMap::from([
         ("p.n".to_owned(), numbers(f64::from(stack.grid))),

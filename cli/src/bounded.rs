@@ -5,7 +5,7 @@
 use std::sync::{Mutex, OnceLock, PoisonError};
 use std::time::{Duration, Instant};
 
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 use crate::{output, worker};
 

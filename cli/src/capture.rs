@@ -13,8 +13,8 @@ use preshade_frames::folder::{Capture, file_of, is_folder};
 use preshade_frames::page::{RECORDER, bookmarklet};
 use preshade_frames::pass::passes;
 use preshade_frames::trace::{self, Found, Wanted};
-use preshade_text::limits::Limits;
 use serde_json::Value;
+use shader_text::limits::Limits;
 
 use crate::limits::LimitArgs;
 use crate::{Ending, Failure, output};

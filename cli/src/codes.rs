@@ -7,15 +7,15 @@ use preshade_draw::{capture, render, scene};
 use preshade_lab::measure;
 use preshade_passes::{PASSES, pass_named, refusals};
 use preshade_plan::contract::Assumption;
-use preshade_text::nearest::nearest;
-use preshade_text::refusals::RefusalInfo;
+use shader_text::nearest::nearest;
+use shader_text::refusals::RefusalInfo;
 
 use crate::Failure;
 
 /// The codes of errors, then those of refusals.
 fn infos() -> impl Iterator<Item = &'static RefusalInfo> {
     let errors = [
-        preshade_text::codes::REFUSALS,
+        shader_text::codes::REFUSALS,
         emit::codes::REFUSALS,
         lock::codes::REFUSALS,
         scene::codes::REFUSALS,

@@ -16,13 +16,13 @@ use clap::builder::{BoolishValueParser, TypedValueParser};
 use clap::error::{ContextKind, ContextValue};
 use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Command};
-use preshade_text::limits::Limits;
-use preshade_text::nearest::nearest;
-use preshade_text::regular;
+use shader_text::limits::Limits;
+use shader_text::nearest::nearest;
+use shader_text::regular;
 use toml::{Table, Value};
 
 use crate::{Failure, output, worker};
-use preshade_text::nearest::unknown;
+use shader_text::nearest::unknown;
 
 /// The file that is read if it exists.
 pub const FILE: &str = "preshade.toml";

@@ -6,7 +6,7 @@ use std::fs;
 use std::io::ErrorKind;
 use std::path::{Path, PathBuf};
 
-use preshade_text::files;
+use shader_text::files;
 
 use crate::{Failure, output};
 
@@ -39,7 +39,7 @@ pub fn write(path: &Path, rules: &[Rule]) -> Result<(), Failure> {
         name: name.to_string_lossy().into_owned(),
         bytes: text.into_bytes(),
     };
-    preshade_text::files::write(folder.unwrap_or(Path::new(".")), &[file])
+    shader_text::files::write(folder.unwrap_or(Path::new(".")), &[file])
         .map(|_| ())
         .map_err(|e| Failure(format!("error: {e}")))
 }

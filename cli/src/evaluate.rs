@@ -16,7 +16,7 @@ use preshade_lab::jobs::{
 };
 use preshade_lab::measure::record::Report;
 use preshade_plan::contract::Verdict;
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 use crate::output::{self, ProgressLine};
 use crate::{Ending, Failure, merge, verify, worker};
@@ -146,7 +146,7 @@ fn note_machine(out: &Path, cards: &[Card]) -> Result<(), Failure> {
     let host = host();
     let text = serde_json::to_string_pretty(&Machine::new(&host, cards))? + "\n";
     let file = out.join(format!("{}{MACHINES}", plain(&host)));
-    preshade_text::files::write_file(&file, text.into_bytes())
+    shader_text::files::write_file(&file, text.into_bytes())
         .map_err(|e| Failure(format!("error: {e}")))
 }
 
@@ -603,7 +603,7 @@ impl Runner<'_> {
             result,
         };
         let text = serde_json::to_string_pretty(&outcome)? + "\n";
-        preshade_text::files::write_file(&task.file, text.into_bytes())
+        shader_text::files::write_file(&task.file, text.into_bytes())
             .map_err(|e| Failure(format!("error: {e}")))
     }
 

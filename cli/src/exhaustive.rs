@@ -12,7 +12,7 @@ use preshade_lab::search::plan::model::Observation;
 use preshade_lab::search::{candidates, plan as decide};
 use preshade_plan::budget::Budget;
 use preshade_plan::pass::Facts;
-use preshade_text::files;
+use shader_text::files;
 
 use crate::evaluate::{self, Settings};
 use crate::input::ShaderArgs;
@@ -135,7 +135,7 @@ fn probes(
     }
     let (_, probes) = decide::probes::fit(&open()?, &mut |_| ())?;
     let bytes = serde_json::to_vec(&probes)?;
-    preshade_text::files::write_file(file, bytes).map_err(|e| Failure(format!("error: {e}")))?;
+    shader_text::files::write_file(file, bytes).map_err(|e| Failure(format!("error: {e}")))?;
     Ok(probes)
 }
 
@@ -211,7 +211,7 @@ pub fn run(args: &PlanArgs, inputs: &[Job]) -> Result<Ending, Failure> {
             bytes: text.into_bytes(),
         };
         let files = [file("regret.json", json), file("regret.csv", csv)];
-        preshade_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        shader_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
         Ok(())
     };
     output::both(printed, written(), args.out.as_deref())?;

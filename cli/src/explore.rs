@@ -13,8 +13,8 @@ use preshade_lab::{measure, report};
 use preshade_passes::transforms::specialize::Params;
 use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::contract::Verdict;
-use preshade_text::files::File;
-use preshade_text::limits::Limits;
+use shader_text::files::File;
+use shader_text::limits::Limits;
 
 use crate::input::ShaderArgs;
 use crate::variants::VariantArgs;
@@ -375,7 +375,7 @@ fn one(args: &ExploreArgs, shader: &ShaderArgs, out: Option<&Path>) -> Result<En
             file("report.json", json),
             file("report.csv", csv),
         ];
-        preshade_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        shader_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
         output::message(&format!("wrote {}", dir.join("report.html").display()));
         Ok(())
     };

@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 
 use clap::builder::{PathBufValueParser, TypedValueParser};
 use naga::{Binding, ShaderStage};
+use naga_edit::interface;
 use preshade_compiler::command::material::{define, name_of, reads_facing};
 use preshade_compiler::emit::Target;
 use preshade_compiler::front::{self, Source};
@@ -14,14 +15,13 @@ use preshade_draw::render::{AdapterChoice, Gpu, Rendered};
 use preshade_draw::scene::{self, Material, Scene, Variable, Variables};
 use preshade_frames::file::Api;
 use preshade_frames::folder::Capture;
-use preshade_ir::interface;
 use preshade_lab::measure;
 use preshade_lab::measure::record::Pictures;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{CullMode, MaterialState};
-use preshade_text::source::Language;
-use preshade_text::{options, regular};
+use shader_text::source::Language;
+use shader_text::{options, regular};
 
 use crate::limits::LimitArgs;
 use crate::state::StateArgs;
@@ -317,7 +317,7 @@ impl ShaderArgs {
             let options = self.options();
             options.map(|o| front::parse(&sources, &o))
         });
-        matches!(parsed, Ok(Ok(Err(e))) if e.code() == preshade_text::error::Code::NoEntryPoint)
+        matches!(parsed, Ok(Ok(Err(e))) if e.code() == shader_text::error::Code::NoEntryPoint)
     }
 
     /// Whether stdin is among the files.
@@ -490,7 +490,7 @@ impl ShaderArgs {
             pictures.variant.file("frame.replay.png")?,
             pictures.difference.file("frame.difference.png")?,
         ];
-        preshade_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        shader_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
         Ok(())
     }
 
@@ -593,9 +593,9 @@ impl ShaderArgs {
             let two_materials = !self.files.iter().all(|f| materials::is_stage(f))
                 && matches!(
                     e.code(),
-                    preshade_text::error::Code::Link
-                        | preshade_text::error::Code::Sources
-                        | preshade_text::error::Code::AmbiguousEntryPoint
+                    shader_text::error::Code::Link
+                        | shader_text::error::Code::Sources
+                        | shader_text::error::Code::AmbiguousEntryPoint
                 );
             if self.files.len() > 2 || self.files.len() == 2 && two_materials {
                 told = format!("{}\n = {EACH_ITS_OWN}", told.trim_end());
@@ -613,7 +613,7 @@ impl ShaderArgs {
             include: self.glsl.include.clone(),
             clip_space: self.glsl.clip_space(),
             limits: self.limits.limits(),
-            ..preshade_text::options::Options::default()
+            ..shader_text::options::Options::default()
         })
     }
 
@@ -718,11 +718,11 @@ fn decoded(name: String, bytes: Vec<u8>) -> Result<Source, Failure> {
     Source::from_bytes(name, bytes).map_err(|e| Failure(format!("error: {shown}: {e}")))
 }
 
-fn color() -> preshade_text::error::Color {
+fn color() -> shader_text::error::Color {
     if crate::color_on_stderr() {
-        preshade_text::error::Color::Always
+        shader_text::error::Color::Always
     } else {
-        preshade_text::error::Color::Never
+        shader_text::error::Color::Never
     }
 }
 

@@ -6,7 +6,7 @@ use preshade_lab::measure::Verified;
 use preshade_lab::measure::record::{Chosen, Report, Unfinished, VariantReport};
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::{Contract, Verdict};
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 use crate::saved_results::Keeper;
 use crate::{Failure, worker};

@@ -1,7 +1,7 @@
 //! `--limits` and `--allow-outside`: limits on input from strangers.
 
 use preshade_draw::scene::{Access, Outside};
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 /// Limits on input.
 #[derive(Clone, Default, clap::Args)]

@@ -13,8 +13,8 @@ use clap::parser::ValueSource;
 use clap::{ColorChoice, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 use config::{Arguments, Config};
 use preshade_draw::render::NOT_MEASURED;
-use preshade_text::limits::Limits;
-use preshade_text::nearest::unknown;
+use shader_text::limits::Limits;
+use shader_text::nearest::unknown;
 use watch::Reads;
 
 mod adapters;

@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap_mangen::Man;
-use preshade_text::files::File;
+use shader_text::files::File;
 
 use crate::{Ending, Failure, output};
 
@@ -61,7 +61,7 @@ pub fn run(args: &ManArgs, mut command: clap::Command) -> Result<Ending, Failure
         pages.push(of(sub)?);
     }
     for path in
-        preshade_text::files::write(folder, &pages).map_err(|e| Failure(format!("error: {e}")))?
+        shader_text::files::write(folder, &pages).map_err(|e| Failure(format!("error: {e}")))?
     {
         output::message(&format!("wrote {}", path.display()));
     }

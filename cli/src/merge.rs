@@ -7,7 +7,7 @@ use preshade_lab::jobs::{
 };
 use preshade_lab::report;
 use preshade_lab::search::plan::regret::Choosing;
-use preshade_text::files;
+use shader_text::files;
 
 use crate::evaluate::{self, EXTENSION, MACHINES};
 use crate::{Ending, Failure, Table, output, verify};
@@ -68,7 +68,7 @@ pub fn run(args: &MergeArgs) -> Result<Ending, Failure> {
     }
     let json = results.to_json()?;
     if let Some(path) = &args.out {
-        preshade_text::files::write_file(path, json.clone().into_bytes())
+        shader_text::files::write_file(path, json.clone().into_bytes())
             .map_err(|e| Failure(format!("error: {e}")))?;
         output::message(&format!("wrote {}", path.display()));
     }
@@ -79,7 +79,7 @@ pub fn run(args: &MergeArgs) -> Result<Ending, Failure> {
             name: "index.html".to_owned(),
             bytes: report::html::merged::page(&results, &regrets, &command)?.into_bytes(),
         };
-        preshade_text::files::write(dir, &[page]).map_err(|e| Failure(format!("error: {e}")))?;
+        shader_text::files::write(dir, &[page]).map_err(|e| Failure(format!("error: {e}")))?;
         output::message(&format!("wrote {}", dir.join("index.html").display()));
     }
     match args.format {

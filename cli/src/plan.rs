@@ -21,7 +21,7 @@ use preshade_passes::transforms::specialize;
 use preshade_plan::budget::Budget;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
-use preshade_text::{files, regular};
+use shader_text::{files, regular};
 
 use crate::input::{self, FrameArgs, ShaderArgs, unread};
 use crate::limits::LimitArgs;
@@ -448,7 +448,7 @@ pub fn model(
     })?;
     if let Some(path) = &args.model {
         let json = model.to_json()? + "\n";
-        preshade_text::files::write_file(path, json.into_bytes()).map_err(|e| told(path, &e))?;
+        shader_text::files::write_file(path, json.into_bytes()).map_err(|e| told(path, &e))?;
         bar.suspend(|| output::message(&format!("wrote {}", path.display())));
     }
     Ok((model, observations))
@@ -650,7 +650,7 @@ impl Planned<'_> {
             told("report.csv", report::csv::decision(self.decision)),
             told("report.html", page),
         ];
-        preshade_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        shader_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
         let mut written = files.len();
         let (authored, target) = (self.authored()?, self.shader.target());
         for (folder, plan) in self.decision.folders() {
@@ -663,7 +663,7 @@ impl Planned<'_> {
             let versions = measure::versions(self.session.scene(), &plans);
             files.extend(versions.iter().map(emit::versions));
             written += files.len();
-            preshade_text::files::write(&dir.join(folder), &files)
+            shader_text::files::write(&dir.join(folder), &files)
                 .map_err(|e| Failure(format!("error: {e}")))?;
         }
         output::message(&format!("wrote {written} files to {}", dir.display()));

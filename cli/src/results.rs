@@ -12,8 +12,8 @@ use preshade_lab::measure;
 use preshade_lab::report::fleet;
 use preshade_plan::budget::Budget;
 use preshade_plan::plan::Plan;
-use preshade_text::files;
-use preshade_text::nearest::unknown;
+use shader_text::files;
+use shader_text::nearest::unknown;
 
 use crate::input::{self, ShaderArgs};
 use crate::materials::{self, Job};
@@ -257,7 +257,7 @@ impl To<'_> {
                 bytes: text.into_bytes(),
             };
             let files = [file(name, json), file("report.csv", csv)];
-            preshade_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+            shader_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
             output::message(&format!("wrote {}", dir.join(name).display()));
             Ok(())
         };
@@ -308,7 +308,7 @@ fn write(shader: &ShaderArgs, decision: &FleetDecision, out: &Path) -> Result<()
         let versions = measure::versions(scene, &plans);
         files.extend(versions.iter().map(emit::versions));
     }
-    preshade_text::files::write(out, &files).map_err(|e| Failure(format!("error: {e}")))?;
+    shader_text::files::write(out, &files).map_err(|e| Failure(format!("error: {e}")))?;
     output::message(&format!(
         "wrote {} to {}",
         output::count(files.len(), "file"),

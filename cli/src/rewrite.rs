@@ -17,16 +17,16 @@ use preshade_lab::measure::{self, validate_on};
 use preshade_passes::{PASSES, pass_named};
 use preshade_plan::pass::Refusal;
 use preshade_plan::plan::{Plan, Role};
-use preshade_text::files::File;
 use preshade_validate::{By, Effort, validate_by};
 use rayon::prelude::*;
+use shader_text::files::File;
 
 use crate::input::{Materials, ShaderArgs};
 use crate::materials::{self, Chosen, Job, Sum};
 use crate::rewritten::{Made, Times};
 use crate::watch::Reads;
 use crate::{Ending, Failure, Format, depfile, output};
-use preshade_text::nearest::unknown;
+use shader_text::nearest::unknown;
 
 /// Arguments of `rewrite`.
 #[derive(clap::Args)]
@@ -402,7 +402,7 @@ impl<'a> Run<'a> {
 /// Writes the files of one job, reports the changed ones, and returns their number.
 fn write(folder: &Path, files: Vec<File>, format: Format, jobs: usize) -> Result<usize, Failure> {
     let changed =
-        preshade_text::files::write(folder, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        shader_text::files::write(folder, &files).map_err(|e| Failure(format!("error: {e}")))?;
     if format == Format::Human {
         for path in &changed {
             output::message(&format!("wrote {}", path.display()));
@@ -621,7 +621,7 @@ fn texts(plan: &Plan) -> String {
 /// Checks that a material's name is valid in file names, and does not lead out of the folder.
 pub fn check_name(material: &str) -> Result<(), Failure> {
     // A build script could not use a lock with such a name.
-    if !preshade_text::files::is_material_name(material) {
+    if !shader_text::files::is_material_name(material) {
         return Err(Failure(format!(
             "error: `{material}` cannot begin a file name: give another with --name"
         )));

@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use preshade_compiler::command::rewrite::Rewritten;
-use preshade_text::files;
+use shader_text::files;
 
 /// The result of a job, before anything is written.
 #[derive(Default)]

@@ -4,7 +4,7 @@ use std::path::{Path, PathBuf};
 
 use preshade_lab::measure::record::{Unfinished, partial_report};
 use preshade_lab::search::plan::partial_results;
-use preshade_text::files::File;
+use shader_text::files::File;
 
 use crate::{Failure, output};
 
@@ -38,7 +38,7 @@ impl Keeper {
             name: name.to_owned(),
             bytes: text.into_bytes(),
         };
-        match preshade_text::files::write(folder, &[file]) {
+        match shader_text::files::write(folder, &[file]) {
             Ok(_) => {
                 if !self.written.iter().any(|w| w == name) {
                     self.written.push(name.to_owned());

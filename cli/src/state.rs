@@ -8,8 +8,8 @@ use preshade_draw::scene::Scene;
 use preshade_plan::state::{
     CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState, Topology,
 };
-use preshade_text::limits::Limits;
-use preshade_text::regular;
+use shader_text::limits::Limits;
+use shader_text::regular;
 
 use crate::Failure;
 use crate::input::unread;

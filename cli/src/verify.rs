@@ -495,8 +495,8 @@ fn told(
     })
 }
 
-fn file(name: &str, text: String) -> preshade_text::files::File {
-    preshade_text::files::File {
+fn file(name: &str, text: String) -> shader_text::files::File {
+    shader_text::files::File {
         name: name.to_owned(),
         bytes: text.into_bytes(),
     }
@@ -505,7 +505,7 @@ fn file(name: &str, text: String) -> preshade_text::files::File {
 /// Writes the files and the pictures to the folder of `--out`.
 fn write(
     args: &VerifyArgs,
-    mut files: Vec<preshade_text::files::File>,
+    mut files: Vec<shader_text::files::File>,
     pictures: &[Pictures],
 ) -> Result<(), Failure> {
     let Some(dir) = &args.out else { return Ok(()) };
@@ -516,7 +516,7 @@ fn write(
             }
         }
     }
-    preshade_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+    shader_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
     let beside = match args.shader.limits.limits().isolates() && worker::mine().is_none() {
         true => ", beside the pictures that each variant's own process wrote",
         false => "",

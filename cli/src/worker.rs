@@ -12,7 +12,7 @@ use std::time::{Duration, Instant};
 use preshade_draw::render::Gpu;
 use preshade_draw::render::turns::{Turn, Turns};
 use preshade_lab::jobs::hash;
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 use crate::{Failure, bounded};
 

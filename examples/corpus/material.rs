@@ -11,7 +11,7 @@ use preshade_passes::PASSES;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{BindingSource, Plan};
 use preshade_plan::state::MaterialState;
-use preshade_text::files::{self, File};
+use shader_text::files::{self, File};
 
 use crate::Arguments;
 use crate::cases::is_vertex;

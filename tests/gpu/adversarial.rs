@@ -11,8 +11,8 @@ use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, reco
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Use;
 use preshade_plan::state::MaterialState;
-use preshade_text::error::Color;
-use preshade_text::options::Options;
+use shader_text::error::Color;
+use shader_text::options::Options;
 
 use crate::fixtures_support::recipes;
 use crate::render_support::gpu;

@@ -7,7 +7,7 @@ use preshade_draw::capture::{self, Choice, check};
 use preshade_draw::render::ShaderForm;
 use preshade_frames::folder::Capture;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 use crate::capture_support::{SIZE, folder, point};
 use crate::render_support::{gpu, render};

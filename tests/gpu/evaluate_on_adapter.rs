@@ -17,7 +17,7 @@ use preshade_lab::measure::originals;
 use preshade_plan::state::{
     ColorTarget, CullMode, DepthDirection, DepthFormat, MaterialState, PrimitiveState,
 };
-use preshade_text::options;
+use shader_text::options;
 
 use crate::render_support::gpu;
 
@@ -134,7 +134,7 @@ fn unit(x: f32) -> vec3<f32> {{
 fn words_are_the_same_words() {
     let text = front::Source::new("words.wgsl", source());
     let parsed = front::parse(&[text], &options::Options::default())
-        .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+        .unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
     let program = parsed.program.clone();
     let stage = naga::ShaderStage::Fragment;
     let (entry, _) = program.entry_point(stage, "fs").unwrap();

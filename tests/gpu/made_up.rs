@@ -8,8 +8,8 @@ use preshade_draw::render::ShaderForm;
 use preshade_draw::scene;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, record};
 use preshade_plan::state::MaterialState;
-use preshade_text::error::Color;
-use preshade_text::options::Options;
+use shader_text::error::Color;
+use shader_text::options::Options;
 
 use crate::render_support::gpu;
 

@@ -15,7 +15,7 @@ use preshade_plan::contract::{Contract, Verdict};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{Blend, ColorTarget, CompareFunction, MaterialState};
-use preshade_text::options;
+use shader_text::options;
 
 use crate::render_support::*;
 

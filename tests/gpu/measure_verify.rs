@@ -235,7 +235,7 @@ fn pictures_are_pngs_of_the_right_size_under_safe_names() {
         ]
     );
     let decode =
-        |f: &preshade_text::files::File| image::load_from_memory(&f.bytes).unwrap().to_rgba8();
+        |f: &shader_text::files::File| image::load_from_memory(&f.bytes).unwrap().to_rgba8();
     for file in &files[..5] {
         assert_eq!(decode(file).dimensions(), (320, 200), "{}", file.name);
     }
@@ -249,7 +249,7 @@ fn pictures_are_pngs_of_the_right_size_under_safe_names() {
     let wrong = outcome.pictures[1].files().unwrap();
     assert!(decode(&wrong[2]).pixels().all(|p| p.0[0] >= 16));
     if let Some(dir) = std::env::var_os("PRESHADE_TEST_PICTURES") {
-        preshade_text::files::write(dir.as_ref(), &files).unwrap();
+        shader_text::files::write(dir.as_ref(), &files).unwrap();
     }
 }
 

@@ -14,7 +14,7 @@ use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, Vari
 use preshade_passes::examples;
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Use;
-use preshade_text::options::Options;
+use shader_text::options::Options;
 
 use crate::metamorphic_support::injection;
 use crate::render_support::gpu;
@@ -54,7 +54,7 @@ fn injected(scene: &Scene, seed: u64, change: impl Fn(String) -> String) -> (Sce
         let source = Source::new("injected.wgsl", text.clone());
         let parsed = front::parse(&[source], &Options::default());
         let parsed = parsed
-            .unwrap_or_else(|e| panic!("{}\n{text}", e.render(preshade_text::error::Color::Never)));
+            .unwrap_or_else(|e| panic!("{}\n{text}", e.render(shader_text::error::Color::Never)));
         material.program = parsed.program;
         count += 1;
     }

@@ -7,7 +7,7 @@ use std::path::Path;
 use preshade_compiler::front::{self, Source};
 use preshade_draw::scene::{Scene, Value};
 use preshade_lab::measure;
-use preshade_text::options::Options;
+use shader_text::options::Options;
 
 use crate::render_support::*;
 
@@ -26,7 +26,7 @@ fn by_hand(mut scene: Scene, cells: u32) -> Scene {
         ..Options::default()
     };
     let parsed = front::parse(&[Source::new("bounds.wgsl", text)], &options)
-        .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+        .unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
     let material = &mut scene.materials[0];
     material.program = parsed.program;
     material.vertex = parsed.vertex;

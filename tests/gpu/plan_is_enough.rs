@@ -16,8 +16,8 @@ use preshade_plan::state::{
     Blend, ColorTarget, CompareFunction, CullMode, DepthBias, DepthFormat, StencilFace,
     StencilOperation, StencilState,
 };
-use preshade_text::files::File;
 use serde_json::{Value as Json, json};
+use shader_text::files::File;
 
 use crate::render_support::*;
 

@@ -10,9 +10,9 @@ use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
 use preshade_draw::scene::DrawOrder;
 use preshade_plan::pass::{Facts, Use};
-use preshade_text::files::File;
 use rayon::prelude::*;
 use serde_json::{Value as Json, json};
+use shader_text::files::File;
 
 use crate::fixtures_support::recipes;
 use crate::render_support::*;

@@ -17,7 +17,7 @@ use preshade_lab::measure;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{ColorTarget, MaterialState};
-use preshade_text::options;
+use shader_text::options;
 
 use crate::interfaces::{interfaces, varied};
 

@@ -8,7 +8,7 @@ use preshade_plan::plan::{BindingKind, BindingSource, BindingUse, GpuPass, Plan,
 use preshade_plan::state::{
     Blend, ColorTarget, CompareFunction, DepthDirection, DepthFormat, Topology,
 };
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 use crate::render_support::*;
 

@@ -8,11 +8,11 @@ use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, Literal, Module, Scalar, ShaderStage, Span, Type,
     TypeInner, VectorSize,
 };
+use naga_edit::returns;
+use naga_edit::writer::FunctionWriter;
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::{SceneInputs, SelfTestResult, ShaderForm, self_test};
 use preshade_draw::scene::{self, Scene};
-use preshade_ir::returns;
-use preshade_ir::writer::FunctionWriter;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
 use preshade_lab::report::table;
 use preshade_plan::contract::Verdict;

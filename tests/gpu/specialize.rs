@@ -18,7 +18,7 @@ use preshade_plan::contract::Verdict;
 use preshade_plan::guard::Assumed;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
-use preshade_text::options::Options;
+use shader_text::options::Options;
 
 use crate::render_support::gpu;
 

@@ -10,7 +10,7 @@ use preshade_frames::browser::prepare;
 use preshade_frames::folder::Capture;
 use preshade_frames::trace::{Wanted, convert};
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 use tempfile::TempDir;
 
 use crate::render_support::gpu;

@@ -1122,7 +1122,7 @@ fn positions_are_the_authors_or_marked() {
         let (_, entry) = program
             .entry_point(naga::ShaderStage::Vertex, &pass.vertex)
             .unwrap();
-        let outputs = preshade_ir::interface::outputs(program.module(), &entry.function);
+        let outputs = naga_edit::interface::outputs(program.module(), &entry.function);
         let marked = naga::Binding::BuiltIn(naga::BuiltIn::Position { invariant: true });
         (
             outputs.len(),

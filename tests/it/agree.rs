@@ -7,18 +7,18 @@ use std::path::{Path, PathBuf};
 
 use naga::back::wgsl;
 use naga::{EntryPoint, Module, TypeInner};
+use naga_edit::declared::Depth;
 use preshade_compiler::emit::{self, Target};
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
-use preshade_ir::declared::Depth;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{BindingSource, GpuPass, Plan, Role};
 use preshade_plan::program::Program;
 use preshade_plan::state::MaterialState;
-use preshade_text::options::{ClipSpace, Options};
 use preshade_validate::Effort;
 use preshade_validate::agree::{Agreement, Outcome, Relation, agree};
 use rayon::prelude::*;
+use shader_text::options::{ClipSpace, Options};
 
 use crate::fixtures_support::root;
 

@@ -15,7 +15,7 @@ use derive::{Composed, Wanted, derive};
 use naga::ShaderStage;
 use naga::compact::{KeepUnused, compact};
 use naga::valid::{Capabilities, ValidationFlags, Validator};
-use preshade_ir::interface;
+use naga_edit::interface;
 
 use crate::dialects::{bevys_definitions, wgsl};
 
@@ -132,7 +132,7 @@ fn prepasses_are_derived_over_bevys_modules() {
             options.defines.push((extra.to_owned(), "true".to_owned()));
         }
         let text = wgsl(&files, &options)
-            .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+            .unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
         let module = naga::front::wgsl::parse_str(&text).unwrap();
         let vertex = stage(&module, ShaderStage::Vertex, &files[0]);
         let fragment = stage(&module, ShaderStage::Fragment, &own);

@@ -14,7 +14,7 @@ use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{Blend, ColorTarget, CompareFunction, DepthFormat, MaterialState};
-use preshade_text::options::Options;
+use shader_text::options::Options;
 
 const SHADER: &str = include_str!("../../fixtures/shaders/toon.wgsl");
 

@@ -8,8 +8,8 @@ use preshade_draw::scene::Scene;
 use preshade_frames::folder::Capture;
 use preshade_frames::pass::Kind;
 use preshade_plan::state::{Blend, ColorTarget, DepthDirection};
-use preshade_text::limits::Limits;
 use serde_json::{Value, json};
+use shader_text::limits::Limits;
 
 use crate::capture_support::{SIZE, folder, name, point};
 

@@ -7,8 +7,8 @@ use preshade_compiler::emit::{self, Target};
 use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
-use preshade_text::memory::Memory;
-use preshade_text::options::Options;
+use shader_text::memory::Memory;
+use shader_text::options::Options;
 
 fn source(path: &Path) -> Source {
     let text = std::fs::read_to_string(path).unwrap();
@@ -16,7 +16,7 @@ fn source(path: &Path) -> Source {
 }
 
 /// The WGSL that files come to, read back as it is emitted.
-pub fn wgsl(files: &[PathBuf], options: &Options) -> Result<String, preshade_text::error::Error> {
+pub fn wgsl(files: &[PathBuf], options: &Options) -> Result<String, shader_text::error::Error> {
     let sources: Vec<Source> = files.iter().map(|f| source(f)).collect();
     let parsed = front::parse(&sources, options)?;
     let fragment = parsed.fragment.as_deref();
@@ -111,7 +111,7 @@ fn a_wrong_condition_is_shown_in_its_file() {
     let name = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/dialects/wesl/src/wrong.wesl");
     let source = Source::new(name.display().to_string(), "@if(A +) const a = 1;\n");
     let error = front::parse(&[source], &Options::default()).unwrap_err();
-    let said = error.render(preshade_text::error::Color::Never);
+    let said = error.render(shader_text::error::Color::Never);
     assert!(said.contains("a condition consists of names"), "{said}");
     assert!(said.contains("@if(A +)"), "{said}");
 }
@@ -119,7 +119,7 @@ fn a_wrong_condition_is_shown_in_its_file() {
 #[test]
 fn what_is_missing_is_named() {
     let error = wgsl(&ours("oil/material.wgsl"), &Options::default()).unwrap_err();
-    let said = error.render(preshade_text::error::Color::Never);
+    let said = error.render(shader_text::error::Color::Never);
     assert!(said.contains("GROUP"), "{said}");
     let error = wgsl(&ours("oil/material.wgsl"), &defined(&[("GROUP", "x")])).unwrap_err();
     assert!(
@@ -152,7 +152,7 @@ fn wesls_own_errors_are_plain_text() {
     assert!(error.message().contains("broken.wesl: error"), "{error}");
     assert!(
         !error
-            .render(preshade_text::error::Color::Never)
+            .render(shader_text::error::Color::Never)
             .contains("[0m"),
         "{error}"
     );
@@ -161,7 +161,7 @@ fn wesls_own_errors_are_plain_text() {
 #[test]
 fn two_versions_of_a_module_are_told() {
     let error = wgsl(&ours("twice/material.wgsl"), &Options::default()).unwrap_err();
-    let said = error.render(preshade_text::error::Color::Never);
+    let said = error.render(shader_text::error::Color::Never);
     assert!(said.contains("are both `own::shared`"), "{said}");
 }
 
@@ -225,7 +225,7 @@ fn bevys_material(packages: Vec<PathBuf>, ending: &str) {
     options.include = packages;
     let files = ["mesh", "pbr"].map(|n| render.join(format!("{n}.{ending}")));
     let text = wgsl(&files, &options)
-        .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+        .unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
     println!("{} lines of WGSL", text.lines().count());
     assert!(text.contains("apply_pbr_lighting("), "{text}");
     assert_eq!(text.matches("@fragment").count(), 1, "{text}");
@@ -271,13 +271,13 @@ fn imports_are_found_in_memory() {
             front::parse(&[Source::new(&name, &text)], &options)
         };
         let parsed = parse(files)
-            .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+            .unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
         let read = parsed.program.sources().files();
         let texts: String = read.iter().map(|f| f.text.as_str()).collect();
         assert!(texts.contains("lambert"), "{texts}");
         assert_eq!(
             parse(Memory::default()).unwrap_err().code(),
-            preshade_text::error::Code::Parse
+            shader_text::error::Code::Parse
         );
     }
 }
@@ -295,7 +295,7 @@ fn includes_are_found_in_memory() {
         let files = files.iter().map(|(name, text)| (*name, (*text).to_owned()));
         let options = Options {
             files: files.collect(),
-            limits: preshade_text::limits::Limits::parse(limits).unwrap(),
+            limits: shader_text::limits::Limits::parse(limits).unwrap(),
             ..Options::default()
         };
         front::parse(&sources, &options)
@@ -304,7 +304,7 @@ fn includes_are_found_in_memory() {
     let red = "#define RED vec4(1.0, 0.0, 0.0, 1.0)\n";
     let both = [("lib/tint.glsl", tint), ("./lib/../lib/red.glsl", red)];
     let parsed = parse(&both, "")
-        .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+        .unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
     let names = parsed
         .program
         .sources()

@@ -7,7 +7,7 @@ use preshade_compiler::emit::{self, ClipSpace, EmitError, PlanFile, Target};
 use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
-use preshade_text::files::File;
+use shader_text::files::File;
 
 use crate::fixtures_support;
 

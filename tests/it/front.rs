@@ -3,9 +3,9 @@
 use std::time::{Duration, Instant};
 
 use preshade_compiler::front::{self, Parsed, Source};
-use preshade_text::error::{Code, Color, Error};
-use preshade_text::options::Options;
-use preshade_text::source::Language;
+use shader_text::error::{Code, Color, Error};
+use shader_text::options::Options;
+use shader_text::source::Language;
 
 const VERTEX: &str = r"
 struct Camera { view_proj: mat4x4<f32>, eye: vec3<f32> }

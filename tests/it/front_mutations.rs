@@ -6,7 +6,7 @@ use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 use preshade_plan::state::MaterialState;
-use preshade_text::options;
+use shader_text::options;
 
 const WGSL: &str = include_str!("../materials/everything.wgsl");
 const VERTEX: &str = include_str!("../materials/everything.vert");

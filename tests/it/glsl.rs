@@ -8,9 +8,9 @@ use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{MaterialState, Topology};
-use preshade_text::error::{Code, Color};
-use preshade_text::files;
-use preshade_text::options::{ClipSpace, Options};
+use shader_text::error::{Code, Color};
+use shader_text::files;
+use shader_text::options::{ClipSpace, Options};
 
 fn folder() -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/glsl/dialects")

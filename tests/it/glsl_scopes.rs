@@ -4,17 +4,17 @@
 use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
-use preshade_text::error::{Code, Color};
-use preshade_text::options::Options;
 use preshade_validate::Effort;
 use preshade_validate::agree::{Relation, agree};
+use shader_text::error::{Code, Color};
+use shader_text::options::Options;
 
 const VERTEX: &str = "#version 430
 in vec3 position; out vec2 uv;
 void main() { uv = position.xy; gl_Position = vec4(position, 1.0); }
 ";
 
-fn parsed(vertex: &str, fragment: &str) -> Result<Plan, preshade_text::error::Error> {
+fn parsed(vertex: &str, fragment: &str) -> Result<Plan, shader_text::error::Error> {
     let sources = [
         Source::new("m.vert", vertex),
         Source::new("m.frag", fragment),

@@ -7,8 +7,8 @@ use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
-use preshade_text::error::{Code, Color};
-use preshade_text::options::{self, Options};
+use shader_text::error::{Code, Color};
+use shader_text::options::{self, Options};
 
 const VERTEX: &str = "attribute vec4 p; void main() { gl_Position = p; }";
 

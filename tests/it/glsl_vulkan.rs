@@ -6,8 +6,8 @@ use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
-use preshade_text::error::{Code, Color};
-use preshade_text::options::Options;
+use shader_text::error::{Code, Color};
+use shader_text::options::Options;
 
 const VERTEX: &str = "#version 460
 layout(location = 0) in vec4 p;

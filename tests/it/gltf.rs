@@ -6,7 +6,7 @@ use preshade_draw::scene::{
     self, Access, Address, Filter, Material, Scene, SceneError, Shading, Value, Variables,
 };
 use preshade_plan::state::{CullMode, FrontFace};
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 fn fixture(name: &str) -> PathBuf {
     Path::new(env!("CARGO_MANIFEST_DIR"))

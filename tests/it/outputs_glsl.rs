@@ -6,7 +6,7 @@ use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
-use preshade_text::options::{ClipSpace, Options};
+use shader_text::options::{ClipSpace, Options};
 
 const VERTEX: &str = "precision highp float;
 attribute vec3 position; attribute vec2 uv; attribute vec4 joints;

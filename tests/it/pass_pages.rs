@@ -14,7 +14,7 @@ use preshade_plan::contract::Contract;
 use preshade_plan::pass::{AnyPass, Facts, PassInfo, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{CompareFunction, MaterialState};
-use preshade_text::options::Options;
+use shader_text::options::Options;
 
 /// The recipe of a pass's page and the text it is applied to, by name.
 fn example(pass: &dyn AnyPass) -> (Vec<String>, &'static str, String) {

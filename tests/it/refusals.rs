@@ -13,7 +13,7 @@ use preshade_plan::state::{
     Blend, ColorTarget, CompareFunction, DepthBias, MaterialState, StencilFace, StencilOperation,
     StencilState, Topology,
 };
-use preshade_text::options::Options;
+use shader_text::options::Options;
 
 const VERTEX: &str =
     "@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }\n";

@@ -8,7 +8,7 @@ use preshade_compiler::front::{self, Source};
 use preshade_draw::scene::bind::{self, DrawBindings, overlapping_draws};
 use preshade_draw::scene::{self, Scene};
 use preshade_plan::state::MaterialState;
-use preshade_text::options::Options;
+use shader_text::options::Options;
 
 /// A scene of two draws with one shader. `keys` are more of the material's and the scene's.
 fn two_draws(name: &str, shader: &str, keys: &str) -> Scene {

@@ -244,7 +244,7 @@ fn load_strictly(case: &str, text: &str) -> Result<scene::Scene, scene::SceneErr
     let path = folder(case).join("scenes/bad.toml");
     std::fs::write(&path, text).unwrap();
     let access = scene::Access {
-        limits: preshade_text::limits::Limits::strict(),
+        limits: shader_text::limits::Limits::strict(),
         ..scene::Access::default()
     };
     scene::load_within(&path, &scene::Variables::new(), access)
@@ -288,7 +288,7 @@ fn draws_are_counted_before_they_are_made() {
     let path = folder("instances").join("scenes/bad.toml");
     std::fs::write(&path, with(&copies)).unwrap();
     let access = scene::Access {
-        limits: preshade_text::limits::Limits::parse("scene-bytes=300M").unwrap(),
+        limits: shader_text::limits::Limits::parse("scene-bytes=300M").unwrap(),
         ..scene::Access::default()
     };
     let refused = scene::load_within(&path, &scene::Variables::new(), access);

@@ -3,7 +3,7 @@
 
 use preshade_draw::scene::mesh::Gltf;
 use preshade_draw::scene::{self, Access, Outside, Variables};
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 /// Two triangles of four corners: 48 bytes of positions, then 6 indices of two bytes, as zeroes.
 const FILE: &str = r#"{

@@ -3,8 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use preshade_compiler::front::{self, Source};
-use preshade_text::error::Color;
-use preshade_text::options::Options;
+use shader_text::error::Color;
+use shader_text::options::Options;
 
 fn files(folder: &str, suffix: &str) -> Vec<PathBuf> {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR"))

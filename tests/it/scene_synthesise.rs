@@ -6,7 +6,7 @@ use preshade_compiler::front::{self, Parsed, Source};
 use preshade_draw::scene::bind::{self, DrawBindings};
 use preshade_draw::scene::{self, Scene};
 use preshade_plan::state::{DepthDirection, MaterialState};
-use preshade_text::options::Options;
+use shader_text::options::Options;
 
 fn parse(files: &[&str]) -> Parsed {
     let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures");

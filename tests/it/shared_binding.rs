@@ -6,12 +6,12 @@ use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{BindingLayout, Plan};
 use preshade_plan::state::MaterialState;
-use preshade_text::error::{Code, Color};
-use preshade_text::options::Options;
+use shader_text::error::{Code, Color};
+use shader_text::options::Options;
 
 const TEXT: &str = include_str!("../materials/shared-binding.wgsl");
 
-fn parse(text: &str) -> Result<Plan, preshade_text::error::Error> {
+fn parse(text: &str) -> Result<Plan, shader_text::error::Error> {
     let parsed = front::parse(&[Source::new("shared.wgsl", text)], &Options::default())?;
     let fragment = parsed.fragment.as_deref();
     let state = MaterialState::default();

@@ -8,10 +8,10 @@ use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
-use preshade_text::files::File;
-use preshade_text::options::Options;
 use preshade_validate::Effort;
 use rayon::prelude::*;
+use shader_text::files::File;
+use shader_text::options::Options;
 
 use crate::agree::{fixtures, read};
 use crate::fixtures_support::root;

@@ -6,8 +6,8 @@ use std::path::{Path, PathBuf};
 use preshade_frames::browser::prepare;
 use preshade_frames::folder::{Capture, file_of};
 use preshade_frames::trace::{Found, FramesBy, TRACE, TraceError, Version, Wanted, convert};
-use preshade_text::limits::Limits;
 use serde_json::Value;
+use shader_text::limits::Limits;
 
 const LAST: Wanted = Wanted {
     frames: 1,

@@ -9,7 +9,7 @@ use preshade_compiler::pipeline::{Shader, rewrite};
 use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::state::MaterialState;
-use preshade_text::options::Options;
+use shader_text::options::Options;
 
 use preshade_compiler::front;
 use preshade_plan::plan::Plan;
@@ -20,8 +20,8 @@ use crate::wgsl_in_cases::{CASES, text};
 
 fn plan(text: &str) -> Plan {
     let parsed = front::parse(&[Source::new("m.wgsl", text)], &Options::default());
-    let parsed = parsed
-        .unwrap_or_else(|e| panic!("{text}: {}", e.render(preshade_text::error::Color::Never)));
+    let parsed =
+        parsed.unwrap_or_else(|e| panic!("{text}: {}", e.render(shader_text::error::Color::Never)));
     parsed.plan("m", &MaterialState::default())
 }
 
@@ -35,7 +35,7 @@ fn rewritten(text: &str) -> Result<Vec<String>, String> {
     };
     let recipe = Recipe::parse_list("depth-prepass").unwrap();
     let output = rewrite(shader, &recipe, &Facts::default(), &[Target::Wgsl]);
-    let output = output.map_err(|e| e.render(preshade_text::error::Color::Never))?;
+    let output = output.map_err(|e| e.render(shader_text::error::Color::Never))?;
     assert!(output.errors.is_empty(), "{text}\n{:?}", output.errors);
     let files = output.files.iter().filter(|f| f.name.ends_with(".wgsl"));
     let texts = files.map(|f| String::from_utf8(f.bytes.clone()).unwrap());

@@ -5,18 +5,18 @@ use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, Handle, Literal, Module, Scalar, ScalarKind,
     ShaderStage, Span, Type, TypeInner, VectorSize,
 };
+use naga_edit::returns;
+use naga_edit::writer::FunctionWriter;
 use preshade_compiler::emit::{self, Target};
 use preshade_compiler::front;
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::{ShaderForm, Variant as Host};
-use preshade_ir::returns;
-use preshade_ir::writer::FunctionWriter;
 use preshade_lab::measure;
 use preshade_lab::measure::verdict::breaks;
 use preshade_plan::contract::Contract;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
-use preshade_text::options;
+use shader_text::options;
 
 use super::case::{Red, Stage, contract};
 use super::root;
@@ -202,7 +202,7 @@ fn naive(stage: &Stage<'_>, file: &str) -> Plan {
     let text = std::fs::read_to_string(path).unwrap();
     let source = front::Source::new(file, text);
     let parsed = front::parse(&[source], &options::Options::default())
-        .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+        .unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
     let [material] = &stage.inputs.scene().materials[..] else {
         panic!("one material has one shader");
     };

@@ -10,7 +10,7 @@ use preshade_passes::graph::{FunctionId, Graph};
 use preshade_plan::pass::Use;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
-use preshade_text::options::Options;
+use shader_text::options::Options;
 
 /// The recipes of the passes' examples with one of these uses.
 pub fn recipes(of: &[Use]) -> Vec<&'static str> {
@@ -28,7 +28,7 @@ pub fn original(files: &[&Path]) -> Plan {
         })
         .collect();
     let parsed = front::parse(&sources, &Options::default())
-        .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+        .unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
     let material = files[0].file_stem().unwrap().to_string_lossy().into_owned();
     Plan::original(
         &material,

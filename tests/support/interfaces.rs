@@ -10,9 +10,9 @@ use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::{Facts, Refusal, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{Blend, ColorTarget, DepthDirection, DepthFormat, MaterialState};
-use preshade_text::error::Color;
-use preshade_text::options;
 use preshade_validate::inputs::Random;
+use shader_text::error::Color;
+use shader_text::options;
 
 use crate::fixtures_support;
 

@@ -19,7 +19,7 @@ use preshade_plan::contract::Verdict;
 use preshade_plan::plan::{Attachment, GpuPass, Phase, Plan, Role, SCENE_DEPTH};
 use preshade_plan::reflect;
 use preshade_plan::state::MaterialState;
-use preshade_text::options::Options;
+use shader_text::options::Options;
 
 use crate::fixtures_support::{materials, root};
 

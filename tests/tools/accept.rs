@@ -11,8 +11,8 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use preshade_text::files::File;
 use rayon::prelude::*;
+use shader_text::files::File;
 
 /// What each judge was shown, so that a test can tell that it was shown anything.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

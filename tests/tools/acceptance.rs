@@ -8,8 +8,8 @@ use preshade_compiler::recipe::Recipe;
 use preshade_passes::analysis::uniformity::non_uniform;
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
-use preshade_text::files::File;
 use rayon::prelude::*;
+use shader_text::files::File;
 
 use crate::{accept, fixtures_support, uniformity_cases, wgsl_in_cases};
 

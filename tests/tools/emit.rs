@@ -7,9 +7,9 @@ use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
 use preshade_plan::program::Program;
 use preshade_plan::state::{ColorTarget, MaterialState};
-use preshade_text::error::Color;
-use preshade_text::files::{self, File};
-use preshade_text::options;
+use shader_text::error::Color;
+use shader_text::files::{self, File};
+use shader_text::options;
 
 use crate::accept;
 
@@ -596,13 +596,13 @@ fn writing_is_atomic_and_leaves_equal_files_alone() {
         name: name.to_owned(),
         bytes: bytes.into(),
     };
-    let changed = preshade_text::files::write(&dir, &[file("a", "1"), file("b", "2")]).unwrap();
+    let changed = shader_text::files::write(&dir, &[file("a", "1"), file("b", "2")]).unwrap();
     assert_eq!(changed, [dir.join("a"), dir.join("b")]);
-    let changed = preshade_text::files::write(&dir, &[file("a", "1"), file("b", "3")]).unwrap();
+    let changed = shader_text::files::write(&dir, &[file("a", "1"), file("b", "3")]).unwrap();
     assert_eq!(changed, [dir.join("b")]);
     // `c` is a folder: nothing is written, `a` included, and no temporary file stays.
     std::fs::create_dir(dir.join("c")).unwrap();
-    let error = preshade_text::files::write(&dir, &[file("a", "new"), file("c", "x")]).unwrap_err();
+    let error = shader_text::files::write(&dir, &[file("a", "new"), file("c", "x")]).unwrap_err();
     assert!(error.to_string().contains("c"), "{error}");
     assert_eq!(std::fs::read_to_string(dir.join("a")).unwrap(), "1");
     let mut names: Vec<_> = std::fs::read_dir(&dir)
@@ -648,7 +648,7 @@ fn three_passes() -> Plan {
     );
     let options = options::Options {
         fragment: Some("fs_main".to_owned()),
-        ..preshade_text::options::Options::default()
+        ..shader_text::options::Options::default()
     };
     let parsed = front::parse(&[Source::new("lit.wgsl", &text)], &options).unwrap();
     let mut plan = Plan::original(

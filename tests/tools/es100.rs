@@ -11,9 +11,9 @@ use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
-use preshade_text::error::Color;
-use preshade_text::files::File;
-use preshade_text::options::Options;
+use shader_text::error::Color;
+use shader_text::files::File;
+use shader_text::options::Options;
 
 use crate::accept;
 

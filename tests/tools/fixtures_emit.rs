@@ -11,9 +11,9 @@ use preshade_passes::rebuild::place;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
 use preshade_plan::state::MaterialState;
-use preshade_text::error::{Code, Color};
-use preshade_text::files::File;
-use preshade_text::options;
+use shader_text::error::{Code, Color};
+use shader_text::files::File;
+use shader_text::options;
 
 use crate::accept;
 use crate::emit::touched;
@@ -78,7 +78,7 @@ fn pairs(sources: &[Source]) -> Vec<Parsed> {
             let options = options::Options {
                 vertex: Some(vertex.clone()),
                 fragment: Some(fragment.clone()),
-                ..preshade_text::options::Options::default()
+                ..shader_text::options::Options::default()
             };
             match front::parse(sources, &options) {
                 Ok(parsed) => all.push(parsed),

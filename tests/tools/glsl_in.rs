@@ -8,10 +8,10 @@ use preshade_compiler::emit::{self, Target};
 use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
-use preshade_text::error::Color;
-use preshade_text::options;
 use preshade_validate::Effort;
 use preshade_validate::agree::{Relation, agree};
+use shader_text::error::Color;
+use shader_text::options;
 
 use crate::accept;
 use crate::spirv_in::glslang;

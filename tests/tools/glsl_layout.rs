@@ -10,8 +10,8 @@ use preshade_compiler::emit::{self, Target};
 use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
-use preshade_text::files;
-use preshade_text::options;
+use shader_text::files;
+use shader_text::options;
 
 /// Offset and kind of each number of a block.
 type Numbers = BTreeSet<(u32, char)>;
@@ -201,12 +201,8 @@ fn emitted(fragment: &str, target: Target) -> String {
         Source::new("m.vert", VERTEX),
         Source::new("m.frag", fragment),
     ];
-    let parsed = front::parse(&sources, &options::Options::default()).unwrap_or_else(|e| {
-        panic!(
-            "{}\n{fragment}",
-            e.render(preshade_text::error::Color::Never)
-        )
-    });
+    let parsed = front::parse(&sources, &options::Options::default())
+        .unwrap_or_else(|e| panic!("{}\n{fragment}", e.render(shader_text::error::Color::Never)));
     let plan = Plan::original(
         "m",
         parsed.program,

@@ -5,8 +5,8 @@ use preshade_compiler::emit::{self, Target};
 use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
-use preshade_text::files::File;
-use preshade_text::options;
+use shader_text::files::File;
+use shader_text::options;
 
 use crate::accept;
 
@@ -25,7 +25,7 @@ fn emitted_for(name: &str, vertex: &str, fragment: &str, targets: &[Target]) -> 
         Source::new(format!("{name}.frag"), fragment),
     ];
     let parsed = front::parse(&sources, &options::Options::default())
-        .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+        .unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
     let plan = Plan::original(
         name,
         parsed.program,
@@ -240,7 +240,7 @@ fn of_wgsl(name: &str, text: &str) -> Vec<File> {
         &options::Options::default(),
     );
     let parsed =
-        parsed.unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+        parsed.unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
     let fragment = parsed.fragment.as_deref();
     let state = MaterialState::default();
     let plan = Plan::original(name, parsed.program, &parsed.vertex, fragment, &state);

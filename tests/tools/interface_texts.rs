@@ -7,10 +7,10 @@ use preshade_compiler::emit::{self, EmitError, Target};
 use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
-use preshade_text::error::Color;
-use preshade_text::files::File;
-use preshade_text::options;
 use rayon::prelude::*;
+use shader_text::error::Color;
+use shader_text::files::File;
+use shader_text::options;
 
 use crate::interfaces::{Es100, Interface, interfaces, of_es_100, varied};
 use crate::{accept, webgl};

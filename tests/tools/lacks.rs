@@ -6,8 +6,8 @@ use preshade_compiler::emit::{self, EmitError, Target};
 use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
-use preshade_text::error::Color;
-use preshade_text::options;
+use shader_text::error::Color;
+use shader_text::options;
 
 use crate::accept;
 

@@ -5,15 +5,15 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
+use naga_edit::declared::{CombinedSampler, Declared};
 use preshade_compiler::emit::{self, PlanFile, StageFile, Target};
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
-use preshade_ir::declared::{CombinedSampler, Declared};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{BindingSource, Plan};
 use preshade_plan::state::MaterialState;
-use preshade_text::files::File;
-use preshade_text::options;
+use shader_text::files::File;
+use shader_text::options;
 
 use crate::reflection_support::{self, Interface};
 use crate::{accept, fixtures_support};
@@ -170,7 +170,7 @@ fn a_texture_read_with_another_sampler_stays_apart() {
         let text = source(other);
         let parsed = front::parse(&[Source::new("m.wgsl", text)], &options::Options::default());
         let parsed =
-            parsed.unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+            parsed.unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
         let binding = |binding| naga::ResourceBinding { group: 1, binding };
         let declared = Declared {
             samplers: vec![CombinedSampler {

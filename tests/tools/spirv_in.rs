@@ -8,8 +8,8 @@ use naga::ShaderStage;
 use preshade_compiler::emit::{self, Target};
 use preshade_compiler::front::{self, Parsed, Source};
 use preshade_plan::state::MaterialState;
-use preshade_text::error::Error;
-use preshade_text::options;
+use shader_text::error::Error;
+use shader_text::options;
 
 use crate::reflection_support::{self, Interface};
 use crate::{accept, fixtures_support};
@@ -230,8 +230,8 @@ fn a_module_in_the_style_of_dxc_is_read() {
         let name = format!("{stage}.spvasm");
         (stage, assembled(&module(&name), &dir))
     });
-    let parsed = read(&modules)
-        .unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+    let parsed =
+        read(&modules).unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
     assert_eq!(
         (&*parsed.vertex, parsed.fragment.as_deref()),
         ("VSMain", Some("PSMain"))
@@ -293,14 +293,14 @@ fn a_refusal_names_the_authors_line_or_the_instruction() {
             ("m.frag.spv", glslang(&source, options, &dir)),
         ];
         let error = read(&modules).unwrap_err();
-        assert_eq!(error.code(), preshade_text::error::Code::Unsupported);
+        assert_eq!(error.code(), shader_text::error::Code::Unsupported);
         assert!(error.message().contains("`OpImageQueryLod`"), "{error}");
         let at = error.location().unwrap();
         match options.is_empty() {
             true => assert_eq!(at.file, "m.frag.spv"),
             false => assert!(at.file.ends_with("level.frag") && at.line == 6, "{at:?}"),
         }
-        let shown = error.render(preshade_text::error::Color::Never);
+        let shown = error.render(shader_text::error::Color::Never);
         assert!(shown.contains("OpImageQueryLod %"), "{shown}");
     }
 }
@@ -387,7 +387,7 @@ switch(int(v.x)){ case 1: r+=2.; case 2: default: r+=4.; break; case 4: r+=16.; 
 switch(int(v.x)){ case 1: r+=2.; break; default: r+=4.; case 4: r+=16.; } o=vec4(r); }"),
     ] {
         let parsed = of_fragment(text, options, &dir);
-        let parsed = parsed.unwrap_or_else(|e| panic!("{name}: {}", e.render(preshade_text::error::Color::Never)));
+        let parsed = parsed.unwrap_or_else(|e| panic!("{name}: {}", e.render(shader_text::error::Color::Never)));
         let written = written(&parsed, name, &dir);
         let start = written.wgsl.find("@fragment").unwrap();
         let structs = written.wgsl.find("struct").unwrap();
@@ -413,9 +413,9 @@ void main(){ o=f(t,v); }", "array of textures or samplers as an argument", "one 
         ("layout(binding=3) uniform sampler2D t[2][2]; void main(){ o=texture(t[1][0],v); }", "an array of arrays", ""),
     ] {
         let error = of_fragment(text, &[], &dir).unwrap_err();
-        assert_eq!(error.code(), preshade_text::error::Code::Unsupported, "{error}");
+        assert_eq!(error.code(), shader_text::error::Code::Unsupported, "{error}");
         assert!(error.message().contains(expected), "{error}");
-        let shown = error.render(preshade_text::error::Color::Never);
+        let shown = error.render(shader_text::error::Color::Never);
         assert!(shown.contains(remedy) && shown.contains("m.frag.spv:"), "{shown}");
     }
 }
@@ -447,7 +447,7 @@ fn built_ins_and_parts_of_varyings_are_read() {
         let [vertex, fragment] = words;
         let parsed = read(&[("m.vert.spv", vertex), ("m.frag.spv", fragment)]);
         let parsed =
-            parsed.unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+            parsed.unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
         let plan = parsed.plan("m", &MaterialState::default());
         let files = emit::emit(&plan, &[Target::Wgsl], &emit::Options::default()).unwrap();
         let wgsl = String::from_utf8_lossy(&files[0].bytes).into_owned();
@@ -565,7 +565,7 @@ fn modules_that_glslang_does_not_write_are_read() {
         let words = assembled(&text, &dir);
         let parsed = read(&[("m.spv", words)]);
         let parsed =
-            parsed.unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+            parsed.unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
         let wgsl = written(&parsed, expected, &dir).wgsl;
         assert!(wgsl.contains(expected), "{wgsl}");
     }
@@ -587,7 +587,7 @@ fn samplers_are_passed_by_value() {
            %r = OpImageSampleImplicitLod %v4 %p1 %p2\nOpReturnValue %r\nOpFunctionEnd\n";
     let parsed = read(&[("m.spv", assembled(&text, &dir))]);
     let parsed =
-        parsed.unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+        parsed.unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
     written(&parsed, "by value", &dir);
 }
 
@@ -621,7 +621,7 @@ fn limits_come_before_work() {
         let error = read(&[("m.spv", assembled(&text, &dir))]).unwrap_err();
         assert_eq!(
             error.code(),
-            preshade_text::error::Code::Unsupported,
+            shader_text::error::Code::Unsupported,
             "{error}"
         );
         assert!(error.message().contains(expected), "{error}");
@@ -653,7 +653,7 @@ fn entry_points_are_chosen_by_the_authors_names() {
         let options = options::Options {
             vertex: vertex.map(str::to_owned),
             fragment: fragment.map(str::to_owned),
-            ..preshade_text::options::Options::default()
+            ..shader_text::options::Options::default()
         };
         let source = Source::from_bytes("m.spv", words.clone()).unwrap();
         front::parse(&[source], &options)
@@ -661,7 +661,7 @@ fn entry_points_are_chosen_by_the_authors_names() {
     for (vertex, fragment) in [("main", "main"), ("vertex_main", "main"), ("main", "other")] {
         let parsed = read(Some(vertex), Some(fragment));
         let parsed =
-            parsed.unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+            parsed.unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
         let wgsl = written(&parsed, fragment, &dir).wgsl;
         assert_eq!(
             wgsl.contains("@interpolate(flat"),
@@ -671,7 +671,7 @@ fn entry_points_are_chosen_by_the_authors_names() {
     }
     let error = read(None, None)
         .unwrap_err()
-        .render(preshade_text::error::Color::Never);
+        .render(shader_text::error::Color::Never);
     assert!(
         error.contains("`main`") && error.contains("`other`"),
         "{error}"
@@ -723,7 +723,7 @@ fn broken_modules_are_errors() {
         let error = read(&[("bad.spv", std::fs::read(out).unwrap())]).unwrap_err();
         assert_eq!(
             error.code(),
-            preshade_text::error::Code::Parse,
+            shader_text::error::Code::Parse,
             "{to}: {error}"
         );
     }
@@ -768,7 +768,7 @@ void main() {
         ("m.frag.spv", std::fs::read(to).unwrap()),
     ]);
     let parsed =
-        parsed.unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+        parsed.unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
     let wgsl = written(&parsed, "frozen", &dir).wgsl;
     assert!(wgsl.contains("array<vec4<f32>, 13>"), "{wgsl}");
     assert!(wgsl.contains("array<vec4<f32>, 5>"), "{wgsl}");
@@ -807,7 +807,7 @@ void main() {{
         let sources = [Source::new("m.vert", VERTEX), Source::new("m.frag", text)];
         let parsed = front::parse(&sources, &options::Options::default());
         let parsed =
-            parsed.unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+            parsed.unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
         written(&parsed, "narrow", &dir);
         let reflected = reflection_support::reflect(&dir.join("m.main.frag.spv")).unwrap();
         let outputs = format!("{:?}", reflected["outputs"]);
@@ -826,7 +826,7 @@ void main() { coverage = v.x; }
 ";
     let parsed = of_texts(VERTEX, text, &[], &dir);
     let parsed =
-        parsed.unwrap_or_else(|e| panic!("{}", e.render(preshade_text::error::Color::Never)));
+        parsed.unwrap_or_else(|e| panic!("{}", e.render(shader_text::error::Color::Never)));
     let plan = parsed.plan("m", &MaterialState::default());
     let targets = [Target::GlslVulkan, Target::Spirv];
     let files = emit::emit(&plan, &targets, &emit::Options::default()).unwrap();

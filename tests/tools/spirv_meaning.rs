@@ -7,10 +7,10 @@ use preshade_compiler::emit::{self, EmitError, Target};
 use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
-use preshade_text::options::{ClipSpace, Options};
 use preshade_validate::Effort;
 use preshade_validate::agree::{Class, Relation, agree};
 use rayon::prelude::*;
+use shader_text::options::{ClipSpace, Options};
 
 use crate::fixtures_support::root;
 use crate::flows::Flows;
@@ -38,8 +38,8 @@ fn plan(sources: &[Source]) -> Result<Plan, String> {
         clip_space: Some(ClipSpace::AsWritten),
         ..Options::default()
     };
-    let parsed = front::parse(sources, &options)
-        .map_err(|e| e.render(preshade_text::error::Color::Never))?;
+    let parsed =
+        front::parse(sources, &options).map_err(|e| e.render(shader_text::error::Color::Never))?;
     Ok(parsed.plan("m", &MaterialState::default()))
 }
 

@@ -8,8 +8,8 @@ use std::path::Path;
 use std::process::Command;
 
 use preshade_compiler::emit::{PassFiles, PlanFile, StageFile, Target};
-use preshade_text::files::File;
 use serde_json::Value;
+use shader_text::files::File;
 
 use crate::accept::scratch;
 

@@ -13,7 +13,7 @@ use preshade_plan::plan::{
 use preshade_plan::program::Program;
 use preshade_plan::reflect;
 use preshade_plan::state::{ColorTarget, CompareFunction, CullMode, MaterialState};
-use preshade_text::options::Options;
+use shader_text::options::Options;
 
 use super::layers;
 use crate::Failure;
@@ -76,7 +76,7 @@ pub fn scene(text: &str, size: [u32; 2], count: u32) -> Result<Scene, Failure> {
         ..Options::default()
     };
     let parsed = front::parse(&[source], &options)
-        .map_err(|e| Failure(e.render(preshade_text::error::Color::Never)))?;
+        .map_err(|e| Failure(e.render(shader_text::error::Color::Never)))?;
     let mut state = MaterialState::default();
     state.primitive.cull = CullMode::None;
     let numbers = |n: f64| Value::Numbers(vec![n]);
@@ -253,7 +253,7 @@ fn cleared(mut plan: Plan, like: GpuPass) -> Result<Plan, Failure> {
         "@vertex fn vs() -> @builtin(position) vec4<f32> { return vec4<f32>(2.0, 2.0, 0.0, 1.0); }
 @fragment fn fs() -> @location(0) vec4<f32> { return vec4<f32>(); }";
     let parsed = front::parse(&[Source::new("clear.wgsl", wgsl)], &Options::default())
-        .map_err(|e| Failure(e.render(preshade_text::error::Color::Never)))?;
+        .map_err(|e| Failure(e.render(shader_text::error::Color::Never)))?;
     let pass = GpuPass {
         program: "clear".to_owned(),
         bindings: Vec::new(),

@@ -7,7 +7,7 @@ use preshade_draw::scene::{self, Scene};
 use preshade_lab::measure;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
-use preshade_text::options::Options;
+use shader_text::options::Options;
 
 use crate::Failure;
 
@@ -36,7 +36,7 @@ pub fn handwritten(scene: &Scene, folder: &Path, kind: &str) -> Result<Plan, Fai
         .map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
     let source = Source::new(path.display().to_string(), text);
     let parsed = front::parse(&[source], &Options::default())
-        .map_err(|e| Failure(e.render(preshade_text::error::Color::Never)))?;
+        .map_err(|e| Failure(e.render(shader_text::error::Color::Never)))?;
     let material = scene
         .materials
         .first()

@@ -8,7 +8,7 @@ use std::process::Command;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
 use preshade_frames::folder::Capture;
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 /// Captures a page of `tests/capture`. Returns what was printed, and the folder.
 fn captured(page: &str) -> (String, PathBuf) {

@@ -16,7 +16,7 @@ use preshade_passes::{PASSES, examples};
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
-use preshade_text::options;
+use shader_text::options;
 
 /// Bytes by file name.
 type Files = BTreeMap<String, Vec<u8>>;

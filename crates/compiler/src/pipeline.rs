@@ -7,13 +7,13 @@ use preshade_passes::analysis::{neighbours, refusals};
 use preshade_plan::pass::{Facts, Outcome, Refusal, Refused};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
-use preshade_text::options;
-use preshade_text::refusals::RefusalInfo;
+use shader_text::options;
+use shader_text::refusals::RefusalInfo;
 
 use crate::emit::{self, Target};
 use crate::front::{self, Parsed};
 use crate::recipe::{Recipe, Step};
-use preshade_text::files::File;
+use shader_text::files::File;
 
 /// A material's source, and how to read it.
 #[derive(Clone, Copy, Debug)]
@@ -50,7 +50,7 @@ pub fn rewrite(
     recipe: &Recipe,
     facts: &Facts,
     targets: &[Target],
-) -> Result<Output, preshade_text::error::Error> {
+) -> Result<Output, shader_text::error::Error> {
     let original = front::parse(shader.sources, shader.options)?.plan(shader.name, shader.state);
     let (plan, skipped) = apply(&original, recipe, facts);
     let (files, errors) = emit(&plan, targets);

@@ -6,13 +6,13 @@ use preshade_passes::{PASSES, pass_named};
 use preshade_plan::pass::{AnyPass, Facts, Outcome, ParamError, Refusal, Refused, Site};
 use preshade_plan::plan::Plan;
 use preshade_plan::refusals;
-use preshade_text::refusals::RefusalInfo;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use shader_text::refusals::RefusalInfo;
 
 use crate::parameters::{Parameter, parameters};
 use crate::pipeline::{self, Applied};
-use preshade_text::nearest::nearest;
+use shader_text::nearest::nearest;
 
 /// One step: a pass, its parameters, and the code that it changes where the recipe pins that.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

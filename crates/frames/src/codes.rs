@@ -1,6 +1,6 @@
 //! The error codes of captured frames.
 
-use preshade_text::refusals::refusals;
+use shader_text::refusals::refusals;
 
 refusals! {
     CAPTURE = "capture":

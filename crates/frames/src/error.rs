@@ -1,7 +1,7 @@
 //! Why a frame cannot be read.
 
-use preshade_text::limits::Exceeded;
-use preshade_text::regular::ReadError;
+use shader_text::limits::Exceeded;
+use shader_text::regular::ReadError;
 
 /// A frame that cannot be read.
 #[derive(Debug, thiserror::Error)]

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use serde::{Deserialize, Serialize};
 
-use preshade_text::options::ClipSpace;
+use shader_text::options::ClipSpace;
 
 /// Version of the file.
 pub(crate) const SCHEMA: &str = "preshade.frames.v1";

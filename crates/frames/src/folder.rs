@@ -10,8 +10,8 @@ use std::sync::Arc;
 use super::error::Error;
 use super::file::{CaptureFile, Command, DataName, DrawCommand, Resource, SCHEMA};
 use super::ranges;
-use preshade_text::limits::Limits;
-use preshade_text::regular;
+use shader_text::limits::Limits;
+use shader_text::regular;
 
 /// The file that makes a folder a frame folder.
 pub(crate) const FILE: &str = "frame.json";

@@ -9,9 +9,9 @@ use std::path::{Path, PathBuf};
 use std::{fs, mem};
 
 use super::folder::{FILE, PACKED, file_of, is_folder};
-use preshade_text::files::File;
-use preshade_text::limits::Limits;
-use preshade_text::regular;
+use shader_text::files::File;
+use shader_text::limits::Limits;
+use shader_text::regular;
 
 /// The folder of data.
 pub(super) const DATA: &str = "data";
@@ -41,7 +41,7 @@ impl Writer {
 
     /// Writes a file of [`DATA`].
     pub fn data(&self, name: String, bytes: Vec<u8>) -> io::Result<()> {
-        preshade_text::files::write(&self.folder.join(DATA), &[File { name, bytes }]).map(drop)
+        shader_text::files::write(&self.folder.join(DATA), &[File { name, bytes }]).map(drop)
     }
 
     /// Puts `frame.json` in the place of the earlier one, compressed if it is large.
@@ -60,7 +60,7 @@ impl Writer {
             name: name.to_owned(),
             bytes,
         };
-        preshade_text::files::write(&self.folder, &[file])?;
+        shader_text::files::write(&self.folder, &[file])?;
         // The readable one counts where there are both.
         let other = if name == FILE { PACKED } else { FILE };
         match fs::remove_file(self.folder.join(other)) {

@@ -2,7 +2,7 @@
 //! numbers.
 
 use naga::{ResourceBinding, ShaderStage};
-use preshade_ir::declared::{
+use naga_edit::declared::{
     Block, Chosen, CombinedSampler, Declaration, Declared, Depth, Located, Numbered,
     StagePrecision, Type,
 };
@@ -10,8 +10,8 @@ use preshade_ir::declared::{
 use super::interface::{BindingSlot, Interface, index};
 use super::stage::{FRAG_COORD_Y, GlslStage, PRECISE, Variable};
 use super::ty::{Structs, Ty};
-use preshade_ir::declared::{DFDY_NOTE, FRAG_COORD_NOTE, PRECISE_NOTE};
-use preshade_text::options::ClipSpace;
+use naga_edit::declared::{DFDY_NOTE, FRAG_COORD_NOTE, PRECISE_NOTE};
+use shader_text::options::ClipSpace;
 
 /// Collects the declarations of stages that `interface` has numbered.
 pub(super) fn declared(

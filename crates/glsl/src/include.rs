@@ -5,10 +5,10 @@ use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use preshade_text::limits::Limits;
-use preshade_text::memory::Memory;
-use preshade_text::options::Options;
-use preshade_text::regular;
+use shader_text::limits::Limits;
+use shader_text::memory::Memory;
+use shader_text::options::Options;
+use shader_text::regular;
 
 /// Searches beside the including file, then below the include folders.
 pub(super) struct Files {

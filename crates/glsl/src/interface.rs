@@ -18,7 +18,7 @@ use super::stage::{GlslStage, Qualifiers, Variable, unsupported};
 use super::tree::HandleTy;
 use super::ty::{GlslMember, Rules, Struct, Ty};
 use super::version::Dialect;
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
 
 /// Group and binding.
 pub(super) type BindingSlot = (u32, u32);

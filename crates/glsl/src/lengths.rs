@@ -10,7 +10,7 @@ use std::collections::HashMap;
 use naga::{
     ArraySize, Expression, Handle, Module, Span, StructMember, Type, TypeInner, UniqueArena,
 };
-use preshade_ir::declared::LengthConstant;
+use naga_edit::declared::LengthConstant;
 
 /// A constant that may give lengths, and its default.
 pub type Candidate = (LengthConstant, u32);

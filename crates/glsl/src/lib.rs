@@ -30,18 +30,18 @@ mod version;
 use std::path::Path;
 
 use naga::{EarlyDepthTest, Module, ShaderStage};
-use preshade_ir::declared::Declared;
-use preshade_text::source::SourceMap;
+use naga_edit::declared::Declared;
+use shader_text::source::SourceMap;
 
 use self::constant::Specialised;
 use self::interface::Interface;
 use self::stage::GlslStage;
 use self::syntax::StageText;
 use self::version::Dialect;
-use preshade_ir::{beyond_wgsl, killed_loops, lengths as length_constants, wrapped_main};
-use preshade_text::error::Error;
-use preshade_text::options::{ClipSpace, Options};
-use preshade_text::tokens::without_comments;
+use naga_edit::{beyond_wgsl, killed_loops, lengths as length_constants, wrapped_main};
+use shader_text::error::Error;
+use shader_text::options::{ClipSpace, Options};
+use shader_text::tokens::without_comments;
 
 /// One stage's text.
 pub struct Text<'a> {

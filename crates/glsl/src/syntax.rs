@@ -14,18 +14,18 @@ use glsl_lang::parse::{HasParser, LangParser};
 use lang_util::position::{LexerPosition, NodeSpan};
 use lang_util::{FileId, TextSize};
 use naga::{ShaderStage, Span};
-use preshade_text::source::SourceMap;
+use shader_text::source::SourceMap;
 
 use super::include::Files;
 use super::preprocess::{Preprocessed, Task, preprocess};
 use super::ty::Ty;
 use super::type_names::TypeNames;
 use super::version::Dialect;
-use preshade_text::error::{Code, Error};
-use preshade_text::nesting;
-use preshade_text::options::{ClipSpace, Options};
-use preshade_text::source::Language;
-use preshade_text::unsupported::{self, Absent, Word};
+use shader_text::error::{Code, Error};
+use shader_text::nesting;
+use shader_text::options::{ClipSpace, Options};
+use shader_text::source::Language;
+use shader_text::unsupported::{self, Absent, Word};
 
 /// Maximum tokens of a stage after macro expansion.
 const TOKENS: usize = 1 << 20;

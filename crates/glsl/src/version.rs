@@ -5,7 +5,7 @@ use std::path::Path;
 
 use glsl_lang::lexer::Token;
 
-use preshade_text::tokens::without_comments;
+use shader_text::tokens::without_comments;
 
 const BLOCKS: &str = "GL_ARB_shader_storage_buffer_object";
 const IMAGES: &str = "GL_ARB_shader_image_load_store";

@@ -7,7 +7,7 @@ use crate::declared::{Declared, FinalConstant, LengthConstant};
 use naga::{Handle, Module, Override, Scalar, Type, TypeInner};
 use naga_interp::overrides;
 
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
 
 /// Makes the defaults final of those that the stages do not agree on.
 pub fn settle(modules: &mut [Module], declared: &mut Declared) -> Result<(), Error> {

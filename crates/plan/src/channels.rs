@@ -7,7 +7,7 @@ use naga::{Binding, ShaderStage};
 
 use crate::plan::GpuPass;
 use crate::program::Program;
-use preshade_ir::interface;
+use naga_edit::interface;
 
 /// A colour target of a frame.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]

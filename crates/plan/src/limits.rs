@@ -9,7 +9,7 @@ use crate::plan::{BindingKind, BindingLayout, BindingUse, ComputePass, GpuPass};
 use crate::program::Program;
 use crate::reflect;
 use crate::state::Topology;
-use preshade_ir::interface::{self, Io};
+use naga_edit::interface::{self, Io};
 
 /// Limits by WebGPU's name, with the value that every WebGPU device has.
 pub const DEFAULTS: [(&str, u64); 16] = [

@@ -11,8 +11,8 @@ use crate::plan::{Plan, Role};
 use crate::program::Program;
 use crate::rasterizer::Rasterizer;
 use crate::{refusals, shared_binding};
-use preshade_text::refusals::RefusalInfo;
-use preshade_text::source::{Location, SourceMap};
+use shader_text::refusals::RefusalInfo;
+use shader_text::source::{Location, SourceMap};
 
 /// The name of a pass and its description.
 #[derive(Clone, Copy, Debug)]

@@ -1006,7 +1006,7 @@ fn default_targets(program: &Program, fragment: &str) -> Vec<Option<ColorTarget>
         return Vec::new();
     };
     let mut targets = Vec::new();
-    for output in preshade_ir::interface::outputs(program.module(), &entry.function) {
+    for output in naga_edit::interface::outputs(program.module(), &entry.function) {
         if let Some(naga::Binding::Location { location, .. }) = output.binding {
             let index = location as usize;
             if targets.len() <= index {

@@ -6,9 +6,9 @@ use std::sync::{Arc, OnceLock};
 use naga::valid::{Capabilities, ModuleInfo, ValidationFlags, Validator};
 
 use crate::features;
+use naga_edit::declared::Declared;
 use naga_operands::calls;
-use preshade_ir::declared::Declared;
-use preshade_text::source::{Invalid, Language, SourceMap};
+use shader_text::source::{Invalid, Language, SourceMap};
 
 /// A validated module and its source. No invalid one can be constructed, and none can be changed in
 /// place: a transform builds another module and validates it by [`Program::new`].

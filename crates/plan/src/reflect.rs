@@ -12,7 +12,7 @@ use crate::plan::{
     AttributeUse, BindingKind, BindingLayout, BindingSource, BindingUse, ComputePass, GpuPass,
 };
 use crate::program::Program;
-use preshade_ir::interface::{inputs, wgsl_type};
+use naga_edit::interface::{inputs, wgsl_type};
 
 /// The resource kind of a global variable; `None` without a binding.
 pub(crate) fn binding_kind(module: &Module, global: &naga::GlobalVariable) -> Option<BindingKind> {

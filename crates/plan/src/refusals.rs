@@ -1,6 +1,6 @@
 //! Codes of recipes and of any pass.
 
-use preshade_text::refusals;
+use shader_text::refusals;
 
 refusals! {
     BUDGET = "budget":

@@ -5,7 +5,7 @@ use naga::{
 };
 
 use crate::guard::{Place, ScalarType};
-use preshade_ir::declared::LengthConstant;
+use naga_edit::declared::LengthConstant;
 
 /// Length of the longest array whose elements are listed.
 const MOST_ELEMENTS: u32 = 64;

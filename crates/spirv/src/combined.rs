@@ -15,7 +15,7 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use naga::ResourceBinding;
-use preshade_ir::declared::{CombinedSampler, Declaration, Numbered, Type};
+use naga_edit::declared::{CombinedSampler, Declaration, Numbered, Type};
 use rspirv::dr::{self, Builder, Instruction, Operand};
 use rspirv::spirv::{Decoration, Dim, Op, StorageClass, Word};
 

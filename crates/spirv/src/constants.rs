@@ -4,7 +4,7 @@
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
-use preshade_ir::declared::{FinalConstant, LengthConstant};
+use naga_edit::declared::{FinalConstant, LengthConstant};
 use rspirv::dr::{Block, Builder, Instruction, Module, Operand};
 use rspirv::spirv::{Decoration, Op, StorageClass, Word};
 

@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
 use naga::{Expression, Function, Module, Statement, TypeInner};
-use preshade_ir::interface;
+use naga_edit::interface;
 use rspirv::dr::{self, Builder, Instruction, Operand};
 use rspirv::spirv::{BuiltIn, Decoration, Op, StorageClass, Word};
 
@@ -402,7 +402,7 @@ pub(super) fn name_outputs(module: &mut Module) {
 }
 
 fn struct_name(stage: naga::ShaderStage) -> String {
-    let stage = preshade_ir::interface::stage_name(stage);
+    let stage = naga_edit::interface::stage_name(stage);
     format!("{}{}Output", stage[..1].to_uppercase(), &stage[1..])
 }
 

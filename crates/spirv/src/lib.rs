@@ -32,18 +32,18 @@ use std::rc::Rc;
 
 use naga::front::spv;
 use naga::{Module, ShaderStage, Span};
-use preshade_ir::declared::Declared;
-use preshade_text::source::SourceMap;
+use naga_edit::declared::Declared;
 use rspirv::binary::Assemble;
 use rspirv::dr::{self, Builder};
 use rspirv::spirv::{ExecutionModel, Op, Word};
+use shader_text::source::SourceMap;
 
 use self::combined::Places;
 use self::listing::Listing;
-use preshade_ir::{
+use naga_edit::{
     beyond_wgsl, binding_arrays, killed_loops, lengths as length_constants, map_spans, wrapped_main,
 };
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
 
 /// The first word of a module.
 const MAGIC: u32 = 0x0723_0203;
@@ -279,7 +279,7 @@ fn one(
     if precise::keep(&mut builder) {
         declared
             .notes
-            .push(preshade_ir::declared::PRECISE_NOTE.to_owned());
+            .push(naga_edit::declared::PRECISE_NOTE.to_owned());
     }
     varyings::open(&mut builder).map_err(|id| {
         let message = format!(
@@ -331,7 +331,7 @@ fn one(
         // this name.
         let is_only = stages.iter().filter(|s| **s == entry.stage).count() == 1;
         if is_only && entry.name == "main" {
-            entry.name = format!("{}_main", preshade_ir::interface::stage_name(entry.stage));
+            entry.name = format!("{}_main", naga_edit::interface::stage_name(entry.stage));
             declared.mains.push(entry.stage);
         }
         let name = names::identifier(&entry.name);

@@ -11,7 +11,7 @@ use rspirv::spirv::Op;
 
 use super::order;
 use crate::words::to_bytes;
-use preshade_text::panics;
+use shader_text::panics;
 
 /// A place in the author's text.
 #[derive(Clone, Copy, Debug)]

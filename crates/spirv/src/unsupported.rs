@@ -7,7 +7,7 @@ use rspirv::dr::{Instruction, Module, Operand};
 use rspirv::spirv::{BuiltIn, Decoration, Dim, GlslStd450Op, Op, StorageClass, Word};
 
 use crate::words::{globals, ids, is_access, literal, storage_class};
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
 
 /// Something that is not read.
 pub(super) struct Lack {
@@ -281,7 +281,7 @@ const OWN: [(&str, &str, &str); 6] = [
 
 /// The error about it.
 pub(super) fn refuse(lack: &Lack) -> Error {
-    if let Some(absent) = preshade_text::unsupported::absent(lack.glsl) {
+    if let Some(absent) = shader_text::unsupported::absent(lack.glsl) {
         return absent.refuse(&lack.name, None);
     }
     let error = |why: &str| {

@@ -14,7 +14,7 @@ use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
 use preshade_plan::program::Program;
 use preshade_plan::state::MaterialState;
-use preshade_text::source::{Language, SourceMap};
+use shader_text::source::{Language, SourceMap};
 
 /// A discard that depends on an early return, a branch, a partly written array, and a callee's
 /// writes.

@@ -11,11 +11,11 @@ use super::made_up_draw::Drawn;
 use super::stage::{At, POSITION, Ran, Slot, Stage, VaryingKind, interpolated};
 use super::tape::{NO_STEP, Source, Steps, Taped};
 use super::term::Symbolic;
+use naga_edit::interface::Io;
 use naga_interp::bound::{Interval, exactly};
 use naga_interp::{
     Derivative, Environment, Lookup, Number, Scalar, Stuck, Traced, Value, place, scalars,
 };
-use preshade_ir::interface::Io;
 
 /// Both stages of a pass.
 #[derive(Clone, Copy, Debug)]

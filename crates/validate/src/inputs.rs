@@ -13,8 +13,8 @@ use super::levels::Levels;
 pub use super::random::Random;
 use super::stage::{POSITION, Slot, VaryingKind};
 use super::tape::{NO_STEP, Source};
+use naga_edit::interface::Io;
 use naga_interp::{Lookup, Number, RUNTIME_ELEMENTS, Sampling, Scalar, Value, place, scalars};
-use preshade_ir::interface::Io;
 use preshade_plan::guard::{Assumed, Guard, Place, ScalarType};
 
 /// Largest buffer in scalars that is filled; longer ones stay 0.

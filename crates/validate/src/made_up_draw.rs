@@ -11,8 +11,8 @@ use naga::{Binding, BuiltIn, Module};
 
 use super::inputs::{Inputs, Random};
 use super::stage::{Slot, Stage};
+use naga_edit::interface::Io;
 use naga_interp::{Number, Scalar, Value, from_bytes};
-use preshade_ir::interface::Io;
 use preshade_passes::transforms::visibility_buffer::Words;
 use preshade_plan::draw_table::{self, Entry, IDS};
 use preshade_plan::geometry::Stream;

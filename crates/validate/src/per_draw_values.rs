@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use naga::{AddressSpace, GlobalVariable, Handle, Module, ShaderStage, Span};
 
 use super::static_frame::replace;
-use preshade_ir::link;
+use naga_edit::link;
 use preshade_passes::graph::FunctionId;
 use preshade_passes::rebuild::place::{self, Rewrite};
 use preshade_passes::rebuild::snippet::NOWHERE;

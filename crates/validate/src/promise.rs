@@ -406,7 +406,7 @@ impl<'a> Pair<'a> {
                         let fragment = self.other.fragment.map(|f| (f.module(), f.inputs()));
                         let [own, other] = match &fragment {
                             Some((module, found)) => {
-                                let is_position = |io: &&preshade_ir::interface::Io| {
+                                let is_position = |io: &&naga_edit::interface::Io| {
                                     io.binding.as_ref().map(Slot::of) == Some(POSITION)
                                 };
                                 let io = found.iter().find(is_position);

@@ -18,8 +18,8 @@ use super::environment::exp2;
 use super::inputs::{Inputs, Random};
 use super::made_up_draw::Drawn;
 use super::stage::{At, POSITION, Ran, Slot, Stage, VaryingKind, interpolated};
+use naga_edit::interface::Io;
 use naga_interp::{Derivative, Environment, Lookup, Number, Scalar, Stuck, Value};
-use preshade_ir::interface::Io;
 use preshade_plan::rasterizer::{Corners, Neighbours, Rasterizer};
 
 /// A float that is one number.

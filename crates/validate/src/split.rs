@@ -13,9 +13,9 @@ use super::made_up_draw::{Drawn, Id, words};
 use super::promise::{effort, stages};
 use super::quad::{Float, Quad, Triangle};
 use super::stage::{self, POSITION, Ran, Slot, Stage};
+use naga_edit::interface::Io;
 use naga_interp::bound::exactly;
 use naga_interp::{Environment, Scalar, Stuck, Value};
-use preshade_ir::interface::Io;
 use preshade_passes::transforms::visibility_buffer;
 use preshade_plan::geometry::Geometry;
 use preshade_plan::plan::{

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::fmt;
 
 use naga::{Binding, BuiltIn, Interpolation, Module, Sampling, ShaderStage, TypeInner};
+use naga_edit::interface::{self, Io};
 use naga_interp::{Environment, Number, RunResult, Scalar, Stuck, Undefined, Value};
-use preshade_ir::interface::{self, Io};
 use preshade_plan::program::Program;
 
 /// The binding of an input or output. Invariance of a position is ignored.

@@ -5,7 +5,7 @@ use std::fmt;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use preshade_text::source::Location;
+use shader_text::source::Location;
 
 /// The verdict on a promise.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

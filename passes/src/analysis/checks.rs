@@ -331,7 +331,7 @@ mod tests {
 
     use super::Checks;
     use preshade_plan::program::Program;
-    use preshade_text::source::{Language, SourceMap};
+    use shader_text::source::{Language, SourceMap};
 
     fn needed(body: &str) -> Checks {
         let text = format!(

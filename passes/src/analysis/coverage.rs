@@ -3,7 +3,7 @@
 //! discard must not change it, and a shading count keeps it.
 
 use naga::{Binding, BuiltIn, EarlyDepthTest, ShaderStage, TypeInner};
-use preshade_ir::interface;
+use naga_edit::interface;
 
 use crate::graph::{FunctionId, Graph};
 use crate::slice::{self, Criterion, OutputFilter, Slice};

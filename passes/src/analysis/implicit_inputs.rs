@@ -32,13 +32,13 @@ use crate::analysis::{contraction, effects, refusals};
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
 use crate::slice::Slice;
-use preshade_ir::interface::{self, Io};
+use naga_edit::interface::{self, Io};
 use preshade_plan::contract::Assumption;
 use preshade_plan::pass::Refusal;
 use preshade_plan::plan::{GpuPass, Plan};
 use preshade_plan::program::Program;
 use preshade_plan::state::DepthDirection;
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 /// How a pass changes the conditions under which the author's stages run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -5,7 +5,7 @@
 //! a forced early test on an alpha-tested draw.
 
 use naga::{Binding, BuiltIn, EntryPoint, ShaderStage, Span};
-use preshade_ir::interface;
+use naga_edit::interface;
 
 use crate::analysis::coverage::{self, Decides};
 use crate::analysis::implicit_inputs::{self, ImplicitInputs, PassEffect};
@@ -19,7 +19,7 @@ use preshade_plan::plan::{ClearValue, GpuPass, Phase, Plan, Role};
 use preshade_plan::program::Program;
 use preshade_plan::state::{Blend, CompareFunction, DepthDirection, DepthState};
 use preshade_plan::{channels, reflect};
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 /// The main pass of a material whose depth may be drawn first, with the properties that the
 /// transforms need.

@@ -16,10 +16,10 @@ use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::graph::cells::Root;
 use crate::graph::memory::{Origin, VersionId};
 use crate::graph::rate::Rate;
+use naga_edit::interface;
 use naga_interp::Number;
 use naga_interp::accuracy::Accuracy;
 use naga_interp::interval::{Arithmetic, Interval};
-use preshade_ir::interface;
 use preshade_plan::pass::{Source, SourceRange};
 
 /// Most values times iterations to follow around one loop; beyond that, ranges are assumed

@@ -1,6 +1,6 @@
 //! Refusals that several passes share.
 
-use preshade_text::refusals::refusals;
+use shader_text::refusals::refusals;
 
 refusals! {
     ALPHA_TO_COVERAGE = "alpha-to-coverage":

@@ -295,7 +295,7 @@ mod tests {
     use super::*;
     use crate::graph::Graph;
     use preshade_plan::program::Program;
-    use preshade_text::source::Language;
+    use shader_text::source::Language;
 
     /// Statements that each use two earlier values, some in loops.
     fn program(statements: usize) -> Program {

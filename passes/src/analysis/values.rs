@@ -19,7 +19,7 @@ use crate::analysis::users::Users;
 use crate::graph::memory::VersionId;
 use crate::graph::rate::{Fact, Rate};
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
-use preshade_ir::interface::{self, Io};
+use naga_edit::interface::{self, Io};
 use preshade_plan::pass::Refusal;
 
 pub(crate) mod cycle;

@@ -11,7 +11,7 @@ use serde::{Deserialize, Serialize};
 use super::memory::{Origin, VersionId};
 use super::rate::{self, Fact, Stages};
 use super::{FunctionGraph, FunctionId, Graph, Root, StmtId, cells, cost, effect, text};
-use preshade_ir::interface;
+use naga_edit::interface;
 
 /// Schema of [`GraphData`].
 pub(crate) const SCHEMA: &str = "preshade.graph.v1";

@@ -230,7 +230,7 @@ impl<'p> Graph<'p> {
     }
 
     /// Rate and stages of each member of a function's struct result, or of its result: for an entry
-    /// point in the order of [`preshade_ir::interface::outputs`].
+    /// point in the order of [`naga_edit::interface::outputs`].
     pub fn result_facts(&self, function: FunctionId) -> &[Fact] {
         self.rates().outputs(self.index(function))
     }

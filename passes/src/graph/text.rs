@@ -4,7 +4,7 @@ use naga::{
     BinaryOperator, Expression, Handle, ImageQuery, Literal, Module, Statement, SwizzleComponent,
     UnaryOperator,
 };
-use preshade_ir::interface;
+use naga_edit::interface;
 
 use super::{FunctionGraph, StmtId};
 

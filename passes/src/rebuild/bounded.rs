@@ -13,11 +13,11 @@ use naga::{
 
 use crate::graph::counted::{self, Ends};
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
-use preshade_ir::variable;
-use preshade_ir::writer::FunctionWriter;
+use naga_edit::variable;
+use naga_edit::writer::FunctionWriter;
 use preshade_plan::program::Program;
 use preshade_plan::uniforms::UniformScalar;
-use preshade_text::source::Invalid;
+use shader_text::source::Invalid;
 
 /// Most turns that all loops of an invocation take together. llvmpipe leaves a loop by itself after
 /// 65,535.

@@ -6,8 +6,8 @@ use naga::{
     ShaderStage, Span, StructMember, Type, TypeInner, VectorSize,
 };
 
-use preshade_ir::returns;
-use preshade_ir::writer::FunctionWriter;
+use naga_edit::returns;
+use naga_edit::writer::FunctionWriter;
 
 /// An output or a varying at a location.
 pub(crate) fn location(location: u32) -> Binding {

@@ -8,16 +8,16 @@ use naga::{
     Binding, Block, BuiltIn, Expression, Handle, Literal, Module, ShaderStage, Span, Statement,
     VectorSize,
 };
-use preshade_ir::interface;
+use naga_edit::interface;
 
 use crate::analysis::coverage;
 use crate::graph::Graph;
 use crate::rebuild::color;
 use crate::rebuild::place::{self, PositionInvariance};
-use preshade_ir::writer::FunctionWriter;
+use naga_edit::writer::FunctionWriter;
 use preshade_plan::plan::{GpuPass, Plan};
 use preshade_plan::program::Program;
-use preshade_text::source::Invalid;
+use shader_text::source::Invalid;
 
 /// Name of the counting entry point.
 pub const ENTRY: &str = "preshade_count";

@@ -2,7 +2,7 @@
 //! fragment stage to coverage and depth. `rebuild::depth_pass` adds it to a plan.
 
 use naga::{BinaryOperator, Binding, BuiltIn, Expression, Literal, Module, Span, TypeInner};
-use preshade_ir::interface;
+use naga_edit::interface;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
@@ -12,8 +12,8 @@ use crate::rebuild::color;
 use crate::rebuild::place::{self, PositionInvariance};
 use crate::rebuild::prologue::Ahead;
 use crate::slice::{self, Criterion, OutputFilter, Slice};
-use preshade_ir::returns;
-use preshade_ir::writer::FunctionWriter;
+use naga_edit::returns;
+use naga_edit::writer::FunctionWriter;
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::pass::{Change, Outcome, Refusal, Site, SiteCost};
 use preshade_plan::plan::{Plan, Role, Step};

@@ -1,7 +1,7 @@
 //! Writes code of our own behind the author's evaluation of a value.
 
 use naga::{Expression, Function, Handle, Statement};
-use preshade_ir::writer::FunctionWriter;
+use naga_edit::writer::FunctionWriter;
 
 /// Calls `then` behind each statement, for each expression that the statement evaluates.
 pub(crate) fn after(

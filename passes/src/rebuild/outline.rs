@@ -21,7 +21,7 @@ use crate::rebuild::insert_after::after;
 use crate::rebuild::isolate::isolate;
 use crate::rebuild::place::{self, PositionInvariance};
 use crate::slice::{self, Criterion, OutputFilter};
-use preshade_ir::returns;
+use naga_edit::returns;
 use preshade_plan::pass::Refusal;
 use preshade_plan::program::Program;
 
@@ -122,8 +122,8 @@ impl Failed {
     }
 }
 
-impl From<Box<preshade_text::source::Invalid>> for Failed {
-    fn from(invalid: Box<preshade_text::source::Invalid>) -> Self {
+impl From<Box<shader_text::source::Invalid>> for Failed {
+    fn from(invalid: Box<shader_text::source::Invalid>) -> Self {
         Self::Built(invalid.to_string())
     }
 }

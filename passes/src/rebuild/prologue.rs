@@ -10,7 +10,7 @@ use naga::{
 use crate::graph::Graph;
 use crate::rebuild::place::{self, CodeBuilder, PositionInvariance};
 use crate::slice::Slice;
-use preshade_ir::interface;
+use naga_edit::interface;
 
 /// A function made of a slice of a stage.
 #[derive(Clone, Debug)]

@@ -10,7 +10,7 @@ use naga::{
 
 use crate::graph::FunctionId;
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
-use preshade_ir::link;
+use naga_edit::link;
 
 /// A source offset beyond every file: our own text has no place in the author's.
 pub const NOWHERE: u32 = u32::MAX / 2;

@@ -12,7 +12,7 @@ use naga::{Binding, Expression, GlobalVariable, Handle, ShaderStage, Span, State
 
 use crate::graph::counted::{self, Ends};
 use crate::graph::{Cell, FunctionId, Graph, StmtId};
-use preshade_ir::interface;
+use naga_edit::interface;
 use preshade_plan::guard::Guard;
 
 pub(crate) mod components;
@@ -54,7 +54,7 @@ pub enum OutputFilter {
     /// index.
     Rasterization,
     Location(u32),
-    /// The n-th output, in the order of [`preshade_ir::interface::outputs`].
+    /// The n-th output, in the order of [`naga_edit::interface::outputs`].
     Index(usize),
     /// The output with exactly this binding.
     Binding(Binding),
@@ -164,9 +164,9 @@ pub struct Slice {
     pub criteria: Vec<Criterion>,
     /// The functions, callees before callers; the entry point is the last.
     pub parts: Vec<Part>,
-    /// Entry inputs needed, by index in the order of [`preshade_ir::interface::inputs`].
+    /// Entry inputs needed, by index in the order of [`naga_edit::interface::inputs`].
     pub inputs: Vec<usize>,
-    /// Entry outputs it computes, by index in the order of [`preshade_ir::interface::outputs`].
+    /// Entry outputs it computes, by index in the order of [`naga_edit::interface::outputs`].
     pub outputs: Vec<usize>,
     /// Global variables it reads or writes.
     pub globals: Vec<Handle<GlobalVariable>>,

@@ -49,7 +49,7 @@ use preshade_plan::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refu
 use preshade_plan::plan::{Plan, Role, Step};
 use preshade_plan::self_test::{self, MainDiscards};
 use preshade_plan::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat, DepthState};
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 mod near_plane;
 pub mod refusals;

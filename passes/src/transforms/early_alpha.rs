@@ -43,13 +43,13 @@ use crate::graph::{FunctionId, Graph, StmtId};
 use crate::rebuild::prologue::Ahead;
 use crate::rebuild::{place, quad};
 use crate::slice::{self, Criterion, Slice};
-use preshade_ir::returns;
+use naga_edit::returns;
 use preshade_plan::contract::Contract;
 use preshade_plan::pass::{
     Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
 };
 use preshade_plan::plan::Plan;
-use preshade_text::refusals::{RefusalInfo, refusals};
+use shader_text::refusals::{RefusalInfo, refusals};
 
 refusals! {
     NO_DISCARD = "no-discard":
@@ -371,8 +371,8 @@ mod tests {
     use super::*;
     use preshade_plan::program::Program;
     use preshade_plan::state::MaterialState;
-    use preshade_text::source::{Language, SourceMap};
     use preshade_validate::{Effort, validate};
+    use shader_text::source::{Language, SourceMap};
 
     const WORK: &str = "var sum = 0.0;
     for (var i = 0; i < 8; i++) { sum += sin(in.x * f32(i)) * cos(in.y); }";

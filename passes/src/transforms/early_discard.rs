@@ -49,7 +49,7 @@ use crate::analysis::refusals as shared;
 use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
 use crate::rebuild::depth_pass::{self, PrepassProgram};
 use crate::slice::{self, Criterion, OutputFilter};
-use preshade_ir::declared::CombinedSampler;
+use naga_edit::declared::CombinedSampler;
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::pass::{
@@ -59,7 +59,7 @@ use preshade_plan::plan::{Attachment, BindingKind, BindingSource, BindingUse, Pl
 use preshade_plan::program::Program;
 use preshade_plan::self_test;
 use preshade_plan::state::{CompareFunction, DepthDirection, DepthFormat, DepthState};
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 mod gradients;
 mod packed;

@@ -44,7 +44,7 @@ use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::pass::{Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{CompareFunction, StencilState};
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 mod build;
 mod derivatives;

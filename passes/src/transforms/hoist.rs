@@ -50,7 +50,7 @@ use preshade_plan::pass::{
 use preshade_plan::plan::{GpuPass, HOIST, Plan};
 use preshade_plan::program::Program;
 use preshade_plan::{reflect, self_test};
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 mod advice;
 mod candidates;

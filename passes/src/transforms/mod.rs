@@ -17,7 +17,7 @@ pub mod visibility_buffer;
 use crate::analysis;
 use preshade_plan as core;
 use preshade_plan::pass::{AnyPass, Erased, Use};
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 /// Every pass, in the order in which `explain` lists them.
 pub const PASSES: &[&dyn AnyPass] = &[

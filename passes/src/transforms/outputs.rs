@@ -63,7 +63,7 @@ use preshade_plan::pass::{
 use preshade_plan::plan::{Attachment, ClearValue, Draws, GpuPass, Phase, Plan, Role};
 use preshade_plan::program::Program;
 use preshade_plan::state::{AttachmentOps, ColorTarget, DepthDirection, DepthState, Multisample};
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 mod authored;
 mod calls;

@@ -58,7 +58,7 @@ use preshade_plan::plan::{
 };
 use preshade_plan::program::Program;
 use preshade_plan::reflect;
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 mod values;
 

@@ -27,7 +27,7 @@ use preshade_plan::contract::Contract;
 use preshade_plan::pass::{Example, Facts, Outcome, Pass, PassInfo, Refused, Use};
 use preshade_plan::plan::{Attachment, Phase, Plan, Role};
 use preshade_plan::state::{DepthDirection, DepthFormat, Multisample};
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 /// Name of the depth attachment that the shadow pass writes.
 pub(crate) const SHADOW_DEPTH: &str = "shadow-depth";

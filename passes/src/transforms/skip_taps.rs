@@ -46,7 +46,7 @@ use preshade_plan::pass::{
 };
 use preshade_plan::plan::{GpuPass, Plan};
 use preshade_plan::program::Program;
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 pub mod branch;
 pub mod find;

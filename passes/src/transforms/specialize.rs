@@ -41,9 +41,9 @@ use crate::analysis::zero::{self, Zeros};
 use crate::analysis::{contraction, refusals as shared};
 use crate::graph::{FunctionId, Graph};
 use crate::slice::{self, Criterion, OutputFilter};
+use naga_edit::interface;
 use naga_interp::accuracy::Accuracy;
 use naga_interp::overrides;
-use preshade_ir::interface;
 use preshade_plan::contract::{Assumption, Contract, Surface, Turned};
 use preshade_plan::guard::Guard;
 use preshade_plan::pass::{
@@ -53,7 +53,7 @@ use preshade_plan::pass::{
 use preshade_plan::plan::{GpuPass, ORIGINAL, Plan, Role};
 use preshade_plan::program::Program;
 use preshade_plan::{reflect, self_test};
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 pub mod arithmetic;
 pub mod assume;

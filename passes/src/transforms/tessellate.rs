@@ -45,7 +45,7 @@ use preshade_plan::plan::{
 use preshade_plan::program::Program;
 use preshade_plan::state::Topology;
 use preshade_plan::{pattern, reflect};
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 mod adaptive;
 mod build;

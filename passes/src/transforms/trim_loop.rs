@@ -43,7 +43,7 @@ use preshade_plan::pass::{
     Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
 };
 use preshade_plan::plan::{GpuPass, Plan};
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 /// The pass.
 pub struct TrimLoop;

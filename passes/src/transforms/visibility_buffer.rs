@@ -35,7 +35,7 @@ use preshade_plan::pass::{
 use preshade_plan::plan::{Attachment, GpuPass, Plan, Role};
 use preshade_plan::rasterizer::Rasterizer;
 use preshade_plan::{reflect, self_test};
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 mod binding_sources;
 mod build;

@@ -7,9 +7,9 @@ use preshade_plan::mapping::Equation;
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 use preshade_plan::state::MaterialState;
-use preshade_text::source::{Language, SourceMap};
 use preshade_validate::Effort;
 use preshade_validate::agree::{Agreement, Class, Mismatch, Outcome, Question, Relation, agree};
+use shader_text::source::{Language, SourceMap};
 
 const MAIN: &str = include_str!("../../../fixtures/agree/leaf.wgsl");
 const SHADOW: &str = include_str!("../../../fixtures/agree/leaf.shadow.wgsl");

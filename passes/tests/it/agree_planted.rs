@@ -9,9 +9,9 @@ use naga::front::wgsl;
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 use preshade_plan::state::MaterialState;
-use preshade_text::source::{Language, SourceMap};
 use preshade_validate::Effort;
 use preshade_validate::agree::{Class, Relation, agree};
+use shader_text::source::{Language, SourceMap};
 
 /// The declarations of the main passes.
 const MAIN: &str = "

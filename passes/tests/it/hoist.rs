@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, ShaderStage};
+use naga_edit::interface;
 use naga_interp::{Stuck, Value};
-use preshade_ir::interface;
 use preshade_passes::transforms::hoist::{self, Hoist, Params};
 use preshade_plan::pass::{Facts, Frequency, Left, Outcome, Pass, Refused};
 use preshade_plan::plan::Plan;

@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, Interpolation, ShaderStage};
+use naga_edit::interface;
 use naga_interp::{Scalar, Stuck, Value};
-use preshade_ir::interface;
 use preshade_passes::transforms::hoist::{Allow, Hoist, Params};
 use preshade_plan::pass::{Facts, Pass, Source, SourceRange};
 use preshade_plan::plan::Plan;

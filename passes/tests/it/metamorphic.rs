@@ -13,8 +13,8 @@ use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 use preshade_plan::state::MaterialState;
-use preshade_text::source::{Language, SourceMap};
 use preshade_validate::{Check, Effort, validate};
+use shader_text::source::{Language, SourceMap};
 
 use crate::common;
 use crate::metamorphic_support::{injection, statements};

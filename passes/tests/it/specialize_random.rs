@@ -8,8 +8,8 @@ use std::collections::BTreeMap;
 use std::panic::AssertUnwindSafe;
 
 use naga::{Binding, Module, ShaderStage, TypeInner};
+use naga_edit::interface;
 use naga_interp::{Environment, Scalar, Stuck, Value};
-use preshade_ir::interface;
 use preshade_passes::transforms::specialize::{Fold, Params, Specialized};
 use preshade_plan::guard::{Assumed, Bounds, Guard, Place, ScalarType};
 use preshade_plan::pass::{Constant, Facts};

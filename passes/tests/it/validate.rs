@@ -5,7 +5,7 @@ use naga::{
     BinaryOperator, Block, Expression, Function, Literal, Module, SampleLevel, ShaderStage,
     Statement,
 };
-use preshade_ir::interface;
+use naga_edit::interface;
 use preshade_passes::{examples, pass_named};
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::{Plan, Role};

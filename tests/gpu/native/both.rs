@@ -4,17 +4,17 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, Module, ResourceBinding, ShaderStage, TypeInner};
+use naga_edit::declared::{Declared, Type as Declares};
+use naga_edit::interface;
 use preshade_compiler::emit::{PassFiles, StageFile, Target};
 use preshade_compiler::front::{self, Source};
 use preshade_draw::render::{Rendered, ShaderForm};
 use preshade_draw::scene::bind::{self, DrawBindings, TextureContent};
 use preshade_draw::scene::{Address, DrawOrder, Filter, Scene, synthesise};
-use preshade_ir::declared::{Declared, Type as Declares};
-use preshade_ir::interface;
 use preshade_lab::measure;
 use preshade_plan::plan::BindingKind;
 use preshade_plan::state::{CullMode, MaterialState};
-use preshade_text::options;
+use shader_text::options;
 
 use super::pair::{Attribute, Draw, FirstRow, Texture, Vertices};
 use super::{Native, Pixels};
@@ -29,10 +29,10 @@ pub fn scene(name: &str, texts: &[String; 2], size: [u32; 2]) -> Result<Scene, S
     // What OpenGL draws is written for OpenGL, whatever its dialect.
     let options = options::Options {
         clip_space: Some(options::ClipSpace::OpenGl),
-        ..preshade_text::options::Options::default()
+        ..shader_text::options::Options::default()
     };
-    let parsed = front::parse(&sources, &options)
-        .map_err(|e| e.render(preshade_text::error::Color::Never))?;
+    let parsed =
+        front::parse(&sources, &options).map_err(|e| e.render(shader_text::error::Color::Never))?;
     let mut state = MaterialState::default();
     state.primitive.cull = CullMode::None;
     Ok(synthesise(parsed, state).resized(size))

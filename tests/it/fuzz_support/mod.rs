@@ -20,8 +20,8 @@ use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 use preshade_plan::state::MaterialState;
-use preshade_text::options::Options;
-use preshade_text::source::Language;
+use shader_text::options::Options;
+use shader_text::source::Language;
 
 /// Bytes as choices: every choice has an answer, and equal bytes give equal ones.
 pub struct Bytes<'a>(pub &'a [u8]);
@@ -82,10 +82,10 @@ fn parsed(sources: &[Source]) {
             ));
         }
         Err(error) => {
-            let told = error.render(preshade_text::error::Color::Never);
+            let told = error.render(shader_text::error::Color::Never);
             let by_naga = told.contains("/naga-30") || told.contains("/pp-rs");
             assert!(
-                error.code() != preshade_text::error::Code::Panic || by_naga,
+                error.code() != shader_text::error::Code::Panic || by_naga,
                 "{told}"
             );
         }

@@ -9,7 +9,7 @@ use preshade_passes::PASSES;
 use preshade_plan::pass::{AnyPass, Facts};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{CullMode, DepthDirection, DepthFormat, MaterialState};
-use preshade_text::options::Options;
+use shader_text::options::Options;
 
 use super::{Bytes, emitted, root};
 

@@ -8,8 +8,8 @@ use preshade_draw::render::Variant;
 use preshade_draw::scene::{self, Access, Scene, Variables};
 use preshade_lab::measure;
 use preshade_plan::pass::Facts;
-use preshade_text::files::File;
-use preshade_text::limits::Limits;
+use shader_text::files::File;
+use shader_text::limits::Limits;
 
 use super::{recipes, root};
 

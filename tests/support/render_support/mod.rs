@@ -16,7 +16,7 @@ use preshade_draw::scene::{
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 use preshade_plan::state::{DepthDirection, DepthFormat, MaterialState};
-use preshade_text::source::{Language, SourceMap};
+use shader_text::source::{Language, SourceMap};
 
 /// The adapter of the environment's choice, opened once: some drivers deadlock when many devices
 /// come and go in one process. Tests fail without an adapter: a skipped picture proves nothing.

@@ -15,8 +15,8 @@ use crate::front;
 use crate::lock::{Inputs, Left, Lock, LockError, Locked, Mismatch};
 use crate::pipeline::{self, Applied, Frame};
 use crate::recipe::{Recipe, Step};
-use preshade_text::files::File;
-use preshade_text::options;
+use shader_text::files::File;
+use shader_text::options;
 
 /// The default variants, which need no scene.
 pub(super) const BY_DEFAULT: [(&str, &str); 3] = [

@@ -21,8 +21,8 @@ pub enum BuildError {
         error: io::Error,
     },
     /// The shader cannot be parsed.
-    #[error("{}", .0.render(preshade_text::error::Color::Never))]
-    Shader(preshade_text::error::Error),
+    #[error("{}", .0.render(shader_text::error::Color::Never))]
+    Shader(shader_text::error::Error),
     /// The generated module cannot express something that the shader or the state needs.
     #[error("{file}: {why}")]
     Module {

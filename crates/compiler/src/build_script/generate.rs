@@ -9,7 +9,7 @@ use preshade_plan::plan::{BindingSource, BindingUse, Plan};
 
 use super::bindings::{Said, Shared};
 use super::{passes, wgpu_words as words};
-use preshade_text::files::File;
+use shader_text::files::File;
 
 /// The code that a host calls: `host.rs`, which is compiled with this crate's tests.
 const HOST: &str = include_str!("host.rs");

@@ -76,9 +76,9 @@ use crate::emit::Target;
 use crate::front;
 use crate::lock::{Left, Lock, LockError};
 use crate::recipe::Recipe;
-use preshade_text::files::File;
-use preshade_text::options;
-use preshade_text::regular::ReadError;
+use shader_text::files::File;
+use shader_text::options;
+use shader_text::regular::ReadError;
 
 /// The options of a build: see the module.
 #[must_use]
@@ -384,7 +384,7 @@ impl BuildConfig {
                 path: folder.clone(),
                 error,
             };
-            written.extend(preshade_text::files::write(&folder, files).map_err(failed)?);
+            written.extend(shader_text::files::write(&folder, files).map_err(failed)?);
             let below = folder.strip_prefix(&out).unwrap_or(&folder).to_owned();
             hashes.extend(files.iter().map(|f| stamp::hashed(&below, f)));
         }
@@ -412,7 +412,7 @@ impl BuildConfig {
             Some(bare.unwrap_or(&stem).to_owned())
         });
         match name {
-            Some(name) if preshade_text::files::is_material_name(&name) => Ok(name),
+            Some(name) if shader_text::files::is_material_name(&name) => Ok(name),
             name => Err(BuildError::Name(name.unwrap_or_default())),
         }
     }

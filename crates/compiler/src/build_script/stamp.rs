@@ -4,13 +4,13 @@ use std::collections::BTreeSet;
 use std::io;
 use std::path::{Path, PathBuf};
 
-use preshade_text::source::Searched;
 use serde::{Deserialize, Serialize};
+use shader_text::source::Searched;
 
 use super::BuildConfig;
 use crate::front;
 use crate::lock::TOOL;
-use preshade_text::files::File;
+use shader_text::files::File;
 
 const FILE: &str = "preshade.stamp";
 
@@ -161,7 +161,7 @@ pub(super) fn write(
         name: FILE.to_owned(),
         bytes: serde_json::to_vec(&stamp).unwrap_or_default(),
     };
-    preshade_text::files::write(folder, &[file]).map(|_| ())
+    shader_text::files::write(folder, &[file]).map(|_| ())
 }
 
 #[cfg(test)]

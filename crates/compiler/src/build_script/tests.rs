@@ -2,7 +2,7 @@
 #![allow(clippy::unwrap_used, clippy::panic)]
 
 use preshade_plan::guard;
-use preshade_text::options;
+use shader_text::options;
 
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;

@@ -146,7 +146,7 @@ pub(super) fn no_target(name: &str) -> Option<String> {
     if TARGETS.contains(&name) {
         return None;
     }
-    let near = preshade_text::nearest::nearest(name, TARGETS);
+    let near = shader_text::nearest::nearest(name, TARGETS);
     let near = near.map_or(String::new(), |near| format!("; did you mean `{near}`?"));
     Some(format!(
         "there is no colour format `{name}` that can be drawn to, in WebGPU's spelling{near}"

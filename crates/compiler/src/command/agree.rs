@@ -1,14 +1,14 @@
 //! Two programs held against each other.
 
 use naga::ShaderStage;
-use preshade_ir::declared::Depth;
+use naga_edit::declared::Depth;
 use preshade_passes::graph::Graph;
 use preshade_plan::plan::Plan;
 use preshade_validate::Effort;
 use preshade_validate::agree::{self, Agreement, Class, Mismatch, Question, Relation};
 use serde::Serialize;
 
-use preshade_text::nearest::unknown;
+use shader_text::nearest::unknown;
 
 /// A value of `--fail-on`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

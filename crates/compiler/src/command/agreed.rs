@@ -7,7 +7,7 @@ use preshade_validate::agree::{Agreement, By, Class, Finding, Outcome, Relation,
 use serde::Serialize;
 
 use super::agree::Cost;
-use preshade_text::nearest::unknown;
+use shader_text::nearest::unknown;
 
 /// What a scene showed of both programs.
 pub trait Drawn: Serialize {

@@ -10,8 +10,8 @@ use preshade_passes::{PASSES, pass_named};
 use preshade_plan::guard::Assumed;
 use preshade_plan::pass::{Change, Facts, Frequency, Left, Outcome, Pass, Refusal};
 use preshade_plan::plan::Plan;
-use preshade_text::source::Location;
 use serde::Serialize;
+use shader_text::source::Location;
 
 use crate::parameters::parameters;
 use crate::pipeline;

@@ -1,7 +1,7 @@
 //! A material on its own: its name, its definitions and its pipeline state.
 
 use naga::{Binding, BuiltIn, ShaderStage};
-use preshade_ir::interface;
+use naga_edit::interface;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{
     Blend, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState,
@@ -10,7 +10,7 @@ use preshade_plan::state::{
 use serde::Deserialize;
 
 use crate::front::Parsed;
-use preshade_text::nearest::nearest;
+use shader_text::nearest::nearest;
 
 /// The name of a material: its file's without the endings. `stem` lacks the last of them.
 pub fn name_of(stem: &str) -> &str {

@@ -6,7 +6,7 @@ use preshade_passes::{PASSES, pass_named};
 use serde::Serialize;
 
 use crate::parameters::{Parameter, parameters};
-use preshade_text::nearest::unknown;
+use shader_text::nearest::unknown;
 
 /// The passes, or one of them.
 #[derive(Serialize)]

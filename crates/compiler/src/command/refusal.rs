@@ -5,7 +5,7 @@ use codespan_reporting::term;
 use preshade_plan::pass::Refusal;
 use preshade_plan::plan::Plan;
 
-use preshade_text::excerpt::Excerpts;
+use shader_text::excerpt::Excerpts;
 
 /// What makes a refused step legal. `None`: nothing, since there is nothing for it to do.
 pub fn remedy(refusal: &Refusal) -> Option<&str> {

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::recipe::Recipe;
-use preshade_text::files::File;
+use shader_text::files::File;
 
 /// The result for one material.
 #[derive(Serialize)]

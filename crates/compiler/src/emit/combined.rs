@@ -4,8 +4,8 @@
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
 use naga::{Expression, Function, GlobalVariable, Handle, Module, ResourceBinding, TypeInner};
+use naga_edit::declared::{CombinedSampler, Declared, Type};
 use naga_operands::calls;
-use preshade_ir::declared::{CombinedSampler, Declared, Type};
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 

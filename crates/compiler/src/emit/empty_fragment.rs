@@ -6,7 +6,7 @@ use preshade_plan::plan::{Plan, Role};
 
 use super::plan_json::StageFile;
 use super::{Target, Written, written_key};
-use preshade_text::files::File;
+use shader_text::files::File;
 
 /// An empty fragment stage without its first line.
 const TEXT: &str = "precision highp float;

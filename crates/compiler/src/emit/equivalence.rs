@@ -11,8 +11,8 @@ use preshade_plan::program::Program;
 
 use crate::front::{self, Source};
 use crate::wgsl::{self, tidy};
-use preshade_text::error::Color;
-use preshade_text::options::Options;
+use shader_text::error::Color;
+use shader_text::options::Options;
 
 /// The effects of a module in order, one line per effect or control flow.
 fn effects(module: &Module) -> Vec<String> {
@@ -136,12 +136,12 @@ fn prove(name: &str, text: &str) {
     let parsed = front::parse(&[Source::new(name, text)], &Options::default());
     let program: Program = match parsed {
         Ok(parsed) => parsed.program,
-        Err(e) if e.code() == preshade_text::error::Code::AmbiguousEntryPoint => {
+        Err(e) if e.code() == shader_text::error::Code::AmbiguousEntryPoint => {
             let module = naga::front::wgsl::parse_str(text).unwrap();
             Program::new(
                 module,
                 std::sync::Arc::default(),
-                preshade_text::source::Language::Wgsl,
+                shader_text::source::Language::Wgsl,
             )
             .unwrap()
         }

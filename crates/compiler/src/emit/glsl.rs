@@ -28,13 +28,13 @@ use naga::{
     AddressSpace, GlobalVariable, Handle, ImageClass, Module, ResourceBinding, ShaderStage,
     TypeInner,
 };
-use preshade_ir::declared::Depth;
+use naga_edit::declared::Depth;
 use preshade_passes::rebuild::quad;
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
-use preshade_text::source::Invalid;
+use shader_text::source::Invalid;
 
 use self::author::Authored;
 use self::text::Dialect;
@@ -44,7 +44,7 @@ use super::overrides::{self, Settled, Specialised};
 use super::plan_json::{GlslBlock, GlslTexture, StageFile, WeakerPromise};
 use super::{ClipSpace, EmitError, Options, Target, reduce};
 use crate::wgsl;
-use preshade_text::tokens::Spelling;
+use shader_text::tokens::Spelling;
 
 /// Prepares the program to be written with its author's names.
 pub(super) fn author(program: &Program, name: &str, target: Target) -> Result<Authored, EmitError> {
@@ -241,7 +241,7 @@ fn with_own_origin(
     target: Target,
 ) -> Result<String, EmitError> {
     let is_read =
-        preshade_text::tokens::tokens(&text).any(|(_, range)| &text[range] == "gl_FragCoord");
+        shader_text::tokens::tokens(&text).any(|(_, range)| &text[range] == "gl_FragCoord");
     if clip_space == ClipSpace::OpenGl || !is_read {
         return Ok(text);
     }
@@ -334,7 +334,7 @@ pub(super) fn write(
     .and_then(|mut writer| writer.write())
     .map_err(failed)?;
     unsupported::refuse_words(&text, name, target)?;
-    text = preshade_text::tokens::exact_floats(&text, Spelling::Glsl);
+    text = shader_text::tokens::exact_floats(&text, Spelling::Glsl);
 
     // A struct shared by both stages makes the fragment input invariant too. WGSL allows that, GLSL
     // does not.

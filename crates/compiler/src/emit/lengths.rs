@@ -3,8 +3,8 @@
 
 use naga::compact::{KeepUnused, compact};
 use naga::{Expression, Module};
+use naga_edit::declared::LengthConstant;
 use naga_interp::overrides;
-use preshade_ir::declared::LengthConstant;
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 

@@ -7,18 +7,18 @@
 use std::borrow::Cow;
 
 use naga::ShaderStage;
-use preshade_ir::declared::Depth;
+use naga_edit::declared::Depth;
 use preshade_plan::plan::{GpuPass, Plan};
 use preshade_plan::program::Program;
 use preshade_plan::reflect;
 use preshade_plan::state::MaterialState;
-use preshade_text::source::Language;
 use preshade_validate::Effort;
 use preshade_validate::agree::{self, Class, Outcome, Relation};
+use shader_text::source::Language;
 
 use super::{ClipSpace, EmitError, Emitted, Options, Target, written_key};
 use crate::front;
-use preshade_text::{options, panics};
+use shader_text::{options, panics};
 
 /// How much of each text's meaning is compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -217,10 +217,10 @@ impl Texts<'_> {
             vertex: is_wgsl.then(|| pass.vertex.clone()),
             fragment: pass.fragment.clone().filter(|_| is_wgsl),
             clip_space: Some(clip_space),
-            ..preshade_text::options::Options::default()
+            ..shader_text::options::Options::default()
         };
         front::parse(&sources, &options).map_err(|e| {
-            let told = e.render(preshade_text::error::Color::Never);
+            let told = e.render(shader_text::error::Color::Never);
             let line = told.lines().next().unwrap_or_default();
             Failed::Uncompared(format!("it is not read with its other stage: {line}").into())
         })

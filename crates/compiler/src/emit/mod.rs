@@ -55,8 +55,8 @@ use preshade_plan::state::Topology;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use preshade_text::files::File;
-use preshade_text::panics;
+use shader_text::files::File;
+use shader_text::panics;
 
 pub use meaning::Meaning;
 pub use plan_json::{

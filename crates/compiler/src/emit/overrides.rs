@@ -11,14 +11,14 @@ use naga::{
     ArraySize, Expression, Function, GlobalVariable, Handle, Literal, Module, Override,
     ShaderStage, Span, Statement, TypeInner,
 };
+use naga_edit::copy::{CopyFunction, Copying};
+use naga_edit::interface;
+use naga_edit::variable::private;
+use naga_edit::writer::FunctionWriter;
 use naga_interp::overrides::overrides_of;
-use preshade_ir::copy::{CopyFunction, Copying};
-use preshade_ir::interface;
-use preshade_ir::variable::private;
-use preshade_ir::writer::FunctionWriter;
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
-use preshade_text::source::{Invalid, Language};
+use shader_text::source::{Invalid, Language};
 
 use super::plan_json::{SpecConstant, StageFile};
 use super::{EmitError, Target, reduce};

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::ShaderStage;
 #[cfg(any(feature = "glsl", feature = "spirv"))]
-use preshade_ir::declared::LengthConstant;
+use naga_edit::declared::LengthConstant;
 use preshade_passes::transforms::specialize::dispatch::Versions;
 use preshade_plan::contract::Contract;
 use preshade_plan::plan::{Attachment, GpuPass, Plan};
@@ -12,7 +12,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use super::{Target, TessellationStage, WrittenFiles, written_key};
-use preshade_text::files::File;
+use shader_text::files::File;
 
 /// The content of `MATERIAL.plan.json`: a plan ([`preshade_plan::plan::SCHEMA`]) and its files.
 #[derive(Clone, Debug, Serialize, Deserialize, JsonSchema)]

@@ -41,7 +41,7 @@ pub(super) fn to_stage(
     program: &Program,
     stage: ShaderStage,
     entry: &str,
-) -> Result<Program, Box<preshade_text::source::Invalid>> {
+) -> Result<Program, Box<shader_text::source::Invalid>> {
     program.with_module(reduced(program, |s, name| s == stage && name == entry))
 }
 

@@ -7,7 +7,7 @@
 use naga::back::spv::{Options, PipelineOptions, WriterFlags, ZeroInitializeWorkgroupMemoryMode};
 use naga::front::spv as reader;
 use naga::{Binding, BuiltIn, Module, ShaderStage};
-use preshade_ir::interface as program_interface;
+use naga_edit::interface as program_interface;
 use preshade_plan::program::Program;
 use rspirv::binary::Assemble;
 use rspirv::dr::{self, Builder, Instruction, Operand};

@@ -7,7 +7,7 @@ use std::{fs, io};
 
 use serde_json::Value;
 
-use preshade_text::files::File;
+use shader_text::files::File;
 
 const PLAN: &str = ".plan.json";
 

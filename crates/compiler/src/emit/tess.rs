@@ -30,7 +30,7 @@ use super::{
     ClipSpace, EmitError, Emitted, EmittedStage, Options, Target, TessellationStage, dedup,
     extension, glsl, written_key,
 };
-use preshade_text::files::File;
+use shader_text::files::File;
 
 /// The article's recommended level, for hosts that set none.
 const LEVEL: &str = "3.0";

@@ -4,7 +4,7 @@ use preshade_plan::budget::Budget;
 use preshade_plan::contract::Contract;
 use preshade_plan::plan::{Plan, Step};
 use preshade_plan::program::Program;
-use preshade_text::source::Language;
+use shader_text::source::Language;
 
 use super::{EmitError, Target};
 use crate::wgsl::{self, WgslError};

@@ -6,8 +6,8 @@
 use std::ops::Range;
 
 use naga::{ShaderStage, Span};
-use preshade_ir::interface::stage_name;
-use preshade_text::source::{SourceFile, SourceMap};
+use naga_edit::interface::stage_name;
+use shader_text::source::{SourceFile, SourceMap};
 
 /// A word, a number or one sign. Comments and preprocessor lines are skipped.
 #[derive(Clone, Copy)]

@@ -2,13 +2,13 @@
 
 use std::path::Path;
 
-use preshade_text::source::Searched;
+use shader_text::source::Searched;
 
 use super::Source;
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
 #[cfg(any(feature = "naga-oil", feature = "wesl"))]
-use preshade_text::options::Options;
-use preshade_text::tokens::without_comments;
+use shader_text::options::Options;
+use shader_text::tokens::without_comments;
 
 /// A dialect of WGSL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -196,7 +196,7 @@ pub(super) fn text_within(path: &Path, options: &Options) -> Option<String> {
         let whole = root.canonicalize();
         real.starts_with(whole.as_deref().unwrap_or(root))
     });
-    let text = || preshade_text::regular::text(&real, &options.limits, "source-bytes").ok();
+    let text = || shader_text::regular::text(&real, &options.limits, "source-bytes").ok();
     within.then(text).flatten()
 }
 

@@ -1,17 +1,17 @@
 //! Chooses the entry points and checks that the stages fit together.
 
 use naga::{Binding, Module, ShaderStage, compact};
-use preshade_ir::interface;
+use naga_edit::interface;
 use preshade_plan::plan::BindingUse;
 use preshade_plan::program::Program;
 use preshade_plan::reflect;
-use preshade_text::source::SourceMap;
+use shader_text::source::SourceMap;
 
 use super::declaration::{self, Direction, entry_point};
 use crate::wgsl::varying::Varying;
-use preshade_ir::interface::stage_name;
-use preshade_text::error::{Code, Error};
-use preshade_text::options::Options;
+use naga_edit::interface::stage_name;
+use shader_text::error::{Code, Error};
+use shader_text::options::Options;
 
 pub(super) struct Entries {
     pub vertex: String,

@@ -24,21 +24,21 @@ use std::path::Path;
 use std::sync::Arc;
 
 use naga::ShaderStage;
-use preshade_ir::declared::Declared;
-use preshade_ir::link::Linked;
+use naga_edit::declared::Declared;
+use naga_edit::link::Linked;
 use preshade_plan::program::Program;
 #[cfg(any(feature = "naga-oil", feature = "wesl"))]
-use preshade_text::source::Wanted;
-use preshade_text::source::{Language, Searched, SourceMap};
+use shader_text::source::Wanted;
+use shader_text::source::{Language, Searched, SourceMap};
 
 use self::dialect::{CompiledFrom, Dialect};
-pub use preshade_text::error::{Code, Color, Error, Label};
-pub use preshade_text::memory::Memory;
-pub use preshade_text::options::{ClipSpace, Options};
+pub use shader_text::error::{Code, Color, Error, Label};
+pub use shader_text::memory::Memory;
+pub use shader_text::options::{ClipSpace, Options};
 pub use wgsl::for_naga;
 
-use preshade_text::panics;
-use preshade_text::regular::{self, ReadError};
+use shader_text::panics;
+use shader_text::regular::{self, ReadError};
 
 /// One file of a material.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -252,7 +252,7 @@ fn parse_mapped(
     let checked = check_sources(sources).and_then(|language| {
         let texts = sources.iter().zip(bases);
         for (source, base) in texts.filter(|_| language != Language::SpirV) {
-            preshade_text::nesting::check(&source.text, *base, &options.limits, language)?;
+            shader_text::nesting::check(&source.text, *base, &options.limits, language)?;
         }
         Ok(language)
     });
@@ -342,7 +342,7 @@ fn assemble(
     options: &Options,
     map: &Arc<SourceMap>,
 ) -> Result<Parsed, Error> {
-    preshade_ir::lengths::settle(&mut modules, &mut declared)?;
+    naga_edit::lengths::settle(&mut modules, &mut declared)?;
     let mut modules = modules.into_iter();
     let Some(mut module) = modules.next() else {
         return Err(Error::new(Code::Empty, "no source is given"));
@@ -359,8 +359,8 @@ fn assemble(
         declared.tell_apart(linked.constants);
     }
     if language != Language::Wgsl {
-        preshade_ir::beyond_wgsl::disable_uniformity(&mut module);
-        preshade_ir::beyond_wgsl::rename_constants(&mut module, &mut declared);
+        naga_edit::beyond_wgsl::disable_uniformity(&mut module);
+        naga_edit::beyond_wgsl::rename_constants(&mut module, &mut declared);
     }
     module_size::check(&module, &options.limits)?;
     let entries = entry::choose(&module, options, map)?;
@@ -392,8 +392,8 @@ fn link(
     let suffix = second
         .entry_points
         .first()
-        .map_or("second", |e| preshade_ir::interface::stage_name(e.stage));
-    preshade_ir::link::link(first, second, base, suffix).map_err(|e| {
+        .map_or("second", |e| naga_edit::interface::stage_name(e.stage));
+    naga_edit::link::link(first, second, base, suffix).map_err(|e| {
         // Label the members that differ if the text shows them, else the variables.
         let members = e
             .members
@@ -446,7 +446,7 @@ fn check_sources(sources: &[Source]) -> Result<Language, Error> {
                  .vs, .frag or .fs, .spv",
             ));
         };
-        if source.words.is_none() && preshade_text::nesting::is_blank(&source.text) {
+        if source.words.is_none() && shader_text::nesting::is_blank(&source.text) {
             let is = match source.text.trim_start_matches('\u{feff}').trim() {
                 "" => "is empty",
                 _ => "has only comments",
@@ -512,7 +512,7 @@ fn check_glsl_stages(sources: &[Source]) -> Result<(), Error> {
                 "{} and {} are both {} shaders",
                 sources[0].name,
                 sources[1].name,
-                preshade_ir::interface::stage_name(stages[0])
+                naga_edit::interface::stage_name(stages[0])
             ),
         ));
     }

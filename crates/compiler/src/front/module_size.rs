@@ -2,8 +2,8 @@
 
 use naga::{ArraySize, Handle, Module, Type, TypeInner};
 
-use preshade_text::error::{Code, Error};
-use preshade_text::limits::{Exceeded, Limits};
+use shader_text::error::{Code, Error};
+use shader_text::limits::{Exceeded, Limits};
 
 /// Fails if the module or one of its types exceeds `limits`.
 pub(super) fn check(module: &Module, limits: &Limits) -> Result<(), Error> {

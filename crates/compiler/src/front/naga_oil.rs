@@ -21,15 +21,15 @@ use naga_oil::compose::{
     ShaderDefValue, get_preprocessor_data,
 };
 use preshade_plan::program::Program;
-use preshade_text::source::{Language, Searched, Wanted};
+use shader_text::source::{Language, Searched, Wanted};
 
 use super::Source;
 use super::dialect::{
     Compiled, CompiledFrom, Defined, beside, definitions, files_below, no_module, path_of,
 };
 use crate::wgsl::{self, WgslError};
-use preshade_text::error::{Code, Error};
-use preshade_text::options::Options;
+use shader_text::error::{Code, Error};
+use shader_text::options::Options;
 
 /// Compiles a file and its imports to WGSL.
 pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Error> {
@@ -124,7 +124,7 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, CompiledFrom),
         wanted: Wanted::Modules,
         found: fingerprints(&all),
     };
-    let told = preshade_text::tokens::without_comments(&source.text);
+    let told = shader_text::tokens::without_comments(&source.text);
     let unknown = unknown_import(&told, &all);
     for one in all {
         // The given text of the main file takes precedence over the file on disk.

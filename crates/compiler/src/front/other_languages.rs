@@ -10,8 +10,8 @@ use std::ops::Range;
 use naga::Span;
 
 use super::{Source, extension};
-use preshade_text::error::{Code, Error, NO_MAIN};
-use preshade_text::tokens::without_comments;
+use shader_text::error::{Code, Error, NO_MAIN};
+use shader_text::tokens::without_comments;
 
 /// Something that is given in place of a material in WGSL or GLSL.
 struct Foreign {
@@ -275,8 +275,7 @@ pub(super) fn named(error: Error, sources: &[Source], bases: &[u32]) -> Error {
         if let Some(foreign) = ALL.iter().find(ends) {
             return Some((source, foreign, None));
         }
-        if (!tried && !untried) || source.language() == Some(preshade_text::source::Language::SpirV)
-        {
+        if (!tried && !untried) || source.language() == Some(shader_text::source::Language::SpirV) {
             return None;
         }
         let text = without_comments(&source.text);
@@ -300,9 +299,9 @@ pub(super) fn named(error: Error, sources: &[Source], bases: &[u32]) -> Error {
 
 fn language(source: &Source) -> &'static str {
     match source.language() {
-        Some(preshade_text::source::Language::Wgsl) => "WGSL",
-        Some(preshade_text::source::Language::Glsl) => "GLSL",
-        Some(preshade_text::source::Language::SpirV) => "SPIR-V",
+        Some(shader_text::source::Language::Wgsl) => "WGSL",
+        Some(shader_text::source::Language::Glsl) => "GLSL",
+        Some(shader_text::source::Language::SpirV) => "SPIR-V",
         None => "text",
     }
 }

@@ -13,7 +13,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use preshade_text::source::{Searched, Wanted};
+use shader_text::source::{Searched, Wanted};
 use wesl::syntax::PathOrigin;
 use wesl::{
     CompileOptions, Diagnostic, EscapeMangler, ImportError, ModulePath, ResolveError, Resolver,
@@ -23,9 +23,9 @@ use super::Source;
 use super::dialect::{
     Compiled, CompiledFrom, Defined, beside, definitions, no_module, path_of, text_within,
 };
-use preshade_text::error::{Code, Error};
-use preshade_text::memory::Memory;
-use preshade_text::options::Options;
+use shader_text::error::{Code, Error};
+use shader_text::memory::Memory;
+use shader_text::options::Options;
 
 /// Compiles a file and its imports to WGSL.
 pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Error> {

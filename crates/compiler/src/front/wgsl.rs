@@ -12,14 +12,14 @@ mod tokens;
 
 use naga::front::wgsl::{self, ParseError};
 use naga::{Module, Span};
-use preshade_ir::link::offset;
+use naga_edit::link::offset;
 
 use self::edits::Edits;
 use self::swizzles::Replaced;
 use self::tokens::{Kind, Token};
 use crate::wgsl::subgroups;
-use preshade_ir::map_spans::map_spans;
-use preshade_text::error::{Code, Error};
+use naga_edit::map_spans::map_spans;
+use shader_text::error::{Code, Error};
 
 pub(super) use refused::check as check_module;
 

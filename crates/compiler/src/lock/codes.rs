@@ -1,6 +1,6 @@
 //! The error codes of locks.
 
-use preshade_text::refusals::refusals;
+use shader_text::refusals::refusals;
 
 refusals! {
     FILE = "lock-file":

@@ -45,9 +45,9 @@ pub use choice::{Locked, Measured};
 pub use error::{LockError, Mismatch};
 pub use inputs::{HashedSource, Inputs};
 use preshade_plan::state::MaterialState;
-use preshade_text::files;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
+use shader_text::files;
 
 /// Name of the file, which lies beside the shaders.
 pub const FILE_NAME: &str = "preshade.lock";
@@ -192,7 +192,7 @@ impl Lock {
             bytes: self.to_json().into_bytes(),
         };
         let changed =
-            preshade_text::files::write(folder, &[file]).map_err(|error| LockError::Io {
+            shader_text::files::write(folder, &[file]).map_err(|error| LockError::Io {
                 path: path.to_owned(),
                 error,
             })?;

@@ -4,7 +4,7 @@
 use preshade_plan::guard::{Assumed, Bounds, Place, ScalarType};
 use preshade_plan::pass::{Constant, Facts};
 use preshade_plan::plan::Plan;
-use preshade_text::options;
+use shader_text::options;
 
 use super::inputs::hash;
 use super::*;

@@ -16,10 +16,10 @@ use naga::{
     Arena, BinaryOperator as B, Expression, Function, Handle, LocalVariable, MathFunction as M,
     Module, Range, ScalarKind, Span, Type, TypeInner, UniqueArena,
 };
-use preshade_ir::copy::{Copies, CopyFunction, Copying};
-use preshade_ir::writer::FunctionWriter;
+use naga_edit::copy::{Copies, CopyFunction, Copying};
+use naga_edit::writer::FunctionWriter;
 use preshade_plan::program::Program;
-use preshade_text::source::Language;
+use shader_text::source::Language;
 
 /// The module with such operands in variables; `None` if there are none.
 pub(crate) fn hide(program: &Program) -> Option<Module> {

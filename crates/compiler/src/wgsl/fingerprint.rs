@@ -6,7 +6,7 @@ use naga::diagnostic_filter::DiagnosticFilterNode;
 use naga::{
     AddressSpace, Arena, Binding, Expression, Handle, Literal, Module, ShaderStage, Type, TypeInner,
 };
-use preshade_ir::interface::{self, Io};
+use naga_edit::interface::{self, Io};
 
 use super::varying::Varying;
 

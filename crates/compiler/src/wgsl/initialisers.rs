@@ -7,7 +7,7 @@
 use naga::{
     AddressSpace, Expression, Function, FunctionResult, Handle, Module, Span, Statement, Type,
 };
-use preshade_ir::writer::FunctionWriter;
+use naga_edit::writer::FunctionWriter;
 
 /// A module without such initialisers, and their targets.
 pub(crate) struct Apart {

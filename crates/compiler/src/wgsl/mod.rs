@@ -60,8 +60,7 @@ pub(crate) fn written(program: &Program) -> Result<(Program, String), WgslError>
         None => raw(&prepared)?,
         Some(apart) => apart.put_back(&raw(&with(apart.module.clone())?)?),
     };
-    let written =
-        preshade_text::tokens::exact_floats(&written, preshade_text::tokens::Spelling::Wgsl);
+    let written = shader_text::tokens::exact_floats(&written, shader_text::tokens::Spelling::Wgsl);
     let repaired = repair::repair(prepared.module(), &written).map_err(WgslError::Inexpressible)?;
     Ok((prepared, repaired))
 }

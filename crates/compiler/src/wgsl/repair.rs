@@ -11,8 +11,8 @@ use naga::{
 };
 
 use super::fingerprint::{filter_chain, filters};
-use preshade_text::tokens as text;
-use preshade_text::tokens::{TokenKind, Words};
+use shader_text::tokens as text;
+use shader_text::tokens::{TokenKind, Words};
 
 /// Restores everything that the writer dropped.
 ///

@@ -5,8 +5,8 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use preshade_text::tokens as text;
-use preshade_text::tokens::TokenKind;
+use shader_text::tokens as text;
+use shader_text::tokens::TokenKind;
 
 const NAME: &str = "subgroups";
 

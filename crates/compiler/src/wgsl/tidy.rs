@@ -28,8 +28,8 @@ use naga::{
 };
 
 use super::loops;
-use preshade_text::tokens as text;
-use preshade_text::tokens::{TokenKind, Words};
+use shader_text::tokens as text;
+use shader_text::tokens::{TokenKind, Words};
 
 /// Tidies the text of `module` after the writer and `repair`.
 pub(crate) fn tidy(module: &Module, text: &str) -> String {

@@ -1,7 +1,7 @@
 //! A value interpolated from vertices to fragments, with explicit defaults.
 
 use naga::{Binding, Interpolation, Module, Sampling, ScalarKind, TypeInner};
-use preshade_ir::interface::{self, Io};
+use naga_edit::interface::{self, Io};
 
 /// A vertex output or fragment input at a location.
 #[derive(Clone, Debug, PartialEq, Eq)]

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
+use naga_edit::declared::ROW_NOTES;
 use naga_interp::overrides;
-use preshade_ir::declared::ROW_NOTES;
 use preshade_plan::state::{
     Blend, BlendComponent, ColorTarget, DepthBias, FrontFace, MaterialState, Multisample,
     PrimitiveState, StencilFace, StencilState,
@@ -16,7 +16,7 @@ use crate::scene::{Material, Rows};
 use preshade_compiler::front::{self, Source};
 use preshade_frames::file::{self, Cull, RenderPipeline, ShaderLanguage};
 use preshade_frames::folder::{Capture, get};
-use preshade_text::options;
+use shader_text::options;
 
 /// Why a draw is not in the scene.
 pub(super) enum Left {
@@ -138,7 +138,7 @@ pub(super) fn read(
         fragment: wanted.filter(|f| sources.len() == 1 || vertex.entry_point.as_ref() != Some(f)),
         clip_space: of.clip_space,
         limits: *capture.limits(),
-        ..preshade_text::options::Options::default()
+        ..shader_text::options::Options::default()
     };
     let parsed = front::parse(&sources, &options).map_err(|e| Left::Out(e.to_string()))?;
     let mut state = state(of).map_err(Left::Out)?;

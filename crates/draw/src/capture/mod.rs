@@ -30,7 +30,7 @@ pub use share::Share;
 pub use unknown::{UnknownDepth, unknown_depths};
 
 use crate::render;
-use preshade_text::limits::Exceeded;
+use shader_text::limits::Exceeded;
 
 /// A capture that cannot be read or replayed.
 #[derive(Debug, thiserror::Error)]
@@ -47,7 +47,7 @@ pub enum Error {
         /// Its number.
         shader: usize,
         /// Why.
-        error: Box<preshade_text::error::Error>,
+        error: Box<shader_text::error::Error>,
     },
     /// The adapter failed.
     #[error(transparent)]

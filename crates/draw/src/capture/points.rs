@@ -1,7 +1,7 @@
 //! WebGL's points as squares of two triangles: WebGPU's points are one pixel large and have no coordinate.
 
 use naga::{Binding, Interpolation, ShaderStage};
-use preshade_ir::interface;
+use naga_edit::interface;
 use preshade_plan::program::Program;
 
 use super::material::Reader;
@@ -229,7 +229,7 @@ mod tests {
             ),
         ];
         let sources = stages.map(|(name, text)| Source::from_bytes(name, text.into()).unwrap());
-        let parsed = front::parse(&sources, &preshade_text::options::Options::default()).unwrap();
+        let parsed = front::parse(&sources, &shader_text::options::Options::default()).unwrap();
         let flat = with_flat_varyings(&parsed.program).unwrap();
         let module = flat.module();
         for entry in &module.entry_points {

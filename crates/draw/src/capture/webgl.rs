@@ -4,8 +4,8 @@
 use std::collections::BTreeMap;
 
 use naga::ScalarKind;
-use preshade_ir::declared::{Declaration, Type};
-use preshade_ir::interface;
+use naga_edit::declared::{Declaration, Type};
+use naga_edit::interface;
 use preshade_plan::plan::{BindingKind, BindingLayout, BindingUse};
 
 use super::material::Left;

@@ -1,6 +1,6 @@
 //! The error codes of the renderer.
 
-use preshade_text::refusals::refusals;
+use shader_text::refusals::refusals;
 
 refusals! {
     NO_ADAPTER = "no-adapter":

@@ -10,8 +10,8 @@ use wgpu::{Backends, DeviceType, ErrorFilter, Features};
 
 use super::turns::Turns;
 use super::{Error, limits, trusted};
-use preshade_text::limits::Trust;
-use preshade_text::panics;
+use shader_text::limits::Trust;
+use shader_text::panics;
 
 /// Which adapter to draw on.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -8,7 +8,7 @@ use preshade_passes::analysis::checks::Checks;
 use preshade_passes::rebuild::bounded;
 use preshade_plan::frame::{FramePass, FramePlan};
 use preshade_plan::plan::{GpuPass, Plan, SCHEMA};
-use preshade_text::files;
+use shader_text::files;
 
 use super::Error;
 use super::compiled::{self, Compiled};

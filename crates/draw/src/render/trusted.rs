@@ -3,7 +3,7 @@
 #![allow(unsafe_code)]
 
 use preshade_passes::analysis::checks::Checks;
-use preshade_text::limits::Trust;
+use shader_text::limits::Trust;
 use wgpu::{Device, ShaderModule, ShaderModuleDescriptor, ShaderRuntimeChecks};
 
 /// Compiles a shader with the checks that `trust` demands, and those that it needs. A device has one

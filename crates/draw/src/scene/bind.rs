@@ -12,7 +12,7 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use naga::{ImageClass, ImageDimension, ScalarKind, ShaderStage, TypeInner};
-use preshade_ir::declared;
+use naga_edit::declared;
 use preshade_plan::plan::{BindingKind, BindingLayout, BindingSource, BindingUse, GpuPass};
 use preshade_plan::state::CompareFunction;
 
@@ -934,7 +934,7 @@ fn texture(
 }
 
 /// The inputs of a material's vertex entry point, with struct arguments split into members.
-fn vertex_inputs(material: &Material) -> Result<Vec<preshade_ir::interface::Io>, SceneError> {
+fn vertex_inputs(material: &Material) -> Result<Vec<naga_edit::interface::Io>, SceneError> {
     let (_, entry) = material
         .program
         .entry_point(ShaderStage::Vertex, &material.vertex)
@@ -944,7 +944,7 @@ fn vertex_inputs(material: &Material) -> Result<Vec<preshade_ir::interface::Io>,
                 material.name, material.vertex
             ))
         })?;
-    Ok(preshade_ir::interface::inputs(
+    Ok(naga_edit::interface::inputs(
         material.program.module(),
         &entry.function,
     ))

@@ -1,6 +1,6 @@
 //! The error codes of scenes.
 
-use preshade_text::refusals::refusals;
+use shader_text::refusals::refusals;
 
 refusals! {
     SCENE = "scene":

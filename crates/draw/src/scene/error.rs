@@ -8,7 +8,7 @@ use codespan_reporting::files::SimpleFile;
 use codespan_reporting::term;
 
 use super::codes;
-use preshade_text::regular;
+use shader_text::regular;
 
 /// The scene cannot be loaded, or a draw cannot be bound. [`Display`](std::fmt::Display) is one
 /// line; [`SceneError::render`] shows the place in the scene file.
@@ -195,8 +195,8 @@ impl std::fmt::Display for SceneError {
 
 impl std::error::Error for SceneError {}
 
-impl From<preshade_text::limits::Exceeded> for SceneError {
-    fn from(exceeded: preshade_text::limits::Exceeded) -> Self {
+impl From<shader_text::limits::Exceeded> for SceneError {
+    fn from(exceeded: shader_text::limits::Exceeded) -> Self {
         Self::new(exceeded.to_string()).help(exceeded.remedy())
     }
 }
@@ -210,7 +210,7 @@ pub(crate) fn nearest<'a>(wrong: &str, known: &[&'a str]) -> Option<&'a str> {
         .min()
         .filter(|(d, k)| *d * 3 <= k.chars().count().max(wrong.chars().count()))
         .map(|(_, k)| k)
-        .or_else(|| preshade_text::nearest::containing(wrong, known))
+        .or_else(|| shader_text::nearest::containing(wrong, known))
 }
 
 /// Damerau-Levenshtein distance, restricted form: a swap of adjacent letters costs 1.

@@ -16,7 +16,7 @@ use super::mesh::{
 };
 use super::variables::Variable;
 use super::{DrawOrder, Sampler};
-use preshade_text::options::ClipSpace;
+use shader_text::options::ClipSpace;
 
 #[derive(Debug, Deserialize)]
 #[serde(deny_unknown_fields)]

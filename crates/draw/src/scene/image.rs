@@ -131,7 +131,7 @@ impl Recipe {
     /// # Errors
     /// The bytes are no such image.
     pub fn decode(&self, name: &str, bytes: &[u8]) -> Result<Image, SceneError> {
-        let limits = preshade_text::limits::Limits::default();
+        let limits = shader_text::limits::Limits::default();
         self.decode_within(name, bytes, &limits, &|_| Ok(()))
     }
 
@@ -140,7 +140,7 @@ impl Recipe {
         &self,
         name: &str,
         bytes: &[u8],
-        limits: &preshade_text::limits::Limits,
+        limits: &shader_text::limits::Limits,
         hold: decode::Hold<'_>,
     ) -> Result<Image, SceneError> {
         let reading = decode::Reading {

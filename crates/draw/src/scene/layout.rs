@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use std::ops::Range;
 
 use naga::{ArraySize, Handle, Module, ScalarKind, Type, TypeInner, VectorSize};
-use preshade_ir::interface::wgsl_type;
+use naga_edit::interface::wgsl_type;
 
 use super::{SceneError, Semantic, Value};
 

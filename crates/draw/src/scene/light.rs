@@ -7,7 +7,7 @@ use glam::{Mat4, Vec3};
 use preshade_plan::state::DepthDirection;
 
 use super::{Camera, Frame, Scene, SceneError, Stream, bind, file, load};
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 /// A directional light and the world-space box that its shadow map covers.
 #[derive(Clone, Copy, Debug, PartialEq)]

@@ -27,8 +27,8 @@ use super::{
     variables,
 };
 use preshade_compiler::front;
-use preshade_text::limits::Limits;
-use preshade_text::{options, regular};
+use shader_text::limits::Limits;
+use shader_text::{options, regular};
 
 /// The quantity that the limit `scene-bytes` counts.
 pub(super) const SCENE_BYTES: &str = "the bytes of vertex data, texels and draws";
@@ -467,11 +467,11 @@ impl Loader<'_> {
             clip_space: entry.clip,
             root: self.folder.root_of(files[0].get_ref()),
             limits: self.access.limits,
-            ..preshade_text::options::Options::default()
+            ..shader_text::options::Options::default()
         };
         let parsed = front::parse(&texts, &options).map_err(|e| {
             let what = SceneError::new(format!("the shader of material `{name}`: {e}"))
-                .detail(e.render(preshade_text::error::Color::Never));
+                .detail(e.render(shader_text::error::Color::Never));
             self.source.at(what, files[0].span())
         })?;
         let given = values(&entry.values);

@@ -104,7 +104,7 @@ pub fn check(material: &Material) -> Result<(), SceneError> {
     let inputs = material
         .program
         .entry_point(naga::ShaderStage::Vertex, &material.vertex)
-        .map(|(_, e)| preshade_ir::interface::inputs(module, &e.function))
+        .map(|(_, e)| naga_edit::interface::inputs(module, &e.function))
         .unwrap_or_default();
     let names: Vec<&str> = inputs.iter().filter_map(|i| i.name.as_deref()).collect();
     for name in material.attributes.keys() {

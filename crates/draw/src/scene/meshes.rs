@@ -12,7 +12,7 @@ use super::mesh::{self, Rigged};
 use super::noise::{hash, random};
 use super::place::Folder;
 use super::{Mesh, SceneError, Variables, size};
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 pub(super) struct FieldCopy {
     pub transform: Mat4,

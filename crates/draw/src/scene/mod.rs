@@ -60,7 +60,7 @@ pub struct Access {
     /// Whether its files may lie outside of its root folder.
     pub outside: Outside,
     /// Size limits.
-    pub limits: preshade_text::limits::Limits,
+    pub limits: shader_text::limits::Limits,
 }
 
 /// Whether a scene's files may lie outside of its root folder (`docs/reference/scenes.md`,

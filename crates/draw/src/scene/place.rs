@@ -9,7 +9,7 @@ use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use super::{Access, SceneError};
-use preshade_text::regular;
+use shader_text::regular;
 
 /// The folder of a scene's files, and the root that they must not leave.
 pub(super) struct Folder {

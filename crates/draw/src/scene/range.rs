@@ -2,7 +2,7 @@
 
 use super::file::RangeEntry;
 use super::{Draw, DrawRange, Mesh, SceneError};
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 /// Selects the range of `mesh` and of the field's copies. Without a field (`copies` is `None`) the
 /// entry gives the number of instances.

@@ -7,7 +7,7 @@ use naga::{
     AddressSpace, BinaryOperator, Binding, BuiltIn, Expression, MathFunction, Module, ScalarKind,
     ShaderStage, TypeInner,
 };
-use preshade_ir::interface::Io;
+use naga_edit::interface::Io;
 use preshade_passes::analysis::values::ValueId;
 use preshade_passes::graph::Graph;
 

@@ -202,7 +202,7 @@ impl Wants {
             morph: false,
         };
         if let Some((_, entry)) = program.entry_point(ShaderStage::Vertex, &parsed.vertex) {
-            for io in preshade_ir::interface::inputs(module, &entry.function) {
+            for io in naga_edit::interface::inputs(module, &entry.function) {
                 let name = io.name.as_deref().unwrap_or("");
                 if let Some(naga::Binding::Location { .. }) = io.binding {
                     wants.data = true;

@@ -22,9 +22,9 @@ pub use unpack::{UnpackError, prepare, unpack};
 use super::codes;
 use super::folder::is_folder;
 use super::page::RECORDER;
-use preshade_text::limits::Limits;
 use process::Browser;
 use protocol::Client;
+use shader_text::limits::Limits;
 
 /// The page may load so long, and wait for its condition if the visit does not say how long.
 const LOADING: Duration = Duration::from_secs(120);

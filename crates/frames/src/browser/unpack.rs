@@ -9,7 +9,7 @@ use tar::{Archive, EntryType};
 use crate::codes;
 use crate::folder::{FILE, PACKED};
 use crate::writer::{DATA, Writer, digits, is_left_over};
-use preshade_text::limits::{Exceeded, Limits};
+use shader_text::limits::{Exceeded, Limits};
 
 /// The stream or the folder is none.
 #[derive(Debug, thiserror::Error)]

@@ -7,8 +7,8 @@ use wgpu_core::device::trace::Data;
 
 use super::TraceError;
 use crate::file::DataName;
-use preshade_text::limits::Limits;
-use preshade_text::regular;
+use shader_text::limits::Limits;
+use shader_text::regular;
 
 /// What is known of the trace's data files.
 pub struct Store {

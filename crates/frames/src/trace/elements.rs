@@ -3,7 +3,7 @@
 use std::io::BufRead;
 
 use super::TraceError;
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 /// One action as text.
 pub(super) struct Element {

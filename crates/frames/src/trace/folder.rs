@@ -12,7 +12,7 @@ use crate::file::{
     LayoutChoice, RenderPassDescriptor, Resource, Unknown,
 };
 use crate::writer;
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 /// A list of the file.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

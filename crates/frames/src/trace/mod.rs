@@ -33,9 +33,9 @@ pub use version::Version;
 use super::file::{Api, CapturedFrame, Refused, SCHEMA, Source, Unknown};
 use data::Store;
 use elements::Elements;
-use preshade_text::limits::{Exceeded, Limits};
-use preshade_text::regular::ReadError;
 use recorder::{Mark, Recorder, TraceAction};
+use shader_text::limits::{Exceeded, Limits};
+use shader_text::regular::ReadError;
 
 /// The file that makes a folder a trace.
 pub const TRACE: &str = "trace.ron";

@@ -12,7 +12,7 @@ use super::super::stage::unsupported;
 use super::super::tree::Node;
 use super::expression::Position;
 use super::{Body, Builder, refused};
-use preshade_text::error::Error;
+use shader_text::error::Error;
 
 /// A part of a variable: the indices from the whole to it. Elements of an array count alike.
 pub(super) type Part = (Handle<GlobalVariable>, Vec<u32>);

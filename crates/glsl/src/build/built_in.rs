@@ -10,7 +10,7 @@ use super::super::operations::Subgroup;
 use super::super::tree::Node;
 use super::super::ty::Ty;
 use super::{Body, refused};
-use preshade_text::error::Error;
+use shader_text::error::Error;
 
 type Value = Handle<Expression>;
 

@@ -5,7 +5,7 @@ use naga::{AddressSpace, Expression, Handle, Span, Statement, Type, TypeInner};
 
 use super::super::tree::{FunctionId, Node};
 use super::{Body, refused};
-use preshade_text::error::Error;
+use shader_text::error::Error;
 
 /// A store after a call, of what it left in a variable.
 struct Written {

@@ -9,7 +9,7 @@ use super::super::tree::Node;
 use super::super::ty::{Length, Ty};
 use super::types::scalar_of;
 use super::{Body, refused};
-use preshade_text::error::Error;
+use shader_text::error::Error;
 
 type Value = Handle<Expression>;
 

@@ -8,13 +8,13 @@ use naga::{
     Function as IrFunction, FunctionArgument, FunctionResult, GlobalVariable, Handle,
     Interpolation, Override, Sampling, ScalarKind, Span, Statement, StructMember, Type, TypeInner,
 };
-use preshade_ir::writer::FunctionWriter;
+use naga_edit::writer::FunctionWriter;
 
 use super::super::tree::{BlockTy, Global, GlobalId, GlobalKind, Node, OwnVariable, own_variable};
 use super::super::ty::Ty;
 use super::types::array_size;
 use super::{Body, Builder, Declared, Port, refused};
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
 
 impl<'s> Builder<'s> {
     pub(super) fn globals(&mut self) -> Result<(), Error> {

@@ -8,7 +8,7 @@ use naga::{
 use super::super::tree::{GlobalId, Kind, Node};
 use super::types::{power, scalar_of, size};
 use super::{Body, Declared, refused};
-use preshade_text::error::Error;
+use shader_text::error::Error;
 
 /// What an expression is evaluated for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -16,7 +16,7 @@ use super::super::tree::{
 use super::super::ty::Ty;
 use super::expression::Position;
 use super::{Body, Builder, Declared, refused};
-use preshade_text::error::Error;
+use shader_text::error::Error;
 
 /// The globals that a function uses, and the members of blocks.
 #[derive(Default)]

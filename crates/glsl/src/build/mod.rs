@@ -24,11 +24,11 @@ use naga::{
     Binding, Expression, Function as IrFunction, GlobalVariable, Handle, Module, ShaderStage, Span,
     Type, TypeInner,
 };
-use preshade_ir::writer::FunctionWriter;
+use naga_edit::writer::FunctionWriter;
 
 use self::depth::DepthTextures;
 use super::tree::{FunctionId, GlobalId, LocalId, OwnVariable, Stage};
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
 
 /// What a global is in the IR.
 #[derive(Clone, Copy, Debug)]

@@ -8,7 +8,7 @@ use naga::{
 use super::super::tree::Node;
 use super::types::{power, scalar_of};
 use super::{Body, refused};
-use preshade_text::error::Error;
+use shader_text::error::Error;
 
 /// A matrix.
 #[derive(Clone, Copy)]

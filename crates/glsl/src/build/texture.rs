@@ -7,7 +7,7 @@ use naga::{
 
 use super::super::tree::{Gather, Kind, Node};
 use super::{Body, refused};
-use preshade_text::error::Error;
+use shader_text::error::Error;
 
 type Value = Handle<Expression>;
 

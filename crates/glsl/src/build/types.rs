@@ -11,7 +11,7 @@ use naga::{
 use super::super::tree::{HandleTy, Member};
 use super::super::ty::{Component, Rules, Ty};
 use super::{Builder, WRONG_TYPE, refused};
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
 
 pub(super) fn size(n: u8) -> VectorSize {
     match n {

@@ -4,7 +4,7 @@ use std::collections::{HashMap, HashSet};
 
 use super::{BindingSlot, BoundSampler, Interface, SplitSampler, flat, refuse_sampler};
 use crate::stage::{GlslStage, Qualifiers, Storage};
-use preshade_text::error::Error;
+use shader_text::error::Error;
 
 impl Interface {
     pub(super) fn bindings(&mut self, stages: &[GlslStage<'_>]) -> Result<(), Error> {

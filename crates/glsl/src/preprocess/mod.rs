@@ -15,15 +15,15 @@ use std::path::{Path, PathBuf};
 use std::rc::Rc;
 
 use naga::{ShaderStage, Span};
-use preshade_text::source::SourceMap;
+use shader_text::source::SourceMap;
 
 use self::condition::{Word, Wrong, evaluate, integer};
 use self::macros::{Macro, TokenSource};
 use self::tokens::{Joined, Names, Token, TokenKind, tokens};
 use super::include::Files;
 use super::version::Dialect;
-use preshade_text::error::{Code, Error};
-use preshade_text::unsupported;
+use shader_text::error::{Code, Error};
+use shader_text::unsupported;
 
 /// Maximum tokens read, skipped or made.
 const WORK: usize = 1 << 24;

@@ -13,8 +13,8 @@ use super::expression::Ex;
 use super::fold::Folds;
 use super::overload::{OverloadChoice, choose};
 use super::{Pair, Resolver, builtin, helpers, texture};
-use preshade_text::unsupported;
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
+use shader_text::unsupported;
 
 impl Resolver<'_, '_> {
     /// The value of `length()`: the specialisation constant, if it is one.

@@ -8,7 +8,7 @@ use super::super::ty::{Component, Ty};
 use super::Resolver;
 use super::expression::Ex;
 use super::overload::{conversion, is_same};
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
 
 /// The type with its article.
 pub(super) fn a(ty: &Ty) -> String {

@@ -3,7 +3,7 @@
 use std::mem;
 
 use naga::{AddressSpace, BinaryOperator, ResourceBinding, ShaderStage, Span, StorageAccess};
-use preshade_ir::declared;
+use naga_edit::declared;
 
 use super::super::formats::format_named;
 use super::super::interface::{BindingSlot, handles};
@@ -14,8 +14,8 @@ use super::super::tree::{
 use super::super::ty::{BlockEntry, GlslMember, MemoryLayout, Rules, Ty, stored};
 use super::fold::Folds;
 use super::{Pair, Resolver, Var};
-use preshade_text::error::Error;
-use preshade_text::options::ClipSpace;
+use shader_text::error::Error;
+use shader_text::options::ClipSpace;
 
 fn bound(slot: BindingSlot) -> ResourceBinding {
     ResourceBinding {

@@ -16,7 +16,7 @@ use super::super::tree::{Kind, Node};
 use super::super::ty::Ty;
 use super::Resolver;
 use super::expression::Ex;
-use preshade_text::error::Error;
+use shader_text::error::Error;
 
 /// A call's argument, with statements before and after the call.
 pub(super) struct Argument {

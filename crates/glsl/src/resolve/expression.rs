@@ -13,8 +13,8 @@ use super::super::ty::{Component, MemoryLayout, Ty};
 use super::effect::{after, is_literal};
 use super::fold::Folds;
 use super::{Pair, Resolver, Var, check};
-use preshade_text::unsupported;
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
+use shader_text::unsupported;
 
 /// Maximum elements compared one by one.
 const COMPARED: u64 = 1 << 12;
@@ -187,7 +187,7 @@ impl Resolver<'_, '_> {
             return self.own_variable(name, expr);
         }
         Err(Error::new(
-            preshade_text::error::Code::Parse,
+            shader_text::error::Code::Parse,
             format!("`{name}` is not declared"),
         )
         .label_if(self.place(expr.span)))
@@ -515,7 +515,7 @@ impl Resolver<'_, '_> {
                     .and_then(|s| s.members.iter().find(|m| m.name == name).cloned());
                 let Some(member) = member else {
                     return Err(Error::new(
-                        preshade_text::error::Code::Parse,
+                        shader_text::error::Code::Parse,
                         format!("the struct `{of}` has no member `{name}`"),
                     )
                     .label_if(self.place(whole.span)));

@@ -13,7 +13,7 @@ use super::super::tree::{
 };
 use super::super::ty::{BlockEntry, Component, Rules, Ty, stored};
 use super::{Pair, Resolver, Var};
-use preshade_text::error::Error;
+use shader_text::error::Error;
 
 /// Orders functions after those that they call.
 fn order(

@@ -30,8 +30,8 @@ use super::interface::Interface;
 use super::stage::GlslStage;
 use super::tree::{FunctionId, Global, GlobalId, Kind, Local, LocalId, Node, Stage, Statement};
 use super::ty::{MemoryLayout, Ty};
-use preshade_text::error::Error;
-use preshade_text::options::ClipSpace;
+use shader_text::error::Error;
+use shader_text::options::ClipSpace;
 
 /// Maximum nodes of a stage's statements. Some statements are repeated for each element.
 const NODES: usize = 1 << 22;

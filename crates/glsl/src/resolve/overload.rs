@@ -5,7 +5,7 @@ use naga::Span;
 use super::super::stage::{Signature, Storage};
 use super::super::ty::{Component, Ty};
 use super::Resolver;
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
 
 /// The conversion of an argument.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,7 +9,7 @@ use super::super::tree::{Global, GlobalId, GlobalKind, Kind, Node, Statement};
 use super::super::ty::{Component, Leaf, Ty};
 use super::expression::Ex;
 use super::{Resolver, Var};
-use preshade_text::error::Error;
+use shader_text::error::Error;
 
 /// A location without an interpolation.
 fn at_location(location: u32) -> Binding {

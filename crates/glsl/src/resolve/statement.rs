@@ -15,7 +15,7 @@ use super::super::ty::Ty;
 use super::super::{constant, operations};
 use super::expression::Ex;
 use super::{Resolver, Var, effect};
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
 
 impl Resolver<'_, '_> {
     /// Resolves a statement, which may become several or none.

@@ -11,8 +11,8 @@ use super::Resolver;
 use super::effect::{after, is_literal};
 use super::expression::{Ex, compound, element, operator, splat};
 use super::fold::Folds;
-use preshade_text::unsupported;
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
+use shader_text::unsupported;
 
 impl Resolver<'_, '_> {
     /// The declared type in this layout, without padding.

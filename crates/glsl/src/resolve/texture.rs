@@ -12,8 +12,8 @@ use super::super::version::Dialect;
 use super::effect::after;
 use super::expression::Ex;
 use super::{Pair, Resolver};
-use preshade_text::unsupported;
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
+use shader_text::unsupported;
 
 /// A texture function.
 #[derive(Clone, Debug, PartialEq, Eq)]

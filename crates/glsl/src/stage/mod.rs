@@ -7,13 +7,13 @@ use glsl_lang::ast::{
     self, DeclarationData, ExprData, ExternalDeclarationData, NodeSpan, TypeSpecifierNonArrayData,
 };
 use naga::{ConservativeDepth, ShaderStage, Span};
-use preshade_ir::declared::{self, LengthConstant, Precision};
+use naga_edit::declared::{self, LengthConstant, Precision};
 
 use super::constant::{self, ConstantValue, Constants, Specialised};
 use super::lengths::Candidate;
 use super::syntax::Unit;
 use super::ty::{Component, GlslMember, Length, Rules, Structs, Ty};
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
 
 mod qualifiers;
 mod reachable;

@@ -5,11 +5,11 @@ use glsl_lang::ast::{
     StorageQualifierData, TypeQualifierSpecData,
 };
 use naga::{ConservativeDepth, ShaderStage};
-use preshade_ir::declared::Precision;
+use naga_edit::declared::Precision;
 
 use super::{GlslStage, unsupported};
-use preshade_text::error::Error;
-use preshade_text::unsupported;
+use shader_text::error::Error;
+use shader_text::unsupported;
 
 /// A variable's storage class.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

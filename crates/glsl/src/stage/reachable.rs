@@ -9,7 +9,7 @@ use glsl_lang::ast::{
 use glsl_lang::visitor::{Host as _, Visit, Visitor};
 
 use super::{GlslStage, side_effects};
-use preshade_text::error::{self, Code, Error};
+use shader_text::error::{self, Code, Error};
 
 impl<'u> GlslStage<'u> {
     /// Orders reachable functions with callees first, and records the names they use.

@@ -8,8 +8,8 @@ use naga::Span;
 
 use super::{GlslStage, unsupported};
 use crate::ty::{GlslMember, Struct, Ty};
-use preshade_text::error::{Code, Error};
-use preshade_text::unsupported;
+use shader_text::error::{Code, Error};
+use shader_text::unsupported;
 
 /// Maximum elements of arrays that are split into variables: varyings and samplers.
 pub(super) const APART: u64 = 1 << 10;

@@ -7,7 +7,7 @@
 
 use std::collections::{BTreeMap, HashMap};
 
-use preshade_ir::interface;
+use naga_edit::interface;
 use preshade_passes::transforms::tessellate::{self, Tessellate};
 use preshade_plan::geometry;
 use preshade_plan::pass::{Facts, Interpolation, Pass};

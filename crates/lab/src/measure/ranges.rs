@@ -9,8 +9,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use naga::{Module, TypeInner};
+use naga_edit::interface;
 use naga_interp::{Scalar, Value};
-use preshade_ir::interface;
 use preshade_passes::graph::Graph;
 use preshade_plan::pass::{Numbers, Source, SourceRange};
 

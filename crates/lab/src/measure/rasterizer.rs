@@ -16,7 +16,7 @@ use preshade_draw::render::{ColorImage, Error, Gpu, ShaderForm};
 use preshade_draw::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Image, Light, Material, Mesh, Scene, Stream,
 };
-use preshade_text::options;
+use shader_text::options;
 
 /// Pixels of a side.
 const SIZE: u32 = 16;

@@ -14,9 +14,9 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, BuiltIn, ShaderStage};
+use naga_edit::interface::Io;
 use naga_interp::bound::exactly;
 use naga_interp::{Derivative, Environment, Lookup, Number, Scalar, Shadowed, Stuck, Value, ulps};
-use preshade_ir::interface::Io;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::Topology;
 use preshade_validate::inputs::Random;

@@ -6,7 +6,7 @@
 //! early depth test.
 
 use naga::{Expression, Literal, ShaderStage};
-use preshade_ir::interface;
+use naga_edit::interface;
 use preshade_passes::rebuild::color;
 use preshade_passes::transforms::visibility_buffer;
 use preshade_plan::pass::Facts;

@@ -7,7 +7,7 @@
 
 use std::collections::BTreeMap;
 
-use preshade_ir::interface;
+use naga_edit::interface;
 use preshade_plan::contract::Verdict;
 use preshade_plan::plan::{Attachment, GpuPass, Phase, Plan, SCENE_DEPTH};
 use preshade_plan::state::{DepthDirection, Multisample};

@@ -12,7 +12,7 @@ use preshade_plan::guard::{Assumed, Bounds, Place};
 use preshade_plan::pass::{Facts, Undrawn};
 use preshade_plan::plan::Plan;
 use preshade_plan::uniforms::{UniformScalar, uniform_scalars};
-use preshade_text::source::Location;
+use shader_text::source::Location;
 
 use super::constants::as_facts;
 use super::originals;

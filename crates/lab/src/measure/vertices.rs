@@ -221,7 +221,7 @@ fn outputs<F: Number>(
         Some(one) => vec![one],
         None => Vec::new(),
     };
-    let outputs = preshade_ir::interface::outputs(module, function).into_iter();
+    let outputs = naga_edit::interface::outputs(module, function).into_iter();
     outputs
         .zip(values)
         .filter_map(|(output, value)| Some((output.binding?, value)))

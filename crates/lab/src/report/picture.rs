@@ -4,7 +4,7 @@ use image::{ExtendedColorType, ImageEncoder};
 
 use super::sheet;
 use crate::measure::record::{Picture, Pictures};
-use preshade_text::files::File;
+use shader_text::files::File;
 
 /// The FLIP error map of two pictures of one size (Andersson et al. 2020): black for no visible
 /// difference, then magenta to white.

@@ -10,7 +10,7 @@ use crate::measure::ErrorLadder;
 use crate::measure::record::{Picture, Pictures, Report, SweepReport, VariantReport};
 use preshade_compiler::sweep::number;
 use preshade_draw::render::Surplus;
-use preshade_text::files::File;
+use shader_text::files::File;
 
 /// A combination that was drawn or refused, with its figures.
 #[derive(Clone, Copy)]

@@ -17,7 +17,7 @@ mod components;
 use std::collections::{HashMap, HashSet};
 use std::rc::Rc;
 
-use preshade_ir::declared::padding;
+use naga_edit::declared::padding;
 use rspirv::dr::{Builder, Instruction, Operand};
 use rspirv::spirv::{Decoration, Op, StorageClass, Word};
 

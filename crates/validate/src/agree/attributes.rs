@@ -9,7 +9,7 @@ use super::buffers::is_previous_name;
 use super::fed::plain;
 use super::matching::{By, Matcher};
 use crate::environment::PassStages;
-use preshade_ir::interface::Io;
+use naga_edit::interface::Io;
 use preshade_plan::mapping::Mapping;
 
 /// The first location of attributes without a partner.

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use naga::{ArraySize, BinaryOperator, Handle, Module, Type, TypeInner};
 
+use naga_edit::declared::is_padding;
 use naga_interp::{Number, Value, math};
-use preshade_ir::declared::is_padding;
 use preshade_plan::mapping::members;
 
 /// How a value of one type becomes one of another.

@@ -18,10 +18,10 @@ use super::products::{self, Product};
 use super::sampled::sampled;
 use super::{Mismatch, Relation, rename};
 use crate::environment::PassStages;
-use preshade_ir::interface;
+use naga_edit::interface;
 use preshade_plan::mapping::{self, Equation, Mapping};
 use preshade_plan::program::Program;
-use preshade_text::source::Language;
+use shader_text::source::Language;
 
 /// The group of buffers that keep a binding of their own.
 const OWN_GROUP: u32 = 4096;

@@ -17,7 +17,7 @@ use super::environment::PassStages;
 use super::stage::Stage;
 use preshade_plan::mapping::Equation;
 use preshade_plan::plan::{GpuPass, Plan, Role};
-use preshade_text::source::Location;
+use shader_text::source::Location;
 
 mod attributes;
 mod budget;

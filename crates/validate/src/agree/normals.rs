@@ -3,8 +3,8 @@
 use super::Class;
 use super::promises::named;
 use crate::compare::text;
+use naga_edit::interface;
 use naga_interp::Value;
-use preshade_ir::interface;
 use preshade_passes::transforms::outputs::{Outputs, Params};
 use preshade_plan::pass::{Facts, Pass, Refused};
 use preshade_plan::plan::{Plan, Role};

@@ -13,8 +13,8 @@ use super::trial::{Two, What};
 use super::wording::Sliced;
 use super::{Class, Finding, Held, Outcome, Relation};
 use crate::stage::Stage;
+use naga_edit::declared::Precision;
 use naga_operands::calls;
-use preshade_ir::declared::Precision;
 
 /// A pre-pass's depths are compared with the main pass's, and a GPU may round two positions
 /// differently.

@@ -3,7 +3,7 @@
 use super::Relation;
 use super::trial::{Two, What};
 use crate::stage::{Slot, Stage};
-use preshade_ir::interface::Io;
+use naga_edit::interface::Io;
 
 impl Two<'_> {
     pub(super) fn promises(&self) -> Vec<(&'static str, Result<What, String>)> {

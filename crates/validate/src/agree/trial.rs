@@ -27,7 +27,7 @@ use preshade_passes::graph::effect::Effect;
 use preshade_passes::graph::{FunctionId, Graph};
 use preshade_passes::slice::{Criterion, OutputFilter};
 use preshade_plan::state::DepthDirection;
-use preshade_text::source::Language;
+use shader_text::source::Language;
 
 /// One in this many inputs is run on the whole programs, also beside a proof that depends on the slicer:
 /// by default as many as in [validation](crate).

@@ -7,8 +7,8 @@ use preshade_compiler::command::agree::{
 };
 use preshade_compiler::command::agreed::{Pair, Report};
 use preshade_plan::mapping::Equation;
-use preshade_text::nearest::unknown;
-use preshade_text::options::ClipSpace;
+use shader_text::nearest::unknown;
+use shader_text::options::ClipSpace;
 use preshade_validate::Effort;
 use preshade_validate::agree::{Mismatch, Question, Relation};
 

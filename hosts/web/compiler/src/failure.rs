@@ -1,8 +1,8 @@
 //! Why there is no answer.
 
-use preshade_text::error::Color;
-use preshade_text::limits::Exceeded;
-use preshade_text::source::Location;
+use shader_text::error::Color;
+use shader_text::limits::Exceeded;
+use shader_text::source::Location;
 use serde::Serialize;
 
 /// An error of a request. The caller must change the shader or the request.
@@ -36,7 +36,7 @@ impl Failure {
     /// A file that is larger than allowed.
     pub fn too_large(name: &str, exceeded: &Exceeded) -> Self {
         Self {
-            code: preshade_text::error::Code::TooDeep.name(),
+            code: shader_text::error::Code::TooDeep.name(),
             message: exceeded.to_string(),
             place: None,
             notes: vec![exceeded.remedy()],
@@ -45,7 +45,7 @@ impl Failure {
     }
 
     /// An error in a shader.
-    pub fn front(error: &preshade_text::error::Error) -> Self {
+    pub fn front(error: &shader_text::error::Error) -> Self {
         Self {
             code: error.code().name(),
             message: error.message().to_owned(),

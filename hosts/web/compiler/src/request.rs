@@ -12,10 +12,10 @@ use preshade_compiler::recipe::Recipe;
 use naga::ShaderStage;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{CullMode, MaterialState};
-use preshade_text::limits::{Exceeded, Limits};
-use preshade_text::memory::Memory;
-use preshade_text::options::{self, ClipSpace};
-use preshade_text::source::Language;
+use shader_text::limits::{Exceeded, Limits};
+use shader_text::memory::Memory;
+use shader_text::options::{self, ClipSpace};
+use shader_text::source::Language;
 use serde::Deserialize;
 use serde_json::{Map, Value, from_value};
 
@@ -302,7 +302,7 @@ impl Shader {
             files: self.memory(),
             clip_space: clip.or(self.clip),
             limits,
-            ..preshade_text::options::Options::default()
+            ..shader_text::options::Options::default()
         };
         let sources: Vec<Source> = sources.collect();
         front::parse(&sources, &options).map_err(|e| Failure::front(&e))

@@ -8,8 +8,8 @@ use preshade_compiler::pipeline::{self, Applied, Frame};
 use preshade_compiler::recipe::{Recipe, Step};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
-use preshade_text::files::File;
-use preshade_text::nearest::unknown;
+use shader_text::files::File;
+use shader_text::nearest::unknown;
 use preshade_validate::Check;
 #[cfg(feature = "check")]
 use preshade_validate::{By, Effort, validate_by};
@@ -103,7 +103,7 @@ fn make(asked: &Rewrite, recipe: &Recipe, targets: &[Target]) -> Result<Answer<V
     recipe
         .check_names(alone)
         .map_err(|e| Failure::usage(e.to_string()))?;
-    if !preshade_text::files::is_material_name(&original.material) {
+    if !shader_text::files::is_material_name(&original.material) {
         return Err(Failure::usage(format!(
             "`{}` cannot begin a file name: give another with --name",
             original.material

@@ -5,7 +5,7 @@ use naga::{
     LocalVariable, Module, Span, Statement, Type, TypeInner,
 };
 
-use preshade_ir::writer::FunctionWriter;
+use naga_edit::writer::FunctionWriter;
 
 /// Appends expressions and statements to a function of a module.
 #[derive(Debug)]

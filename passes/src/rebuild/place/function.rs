@@ -11,9 +11,9 @@ use super::interface::{self, Narrowed, Placement, Returned};
 use super::members::MemberCopy;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 use crate::slice::{Coverage, Part, Slice, components};
-use preshade_ir::copy::{CopyFunction, Copying};
-use preshade_ir::returns;
-use preshade_ir::writer::FunctionWriter;
+use naga_edit::copy::{CopyFunction, Copying};
+use naga_edit::returns;
+use naga_edit::writer::FunctionWriter;
 
 pub(crate) fn place(
     graph: &Graph<'_>,

@@ -4,7 +4,7 @@ use naga::{Expression, Handle, Span, Statement, TypeInner};
 
 use super::function::SliceCopier;
 use super::interface::{Narrowed, Returned};
-use preshade_ir::copy::CopyFunction;
+use naga_edit::copy::CopyFunction;
 
 /// The copy of a struct member.
 pub(super) enum MemberCopy {

@@ -10,8 +10,8 @@ use naga::{
 
 use super::CodeBuilder;
 use crate::graph::FunctionId;
-use preshade_ir::copy::{CopyFunction, Copying};
-use preshade_ir::writer::FunctionWriter;
+use naga_edit::copy::{CopyFunction, Copying};
+use naga_edit::writer::FunctionWriter;
 
 /// The replacement of an author's expression behind a prologue.
 #[derive(Clone, Copy, Debug)]

@@ -1,6 +1,6 @@
 //! The refusals of `depth-prepass`.
 
-use preshade_text::refusals::refusals;
+use shader_text::refusals::refusals;
 
 refusals! {
     BIAS_CONSTANT = "bias-constant":

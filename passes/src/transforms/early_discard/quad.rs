@@ -5,7 +5,7 @@ use naga::Expression;
 use super::{EarlyDiscard, Mode, Params, gradients, refusals};
 use crate::analysis::opaque::Opaque;
 use preshade_plan::pass::{Pass, Refusal};
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 /// Why single lanes must not return: a derivative that cannot be evaluated first, a rounded
 /// derivative that decides coverage, or no budget for the rounding.

@@ -1,6 +1,6 @@
 //! The refusals of `early-discard`.
 
-use preshade_text::refusals::refusals;
+use shader_text::refusals::refusals;
 
 refusals! {
     BINDING_TAKEN = "binding-taken":

@@ -1,6 +1,6 @@
 //! The refusals of `half-rate`.
 
-use preshade_text::refusals::refusals;
+use shader_text::refusals::refusals;
 
 refusals! {
     DEPTH_TEST = "depth-test":

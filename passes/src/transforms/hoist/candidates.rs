@@ -12,7 +12,7 @@ use crate::graph::FunctionId;
 use crate::slice::{self, Criterion};
 use preshade_plan::pass::{Facts, Frequency, Refusal};
 use preshade_plan::plan::Plan;
-use preshade_text::source::{Location, SourceMap};
+use shader_text::source::{Location, SourceMap};
 
 /// How each value may move according to the code and the measurements. `all` are the verdicts of
 /// [`movable::judge`].

@@ -1,6 +1,6 @@
 //! The refusals of `hoist`.
 
-use preshade_text::refusals::refusals;
+use shader_text::refusals::refusals;
 
 refusals! {
     INTERFACE = "interface":

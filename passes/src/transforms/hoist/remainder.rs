@@ -15,7 +15,7 @@ use crate::rebuild::moved::MovedValues;
 use crate::rebuild::outline::{Failed, Wanted};
 use crate::rebuild::place::CodeBuilder;
 use crate::slice::Termination;
-use preshade_ir::interface;
+use naga_edit::interface;
 
 /// The remaining fragment stage in its module.
 #[derive(Clone, Debug)]

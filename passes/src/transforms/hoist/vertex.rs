@@ -25,7 +25,7 @@ use crate::graph::Graph;
 use crate::rebuild::outline::{self, Failed, Hoisted, Wanted};
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
 use crate::slice::{self, Criterion, OutputFilter};
-use preshade_ir::interface;
+use naga_edit::interface;
 use preshade_plan::program::Program;
 
 /// The outputs of the new vertex stage.

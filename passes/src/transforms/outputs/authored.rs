@@ -1,7 +1,7 @@
 //! The values of a stage that the author gave a name: inputs, `let`s, variables and their members.
 
 use naga::{Expression, Function, GlobalVariable, Handle, LocalVariable, Module, Span, TypeInner};
-use preshade_ir::interface;
+use naga_edit::interface;
 
 use crate::analysis::values::{ContextId, Values};
 use crate::graph::{FunctionId, Graph, StmtId, text};

@@ -5,13 +5,13 @@ use naga::{
     BinaryOperator, Binding, Block, Expression, Handle, Literal, Module, ScalarKind, ShaderStage,
     Span, Statement, TypeInner, UnaryOperator, VectorSize,
 };
-use preshade_ir::interface;
+use naga_edit::interface;
 
 use super::names::refusal;
 use super::{NAME, refusals, with_main};
 use crate::analysis::coverage::ALPHA;
-use preshade_ir::returns;
-use preshade_ir::writer::FunctionWriter;
+use naga_edit::returns;
+use naga_edit::writer::FunctionWriter;
 use preshade_plan::pass::Refusal;
 use preshade_plan::plan::{Phase, Plan, Role};
 use preshade_plan::state::ColorTarget;

@@ -10,11 +10,11 @@ use super::authored::{self, Authored, Place};
 use super::extend::Member;
 use super::{Asked, Params, jitter, list, lit, refusals, unwritten};
 use crate::analysis::opaque::Opaque;
-use preshade_ir::{declared, interface};
+use naga_edit::{declared, interface};
 use preshade_plan::mapping::{self, Path};
 use preshade_plan::pass::{Misnamed, Refusal};
 use preshade_plan::program::Program;
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 /// Most candidates that a refusal lists.
 const MOST: usize = 12;

@@ -4,7 +4,7 @@ use super::extend::{Normal, Shows, Wanted};
 use super::{Params, distance};
 use crate::analysis::opaque::Opaque;
 use crate::slice::{self, Criterion, OutputFilter};
-use preshade_ir::interface;
+use naga_edit::interface;
 
 /// Words in the names of attributes that place an instance.
 const PLACES: [&str; 5] = ["instance", "transform", "model", "matrix", "object"];

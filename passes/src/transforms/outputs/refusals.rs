@@ -1,6 +1,6 @@
 //! The refusals of `outputs`.
 
-use preshade_text::refusals::refusals;
+use shader_text::refusals::refusals;
 
 refusals! {
     ALPHA_DECIDES = "alpha-decides":
@@ -70,7 +70,7 @@ refusals! {
 }
 
 /// The remedy in the middle of a message.
-pub(super) fn remedy(code: &preshade_text::refusals::RefusalInfo) -> String {
+pub(super) fn remedy(code: &shader_text::refusals::RefusalInfo) -> String {
     let text = code.remedy.trim_end_matches('.');
     let (first, rest) = text.split_at(1);
     first.to_lowercase() + rest

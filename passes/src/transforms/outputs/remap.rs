@@ -11,7 +11,7 @@ use naga::{
 
 use crate::graph::FunctionId;
 use crate::rebuild::place::{self, CodeBuilder, Replacement, Replacements, Rewrite};
-use preshade_ir::link;
+use naga_edit::link;
 use preshade_plan::mapping::{Mapping, Path, Place, Unknown, name_of};
 
 /// A program that reads another view's resources.

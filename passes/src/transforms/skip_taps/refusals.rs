@@ -1,6 +1,6 @@
 //! The refusals of `skip-taps`.
 
-use preshade_text::refusals::refusals;
+use shader_text::refusals::refusals;
 
 refusals! {
     NO_TAP = "no-tap":

@@ -6,9 +6,9 @@ use std::rc::Rc;
 use naga::{AddressSpace, GlobalVariable, Handle, Module, Override, ScalarKind, TypeInner};
 
 use super::known::{AbstractValue, Scalar, Sources};
+use naga_edit::declared::{FinalConstant, LengthConstant};
 use naga_interp::interval::Interval;
 use naga_interp::overrides;
-use preshade_ir::declared::{FinalConstant, LengthConstant};
 use preshade_plan::guard::{Assumed, Bounds, Guard, Place, ScalarType};
 use preshade_plan::pass::{Facts, Misnamed};
 use preshade_plan::program::Program;

@@ -11,7 +11,7 @@ use crate::graph::{FunctionId, Graph, StmtId};
 use preshade_plan::guard::Assumed;
 use preshade_plan::pass::{Facts, Refusal};
 use preshade_plan::plan::Plan;
-use preshade_text::source::Location;
+use shader_text::source::Location;
 
 /// A statement of the material. The same in every list that [`branches`] makes of one plan.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

@@ -17,7 +17,7 @@ use crate::graph::{FunctionId, Graph};
 use preshade_plan::guard::Assumed;
 use preshade_plan::pass::{Facts, Refusal};
 use preshade_plan::plan::Plan;
-use preshade_text::source::Location;
+use shader_text::source::Location;
 
 /// Effects by their usual identifiers, without case and underscores.
 const KNOWN: &[(&str, &[&str])] = &[

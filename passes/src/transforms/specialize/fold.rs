@@ -20,7 +20,7 @@ use super::known::{AbstractValue, Sources};
 use super::params::Fold;
 use super::versions::Version;
 use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
-use preshade_ir::writer::{FunctionWriter, OpenEmit};
+use naga_edit::writer::{FunctionWriter, OpenEmit};
 
 /// Whether an expression of a function may be replaced by one of its operands, and the other, if there
 /// is one that is not 0, dropped.

@@ -1,6 +1,6 @@
 //! The refusals of `specialize`.
 
-use preshade_text::refusals::refusals;
+use shader_text::refusals::refusals;
 
 refusals! {
     NOTHING_KNOWN = "nothing-known":

@@ -8,9 +8,9 @@ use naga::{Binding, Module, ShaderStage};
 use crate::graph::{FunctionId, Graph};
 use crate::rebuild::place::{self, PositionInvariance};
 use crate::slice::{self, Criterion, OutputFilter, Termination};
-use preshade_ir::interface;
+use naga_edit::interface;
 use preshade_plan::program::Program;
-use preshade_text::source::Invalid;
+use shader_text::source::Invalid;
 
 /// Suffixes of generated names while the author's functions still exist, by stage.
 const SUFFIXES: [&str; 2] = ["read", "live"];

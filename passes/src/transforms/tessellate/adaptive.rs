@@ -70,7 +70,7 @@ pub(crate) fn adaptive(
         ..Function::default()
     };
     let result = result.ok_or("the vertex stage gives nothing")?.ty;
-    let members = preshade_ir::interface::members(&module, result).unwrap_or_default();
+    let members = naga_edit::interface::members(&module, result).unwrap_or_default();
     let mut failed = None;
     let module = place::rewritten(&module, FunctionId::EntryPoint(entry), |build| {
         let inputs = vertex_inputs(build, word);

@@ -11,7 +11,7 @@ use super::{DividedMaterial, MOST_EDGE_PIXELS, Params, Slots, Tessellate, refusa
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::{refusals as shared, subnormal};
 use crate::graph::Graph;
-use preshade_ir::interface;
+use naga_edit::interface;
 use preshade_plan::contract::Contract;
 use preshade_plan::geometry::{Form, Subdivision};
 use preshade_plan::pass::{Facts, Pass, Refusal, Refused, Site};

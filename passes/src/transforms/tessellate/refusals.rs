@@ -1,6 +1,6 @@
 //! The refusals of `tessellate`.
 
-use preshade_text::refusals::refusals;
+use shader_text::refusals::refusals;
 
 refusals! {
     ADAPTIVE_FORM = "adaptive-form":

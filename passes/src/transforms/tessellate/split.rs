@@ -5,7 +5,7 @@ use naga::{
     Binding, Block, Expression, Function, FunctionArgument, Handle, Interpolation, Module,
     ScalarKind, Statement, Type, TypeInner,
 };
-use preshade_ir::writer::emit_existing;
+use naga_edit::writer::emit_existing;
 
 /// A vertex stage of the form `rest(author(inputs))`.
 #[derive(Clone, Debug)]

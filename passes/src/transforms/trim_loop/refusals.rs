@@ -1,6 +1,6 @@
 //! The refusals of `trim-loop`.
 
-use preshade_text::refusals::refusals;
+use shader_text::refusals::refusals;
 
 refusals! {
     NO_LOOP = "no-loop":

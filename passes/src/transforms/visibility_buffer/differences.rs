@@ -11,7 +11,7 @@ use naga::{
 };
 
 use crate::analysis::values::{Node, ValueId, Values};
-use preshade_ir::interface::Io;
+use naga_edit::interface::Io;
 
 /// What rasteriser and resolve round differently, in a fragment stage sliced to its colours.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -30,7 +30,7 @@ use crate::rebuild::outline::{self, Wanted};
 use crate::rebuild::place::{self, CodeBuilder, Replacement, Rewrite};
 use preshade_plan::program::Program;
 use preshade_plan::rasterizer::{Neighbours, Rasterizer};
-use preshade_text::refusals::RefusalInfo;
+use shader_text::refusals::RefusalInfo;
 
 /// First location of gradient inputs, beyond all of the author's.
 pub(crate) const GRADIENTS: u32 = 1 << 16;

@@ -10,7 +10,7 @@ use naga::{
     Interpolation, Module, Sampling, Scalar, ShaderStage, Span, Statement, StructMember, Type,
     TypeInner, VectorSize,
 };
-use preshade_ir::interface;
+use naga_edit::interface;
 
 use super::Words;
 use super::text::{self, Slots};
@@ -19,7 +19,7 @@ use crate::rebuild::corner::{Author, corner};
 use crate::rebuild::outline::as_function;
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::snippet::{Linked, ours, word};
-use preshade_ir::interface::Io;
+use naga_edit::interface::Io;
 use preshade_plan::geometry::Formats;
 use preshade_plan::plan::AttributeUse;
 

@@ -2,7 +2,7 @@
 
 use naga::valid::GlobalUse;
 use naga::{AddressSpace, Binding, BuiltIn, Expression, GlobalVariable, Handle, Module};
-use preshade_ir::interface;
+use naga_edit::interface;
 
 use super::differences::Reached;
 use super::ids::Facing;
@@ -13,8 +13,8 @@ use crate::slice::Slice;
 use preshade_plan::pass::Refusal;
 use preshade_plan::plan::{GpuPass, Plan};
 use preshade_plan::state::{CullMode, DepthBias, Topology};
-use preshade_text::refusals::RefusalInfo;
-use preshade_text::source::SourceMap;
+use shader_text::refusals::RefusalInfo;
+use shader_text::source::SourceMap;
 
 /// Checks the state of a pass.
 pub(crate) fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {

@@ -18,7 +18,7 @@ use super::text::{self, Slots};
 use super::{Params, Select, ShadingForm, Words};
 use crate::rebuild::place;
 use crate::rebuild::snippet::Linked;
-use preshade_ir::declared::Declared;
+use naga_edit::declared::Declared;
 use preshade_plan::draw_table::IDS;
 use preshade_plan::geometry::{Formats, Geometry};
 use preshade_plan::plan::{

@@ -1,6 +1,6 @@
 //! The refusals of `visibility-buffer`.
 
-use preshade_text::refusals::refusals;
+use shader_text::refusals::refusals;
 
 refusals! {
     CIRCULAR_GRADIENT = "circular-gradient":

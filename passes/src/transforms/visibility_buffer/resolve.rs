@@ -28,7 +28,7 @@ use crate::rebuild::outline::as_function;
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
 use crate::rebuild::snippet::{Linked, ours};
 use crate::slice::{self, Criterion, OutputFilter, Slice};
-use preshade_ir::interface::{self, Io};
+use naga_edit::interface::{self, Io};
 use preshade_plan::geometry::Formats;
 use preshade_plan::plan::AttributeUse;
 use preshade_plan::program::Program;

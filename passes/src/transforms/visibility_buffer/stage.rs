@@ -13,7 +13,7 @@ use super::ids::Facing;
 use super::legal::Stored;
 use super::resolve::{Runs, VertexStage, width};
 use crate::rebuild::place::CodeBuilder;
-use preshade_ir::interface::Io;
+use naga_edit::interface::Io;
 use preshade_plan::rasterizer::Neighbours;
 
 /// An input of the fragment stage.

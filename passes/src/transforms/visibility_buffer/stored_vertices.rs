@@ -19,7 +19,7 @@ use super::resolve::width;
 use crate::graph::FunctionId;
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::snippet::{define, ours, word};
-use preshade_ir::interface::Io;
+use naga_edit::interface::Io;
 
 /// Name of the compute entry point.
 pub(crate) const ENTRY: &str = "cs_vertices";

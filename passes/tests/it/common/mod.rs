@@ -10,7 +10,7 @@ use std::sync::Arc;
 
 use naga::back::wgsl::WriterFlags;
 use preshade_plan::program::Program;
-use preshade_text::source::{Language, SourceMap};
+use shader_text::source::{Language, SourceMap};
 
 /// A validated program from WGSL.
 pub fn program(source: &str) -> Program {

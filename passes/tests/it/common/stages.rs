@@ -3,8 +3,8 @@
 use std::collections::BTreeMap;
 
 use naga::{Binding, Module, ShaderStage, TypeInner};
+use naga_edit::interface;
 use naga_interp::{Environment, RunResult, Stuck, Value};
-use preshade_ir::interface;
 use preshade_plan::program::Program;
 
 /// What a stage gave.

@@ -11,8 +11,8 @@ use naga::{
     AddressSpace, Binding, GlobalVariable, Handle, Module, ResourceBinding, ShaderStage, Type,
     TypeInner,
 };
-use preshade_ir::declared::{Chosen, Declaration, Declared, Located, Type as Declares};
-use preshade_ir::interface;
+use naga_edit::declared::{Chosen, Declaration, Declared, Located, Type as Declares};
+use naga_edit::interface;
 use preshade_plan::program::Program;
 
 use super::loose_uniforms::{self, LooseUniform};

@@ -10,8 +10,8 @@ use std::collections::BTreeSet;
 use naga::{
     Expression, Function, GlobalVariable, Handle, ImageClass, Module, ScalarKind, Type, TypeInner,
 };
-use preshade_ir::copy::{CopyFunction, Copying};
-use preshade_ir::writer::FunctionWriter;
+use naga_edit::copy::{CopyFunction, Copying};
+use naga_edit::writer::FunctionWriter;
 use preshade_plan::program::Program;
 
 /// The program with such textures as textures of floats. `None` if it has none. A texture that is

@@ -6,7 +6,7 @@ use std::collections::{HashMap, HashSet};
 use naga::{AddressSpace, ArraySize, Handle, Module, ResourceBinding, Type, TypeInner};
 
 use super::text::Unexpected;
-use preshade_text::tokens as text;
+use shader_text::tokens as text;
 
 /// The number of floats before each member of a struct, and at its end.
 pub(super) type Paddings = HashMap<Handle<Type>, Vec<u32>>;

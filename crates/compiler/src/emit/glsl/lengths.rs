@@ -10,7 +10,7 @@ use naga::valid::FunctionInfo;
 use naga::{
     AddressSpace, ArraySize, Expression, Function, Handle, Literal, Module, Type, TypeInner,
 };
-use preshade_ir::declared::LengthConstant;
+use naga_edit::declared::LengthConstant;
 use preshade_plan::program::Program;
 
 use crate::emit::overrides::Variable;

@@ -12,9 +12,9 @@ use naga::{
     AddressSpace, Arena, Block, Expression, Function, GlobalVariable, Handle, Module, Scalar,
     ScalarKind, Span, Statement, StructMember, Type, TypeInner, UniqueArena, VectorSize,
 };
-use preshade_ir::declared::{self, Declaration, Declared};
-use preshade_ir::variable::private;
-use preshade_ir::writer::emit_existing;
+use naga_edit::declared::{self, Declaration, Declared};
+use naga_edit::variable::private;
+use naga_edit::writer::emit_existing;
 
 /// The module and the variable of each uniform.
 pub(super) struct SplitUniforms {

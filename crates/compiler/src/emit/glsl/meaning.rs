@@ -24,11 +24,11 @@ use naga::{
     MathFunction, Module, Scalar, ScalarKind, Span, Statement, Type, TypeInner, UniqueArena,
     VectorSize,
 };
+use naga_edit::copy::{CopyFunction, Copying};
+use naga_edit::writer::FunctionWriter;
 use naga_interp::interval::Interval;
-use preshade_ir::copy::{CopyFunction, Copying};
-use preshade_ir::writer::FunctionWriter;
 use preshade_plan::program::Program;
-use preshade_text::source::{Invalid, Language};
+use shader_text::source::{Invalid, Language};
 
 use crate::emit::Target;
 use crate::wgsl::deep_expressions;

@@ -2,8 +2,8 @@
 //! to four, which WebGPU needs and Vulkan does not.
 
 use naga::{Binding, ShaderStage};
-use preshade_ir::declared::Located;
-use preshade_ir::interface;
+use naga_edit::declared::Located;
+use naga_edit::interface;
 use preshade_plan::program::Program;
 
 /// Narrows the outputs of a text that is Vulkan's.

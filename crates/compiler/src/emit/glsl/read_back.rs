@@ -7,16 +7,16 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 use naga::{
     AddressSpace, Binding, Function, GlobalVariable, Handle, Module, ShaderStage, Type, TypeInner,
 };
-use preshade_ir::declared::{Declared, Type as Declares};
-use preshade_ir::interface::{self, Io};
+use naga_edit::declared::{Declared, Type as Declares};
+use naga_edit::interface::{self, Io};
 
 use super::author::{self, Authored, Word};
 use crate::emit::ReadBack;
 use crate::emit::plan_json::StageFile;
 use crate::front;
 use crate::wgsl::varying::Varying;
-use preshade_text::error::{Code, Color};
-use preshade_text::tokens as text;
+use shader_text::error::{Code, Color};
+use shader_text::tokens as text;
 
 /// Names of GLSL that our front end lacks. A `*` at the end is any rest.
 const UNREAD: &[&str] = &["atomic*", "imageAtomic*", "frexp", "textureGatherOffset"];

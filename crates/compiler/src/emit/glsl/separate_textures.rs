@@ -15,8 +15,8 @@
 use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
-use preshade_text::tokens as text;
-use preshade_text::tokens::TokenKind;
+use shader_text::tokens as text;
+use shader_text::tokens::TokenKind;
 
 /// A texture and its sampler.
 #[derive(Clone, Debug)]

@@ -6,13 +6,13 @@ use std::collections::{HashMap, HashSet};
 use std::ops::Range;
 
 use naga::ShaderStage;
-use preshade_ir::declared::{Chosen, Type as Declares};
+use naga_edit::declared::{Chosen, Type as Declares};
 
 use super::author::{Authored, LocatedName, SamplerMember, SamplerMemberType, Word};
 use super::layout;
 use crate::emit::plan_json::{GlslAttribute, GlslUniform, StageFile};
-use preshade_text::tokens as text;
-use preshade_text::tokens::TokenKind;
+use shader_text::tokens as text;
+use shader_text::tokens::TokenKind;
 
 /// The GLSL dialect to write.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -9,11 +9,11 @@ use naga::{
     AddressSpace, Binding, BuiltIn, EarlyDepthTest, EntryPoint, Expression, Function, ImageClass,
     Module, TypeInner,
 };
-use preshade_ir::interface;
+use naga_edit::interface;
 
 use crate::emit::{EmitError, Target};
-use preshade_text::tokens as text;
-use preshade_text::tokens::TokenKind;
+use shader_text::tokens as text;
+use shader_text::tokens::TokenKind;
 
 /// A construct of a stage that a version of GLSL may lack.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, HashMap, HashSet};
 
 use naga::{Handle, Module, ResourceBinding, ShaderStage, Type, TypeInner};
-use preshade_ir::declared::{self, Chosen, CombinedSampler};
+use naga_edit::declared::{self, Chosen, CombinedSampler};
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 
@@ -13,8 +13,8 @@ use super::text::Unexpected;
 use crate::emit::combined::{CombinedSamplers, Place, element};
 use crate::emit::overrides::{SpecIds, Variable};
 use crate::emit::plan_json::StageFile;
-use preshade_text::tokens as text;
-use preshade_text::tokens::TokenKind;
+use shader_text::tokens as text;
+use shader_text::tokens::TokenKind;
 
 /// What all stages of a program share.
 pub(in crate::emit) struct Vulkan {

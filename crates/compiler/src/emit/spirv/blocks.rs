@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, HashMap};
 
 use naga::valid::FunctionInfo;
 use naga::{Expression, Function, Handle, Module, Type, TypeInner};
-use preshade_ir::declared;
+use naga_edit::declared;
 use preshade_plan::program::Program;
 use rspirv::dr::{Builder, Instruction, Operand};
 use rspirv::spirv::{Decoration, Op, StorageClass};

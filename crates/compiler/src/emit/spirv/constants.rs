@@ -12,7 +12,7 @@
 use std::collections::{HashMap, HashSet};
 
 use naga::Module;
-use preshade_ir::declared::LengthConstant;
+use naga_edit::declared::LengthConstant;
 use rspirv::dr::{Builder, Instruction, Operand};
 use rspirv::spirv::{Decoration, Op};
 

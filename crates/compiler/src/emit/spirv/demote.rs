@@ -2,7 +2,7 @@
 //! after which derivatives of neighbours are undefined, and drops the statements behind it.
 
 use naga::{Block, Expression, Function, GlobalVariable, Handle, Literal, Span, Statement};
-use preshade_ir::variable::private_bool;
+use naga_edit::variable::private_bool;
 use preshade_plan::program::Program;
 use rspirv::dr::{Builder, Instruction, Operand};
 use rspirv::spirv::{Capability, Op};

@@ -1,7 +1,7 @@
 //! Gives the outputs of the fragment stage their author's number of components. The IR fills them up
 //! to four, which WebGPU needs and Vulkan does not.
 
-use preshade_ir::declared::{Declared, Located};
+use naga_edit::declared::{Declared, Located};
 use rspirv::dr::{Builder, Instruction, Operand};
 use rspirv::spirv::{Decoration, Op, StorageClass};
 

@@ -13,7 +13,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use preshade_ir::declared::Declared;
+use naga_edit::declared::Declared;
 use rspirv::dr::{Builder, Instruction, Module, Operand};
 use rspirv::spirv::{Decoration, Op, StorageClass};
 

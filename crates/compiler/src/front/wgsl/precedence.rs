@@ -4,7 +4,7 @@
 use naga::Span;
 
 use super::tokens::{Kind, Token};
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
 
 /// Words that no operand ends with.
 const KEYWORDS: [&str; 12] = [

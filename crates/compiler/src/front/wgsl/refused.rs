@@ -9,7 +9,7 @@ use naga::{
 use preshade_plan::program::Program;
 
 use super::aliases;
-use preshade_text::error::{Code, Error};
+use shader_text::error::{Code, Error};
 
 /// The largest location, group or binding.
 const MOST: u32 = i32::MAX as u32;

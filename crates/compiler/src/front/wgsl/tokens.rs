@@ -3,8 +3,8 @@
 
 use std::ops::Range;
 
-use preshade_text::tokens as text;
-use preshade_text::tokens::TokenKind;
+use shader_text::tokens as text;
+use shader_text::tokens::TokenKind;
 
 /// What a token is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

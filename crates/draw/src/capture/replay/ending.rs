@@ -8,7 +8,7 @@ use std::sync::Arc;
 use naga::Module;
 use preshade_passes::rebuild::bounded;
 use preshade_plan::program::Program;
-use preshade_text::source::{Language, SourceMap};
+use shader_text::source::{Language, SourceMap};
 use wgpu::ShaderSource;
 
 /// The module, or a copy of it in which every loop ends.

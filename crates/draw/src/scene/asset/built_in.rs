@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use crate::scene::SceneError;
 use preshade_compiler::front::{self, Source};
-use preshade_text::options;
+use shader_text::options;
 
 /// Its text, with all versions in one.
 const TEXT: &str = include_str!("material.wgsl");
@@ -21,17 +21,17 @@ pub(super) fn version(
     words: &Words,
     second: &Words,
     lights: usize,
-    limits: preshade_text::limits::Limits,
+    limits: shader_text::limits::Limits,
 ) -> Result<front::Parsed, SceneError> {
     let text = text(words, second, lights);
     let source = Source::new("gltf-material.wgsl", text);
     let options = options::Options {
         limits,
-        ..preshade_text::options::Options::default()
+        ..shader_text::options::Options::default()
     };
     front::parse(&[source], &options).map_err(|e| {
         SceneError::new(format!("the built-in material: {e}"))
-            .detail(e.render(preshade_text::error::Color::Never))
+            .detail(e.render(shader_text::error::Color::Never))
     })
 }
 
@@ -102,7 +102,7 @@ mod tests {
         ];
         let second = Words::from(["NORMAL", "BASE_COLOR"]);
         let parse = |words: &Words, lights| {
-            let limits = preshade_text::limits::Limits::default();
+            let limits = shader_text::limits::Limits::default();
             version(words, &second, lights, limits).unwrap()
         };
         parse(&Words::from(all), 3);

@@ -20,7 +20,7 @@ use crate::scene::mesh::{Gltf, Placed, Rigged, bounds};
 use crate::scene::{
     Camera, Draw, DrawRange, Light, Material, SceneError, Stream, material, size, value_path,
 };
-use preshade_text::panics;
+use shader_text::panics;
 
 /// The parts of a scene that draws of glTF files add to.
 #[derive(Default)]

@@ -10,7 +10,7 @@ use gltf::texture::{MagFilter, MinFilter, WrappingMode};
 use super::file::{Asset, Read};
 use crate::scene::image::decode::{Hold, Reading, decode};
 use crate::scene::{Address, Filter, Image, Sampler, SceneError};
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 /// What a texture of a material is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

@@ -20,7 +20,7 @@ use super::load::{Loader, SceneText};
 use super::mesh::Gltf;
 use super::place::Folder;
 use super::{Access, Scene, SceneError, Variables};
-use preshade_text::regular;
+use shader_text::regular;
 
 /// The shaders that draw a glTF file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]

@@ -35,7 +35,7 @@ impl Reads {
             .program
             .entry_point(naga::ShaderStage::Vertex, &material.vertex);
         let inputs = entry
-            .map(|(_, e)| preshade_ir::interface::inputs(module, &e.function))
+            .map(|(_, e)| naga_edit::interface::inputs(module, &e.function))
             .unwrap_or_default();
         let located = inputs
             .iter()

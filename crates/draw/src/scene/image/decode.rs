@@ -7,7 +7,7 @@ use wgpu::TextureFormat;
 
 use super::super::{Image, SceneError};
 use super::{ktx, mip_chain};
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 /// How to read the texels of a file that does not say it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]

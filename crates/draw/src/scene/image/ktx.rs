@@ -8,7 +8,7 @@ use wgpu::{AstcBlock, AstcChannel, TextureDimension, TextureFormat};
 use super::super::{Image, SceneError};
 use super::decode::{Hold, Reading};
 use super::mip_chain;
-use preshade_text::limits::Limits;
+use shader_text::limits::Limits;
 
 /// The first bytes of a file.
 pub(super) const MAGIC: [u8; 12] = *b"\xabKTX 20\xbb\r\n\x1a\n";

@@ -11,7 +11,7 @@ use super::{merged, transformed};
 use crate::scene::asset::file::{Asset, Below, Read, Take};
 use crate::scene::asset::primitive::{self, Missing};
 use crate::scene::{Mesh, SceneError};
-use preshade_text::panics;
+use shader_text::panics;
 
 /// A part of a glTF file: the triangles that all given keys select, with the transforms of their
 /// nodes. Without a key, the whole default scene.

@@ -4,7 +4,7 @@ use naga::{
     ArraySize, BinaryOperator, Expression, Function, GlobalVariable, Handle, Literal, Module,
     Scalar, ScalarKind, Span, Statement, Type, TypeInner, VectorSize,
 };
-use preshade_ir::writer::emit_existing;
+use naga_edit::writer::emit_existing;
 
 /// A 32-bit word of a buffer.
 pub(crate) const WORD: TypeInner = TypeInner::Scalar(Scalar::U32);

@@ -14,9 +14,9 @@ use naga::{
     FunctionArgument, GlobalVariable, Handle, Interpolation, Literal, Module, ResourceBinding,
     Scalar, ShaderStage, Span, Statement, StorageAccess, StructMember, Type, TypeInner, VectorSize,
 };
+use naga_edit::interface::{self, Io};
+use naga_edit::variable::private;
 use naga_interp::RUNTIME_ELEMENTS;
-use preshade_ir::interface::{self, Io};
-use preshade_ir::variable::private;
 use preshade_passes::rebuild::place;
 use preshade_validate::environment::{PassStages, TestPoint};
 use preshade_validate::executor::Draw;

@@ -170,8 +170,8 @@ fn dispatch(
 mod tests {
     use naga::front::wgsl;
     use preshade_plan::program::Program;
-    use preshade_text::source::{Language, SourceMap};
     use preshade_validate::stage::Stage;
+    use shader_text::source::{Language, SourceMap};
 
     use super::*;
 

@@ -10,8 +10,8 @@ use naga::{
     GlobalVariable, Handle, ImageClass, ImageDimension, ImageQuery, Literal, MathFunction, Module,
     SampleLevel, ScalarKind, Span, Statement, Type, TypeInner, VectorSize,
 };
+use naga_edit::writer::emit_existing;
 use naga_interp::{RUNTIME_ELEMENTS, Sampling};
-use preshade_ir::writer::emit_existing;
 use preshade_validate::inputs::{
     PLAIN_MOST, plain_level_weight, plain_start, plain_weight, texture_size,
 };

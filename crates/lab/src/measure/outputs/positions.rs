@@ -4,8 +4,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::thread;
 
 use naga::{Binding, BuiltIn, ShaderStage};
+use naga_edit::interface;
 use naga_interp::{Lookup, Number, Shadowed};
-use preshade_ir::interface;
 use preshade_plan::plan::{GpuPass, Plan};
 use preshade_plan::state::{CullMode, FrontFace};
 

@@ -9,7 +9,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Expression, ShaderStage};
-use preshade_ir::interface;
+use naga_edit::interface;
 use preshade_passes::graph::{FunctionId, Graph};
 use preshade_passes::transforms::specialize::as_drawn;
 use preshade_plan::frame::{ColorAttachments, FrameError, FrameOps, FramePlan};

@@ -22,8 +22,8 @@ use preshade_draw::render::{Gpu, ShaderForm};
 use preshade_draw::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Image, Material, Mesh, Scene, Stream,
 };
-use preshade_text::error::Color;
-use preshade_text::options::Options;
+use shader_text::error::Color;
+use shader_text::options::Options;
 
 /// A frame.
 #[derive(Clone, Copy)]

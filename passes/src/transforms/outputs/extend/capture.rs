@@ -1,14 +1,14 @@
 //! A value of the author's, wherever it is computed, at the end of the fragment stage.
 
 use naga::{Expression, Function, GlobalVariable, Handle, LocalVariable, Span, Statement, Type};
-use preshade_ir::interface;
+use naga_edit::interface;
 
 use super::{Extending, Failed};
 use crate::graph::{FunctionGraph, FunctionId};
 use crate::rebuild::insert_after::after;
 use crate::transforms::outputs::authored::{Authored, Place};
-use preshade_ir::writer::FunctionWriter;
-use preshade_ir::{returns, variable};
+use naga_edit::writer::FunctionWriter;
+use naga_edit::{returns, variable};
 
 /// Where the entry point finds a value as it returns.
 #[derive(Clone, Debug)]

@@ -4,7 +4,7 @@ use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, FunctionArgument, FunctionResult, Handle,
     Literal, MathFunction, Scalar, ScalarKind, SwizzleComponent, Type, TypeInner, VectorSize,
 };
-use preshade_ir::interface;
+use naga_edit::interface;
 
 use super::capture::Captured;
 use super::vertex::{self, member};
@@ -15,8 +15,8 @@ use super::{
 use crate::rebuild::color::{empty_fragment, location};
 use crate::rebuild::place;
 use crate::rebuild::snippet::link_snippet;
-use preshade_ir::returns;
-use preshade_ir::writer::FunctionWriter;
+use naga_edit::returns;
+use naga_edit::writer::FunctionWriter;
 use preshade_plan::plan::HostValue;
 
 /// Name of the fragment stage of a material that has none.

@@ -6,7 +6,7 @@ use naga::{Binding, Function, Module, ShaderStage};
 
 use super::location_of;
 use crate::rebuild::depth_only::Placed;
-use preshade_ir::interface::{self, Io};
+use naga_edit::interface::{self, Io};
 
 /// New locations by the old ones.
 type Renumbered = BTreeMap<u32, u32>;

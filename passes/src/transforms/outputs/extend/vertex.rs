@@ -4,7 +4,7 @@ use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, FunctionResult, Handle, Interpolation, Sampling,
     Scalar, StructMember, SwizzleComponent, TypeInner, VectorSize,
 };
-use preshade_ir::interface;
+use naga_edit::interface;
 
 use super::capture::Captured;
 use super::{
@@ -13,8 +13,8 @@ use super::{
 };
 use crate::rebuild::place;
 use crate::rebuild::prologue::Ahead;
-use preshade_ir::returns;
-use preshade_ir::writer::FunctionWriter;
+use naga_edit::returns;
+use naga_edit::writer::FunctionWriter;
 
 /// What a varying carries.
 enum Carried {

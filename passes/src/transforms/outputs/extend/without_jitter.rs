@@ -5,10 +5,10 @@ use naga::{GlobalVariable, Handle, Module};
 use super::Member;
 use crate::graph::FunctionId;
 use crate::transforms::outputs::remap::{self, Pair};
-use preshade_ir::variable::private;
+use naga_edit::variable::private;
 use preshade_plan::mapping::name_of;
 use preshade_plan::program::Program;
-use preshade_text::source::Invalid;
+use shader_text::source::Invalid;
 
 /// Why a jitter cannot be left out.
 #[derive(Debug)]

@@ -7,7 +7,7 @@ use naga::{
     BinaryOperator, Expression, Handle, Literal, MathFunction, Scalar, ScalarKind, VectorSize,
 };
 use naga_interp::interval::Interval;
-use preshade_text::source::Language;
+use shader_text::source::Language;
 
 use super::{Keep, shape};
 

@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 
 use naga::proc::TypeResolution;
 use naga::{Block, Expression, Handle, LocalVariable, Span, Statement, Type, TypeInner};
-use preshade_ir::copy::CopyFunction as _;
+use naga_edit::copy::CopyFunction as _;
 
 use super::Keep;
 
