@@ -1,8 +1,8 @@
 //! `half-rate`: computes slow values for one pixel of each 2x2, and interpolates them along edges.
 //!
 //! Goal: ambient occlusion, light of many lamps, fog and reflections change slowly from pixel to pixel,
-//! except at edges of what they light. Computed for every fourth pixel they cost a quarter (Kopf et al.
-//! 2007; Sloan et al. 2007; Yang et al. 2008).
+//! except at edges of the surfaces that they light. Computed for every fourth pixel they cost a quarter
+//! (Kopf et al. 2007; Sloan et al. 2007; Yang et al. 2008).
 //!
 //! ```text
 //! before:  main       fs(at):  ao = sum of 16 taps(depth[at]);      color = albedo[at] * ao
@@ -11,11 +11,11 @@
 //!          main       fs(at):  ao = mean of the four nearest texels, those of like depth;  color = albedo[at] * ao
 //! ```
 //!
-//! A texel stands for the pixel at twice its coordinates, exactly: the half-rate pass has a viewport that
-//! puts its fragments' centres on those of these pixels, so varyings are interpolated there, and
+//! A texel stands for the pixel at twice its coordinates, exactly. The half-rate pass has a viewport that
+//! puts its fragments' centres on those of these pixels. So varyings are interpolated there, and
 //! `position.xy` is replaced by the pixel's. Loads at the pixel's coordinates and noise from them are those
-//! of a real pixel. Only derivatives are twice as large, because a quad
-//! spans twice as many pixels: they are halved, and implicit levels are one lower.
+//! of a real pixel. Only derivatives are twice as large, because a quad spans twice as many pixels: they are
+//! halved, and implicit levels are one lower.
 //!
 //! The same geometry is drawn at half the rate, and a texel that it does not cover has no weight. A pixel
 //! that is like none of its neighbours takes their mean. With `edges=computed` it computes the values
@@ -59,7 +59,7 @@ use values::{CarriedValues, NotHalved};
 /// The pass.
 pub struct HalfRate;
 
-/// What a pixel does that is like none of its neighbours.
+/// The values of a pixel that is like none of its neighbours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Edges {
@@ -80,9 +80,9 @@ pub struct Params {
     pub budget: Option<f64>,
     /// The metric of the budget.
     pub metric: Metric,
-    /// What a pixel does that is like none of its neighbours.
+    /// The values of a pixel that is like none of its neighbours.
     pub edges: Edges,
-    /// The values that tell edges, by the author's names for them or their textures, joined by `+`; or
+    /// The values that mark edges, by the author's names for them or their textures, joined by `+`; or
     /// `none`. Default: all that are loaded at the pixel itself.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub guide: Option<String>,

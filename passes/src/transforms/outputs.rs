@@ -1,9 +1,9 @@
 //! `outputs`: auxiliary pictures of a material, sliced from the material itself.
 //!
-//! Goal: one material, every pass it needs. Renderers draw a material's depth, normals, velocities
-//! and ids by shaders that somebody copied from it, and the copies drift: another alpha threshold,
-//! no displacement, no skinning. Here the material is extended by the outputs that you ask for, and
-//! then sliced to them and to what decides position and coverage.
+//! Goal: one material, every pass it needs. Renderers draw a material's depth, normals, velocities and
+//! ids by shaders that somebody copied from it, and the copies drift: another alpha threshold, no
+//! displacement, no skinning. Here the material is extended by the outputs that you ask for. Then it
+//! is sliced to them, and to the code that decides position and coverage.
 //!
 //! ```text
 //! before:  main     vs + fs
@@ -24,29 +24,29 @@
 //!
 //! Where a material draws nothing, the other targets keep their clear value, 0.
 //!
-//! `velocity` evaluates the position twice. The second time it reads copies of the buffers, which
-//! the plan lists with the source `previous`: the host keeps what they held in the previous frame.
+//! `velocity` evaluates the position twice. The second time it reads copies of the buffers, which the
+//! plan lists with the source `previous`: the host keeps their contents of the previous frame.
 //! Textures count as unchanged. Each fragment divides by w and subtracts, so the velocity is exact
-//! inside triangles too. Where a point was behind the camera (w <= 0), it had no place in the
-//! picture, and the number has no meaning.
+//! inside triangles too. Where a point was behind the camera (w <= 0), it had no place in the picture,
+//! and the number has no meaning.
 //!
 //! A material without light has no normal of its own. `faces=right-handed` takes that of the triangle,
 //! as displaced, from the derivatives of the position in the world.
 //!
-//! `distance` is what the six faces of a point light's shadow map hold. It is measured from the
-//! vector that the view's matrix turns into the clip position. If one matrix combines model and view
-//! (`mvp`), there is no such vector: name a value of the fragment stage with `position`.
+//! The six faces of a point light's shadow map hold the `distance`. It is measured from the vector
+//! that the view's matrix turns into the clip position. If one matrix combines model and view (`mvp`),
+//! there is no such vector: name a value of the fragment stage with `position`.
 //!
 //! A light draws `shadow` and `distance`, so uniforms of the viewer follow the light: the plan lists
-//! them in `view_dependent`. Their names and types tell them, and `viewer` the others. With
-//! `view=drop`, what the viewer decides about coverage is left out instead. A texture coordinate
+//! them in `view_dependent`. The pass finds them by their names and types, and `viewer` names the
+//! others. With `view=drop`, the viewer's part in coverage is left out instead. A texture coordinate
 //! loses its parallax and keeps its tiling. A discard's condition loses the fade. The plan lists both
-//! in `left_out`. If it cannot be said what a test of a texture is without the viewer, the pass
-//! refuses. Positions are unchanged: a billboard turns to the light.
+//! in `left_out`. If a test of a texture has no form without the viewer, the pass refuses. Positions
+//! are unchanged: a billboard turns to the light.
 //!
-//! If the light's resources are declared differently from the camera's, `map` names what takes the
-//! place of what: `map=light.view_proj=camera.view_proj`. A slice that reads something without a
-//! partner is refused.
+//! If the light's resources are declared differently from the camera's, `map` replaces the camera's by
+//! the light's: `map=light.view_proj=camera.view_proj`. A slice that reads something without a partner
+//! is refused.
 
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::Opaque;

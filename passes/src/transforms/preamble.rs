@@ -1,4 +1,4 @@
-//! `preamble`: what only uniforms decide is computed once a draw.
+//! `preamble`: once a draw, computes the values that depend on uniforms alone.
 //!
 //! Goal: a material normalises its light's direction, takes exponentials of its settings, or walks
 //! its lights to sum up their ambient part. All fragments of a draw get the same result.
@@ -10,23 +10,22 @@
 //!          fs(uv):  exposure = preamble_values.exposure;  ..  color * exposure
 //! ```
 //!
-//! A minimum cut chooses the values. They are cut out as `hoist` cuts
-//! out its own, but their destination is a compute pass of one invocation for each draw, ahead of
-//! the frame's render passes. It has the draw's bindings, and fills a buffer that the main pass
-//! reads as a uniform.
+//! A minimum cut chooses the values. The pass cuts them out as `hoist` cuts out its own. Their
+//! destination is a compute pass of one invocation for each draw, ahead of the frame's render passes.
+//! It has the draw's bindings, and fills a buffer that the main pass reads as a uniform.
 //!
 //! | value | contract |
 //! |---|---|
-//! | no compiler fuses it into what reads it (an exponential, an index, a condition's number) | `Exact` |
+//! | no compiler fuses it into its readers (an exponential, an index, a condition's number) | `Exact` |
 //! | a compiler may (a product that is read by a sum) | `Rounding`, with `allow=rounding` |
 //!
 //! Many drivers do this themselves: Mesa's for Adreno and Apple, Arm's and Imagination's.
 //! There, a dispatch is added and nothing is saved.
 //!
-//! Storage buffers stay, because an earlier pass of the frame may write them after the compute pass. A texture read
-//! moves if it names its level, its coordinates are the draw's, and the scene or the captured frame shows that no pass
-//! writes the texture.
-//! Uniforms must be written before the compute pass.
+//! Storage buffers stay, because an earlier pass of the frame may write them after the compute pass. A
+//! texture read moves if it names its level and its coordinates are the draw's. The scene or the
+//! captured frame must also show that no pass writes the texture. Uniforms must be written before the
+//! compute pass.
 //!
 //! A loop may end at a number in a uniform buffer. The plan then has a [guard](../guides/specialize.md#the-guard) for it.
 
@@ -71,7 +70,7 @@ pub struct Preamble;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Allow {
-    /// Only values that no compiler fuses into what reads them.
+    /// Only values that no compiler fuses into their readers.
     #[default]
     Exact,
     /// Also values that may round otherwise.
@@ -110,11 +109,10 @@ impl Pass for Preamble {
         summary: "computes what only uniforms decide once a draw, and reads it back as a uniform",
         source: "Mesa's nir_opt_preamble; \
                  the preshaders of Direct3D 9's effect compiler (Microsoft, D3DX)",
-        when: "fragments compute what is the same for the whole draw (exponentials of settings, \
-               sums over lights), and the driver has no preamble of its own",
+        when: "fragments compute values that are the same for the whole draw (exponentials of \
+               settings, sums over lights), and the driver has no preamble of its own",
         hurts: "where draws are small or many, because each gets a dispatch; and where the driver \
-                does the same by itself (Mesa's for Adreno and Apple; Arm's; \
-                Imagination's)",
+                does the same by itself (Mesa's for Adreno and Apple; Arm's; Imagination's)",
         reads_scene: true,
     };
 

@@ -71,7 +71,7 @@ impl Pass for Shadow {
             Use::Picture {
                 scene: "fixtures/scenes/lit-room.toml --size 256x144 --frames 1 --order \
                         front-to-back",
-                caption: "the main pass is as it was; what is new is drawn under the light alone",
+                caption: "the main pass is as it was; the new pass is drawn under the light alone",
                 rows: 1,
             },
         ],

@@ -21,11 +21,11 @@
 //!
 //! An implicit-LOD sample reads its neighbours in the quad, which may skip it. So we evaluate its
 //! gradients first, at the author's place. Some adapters round the level of detail from gradients
-//! differently, so the contract is a budget even with `threshold=0`. Samples with an explicit level
-//! or gradients keep them. With `threshold=0` and no implicit sample, only products with 0 are
-//! skipped: the same sum for finite samples, up to a compiler's rounding ([`contraction`]). A term
-//! stays if it may be infinite or NaN, or if something tells the sign of a zero that its sum has
-//! without it (`1 / x`, `atan2`): [`crate::analysis::zero`].
+//! differently, so the contract is a budget even with `threshold=0`. Samples with an explicit level or
+//! gradients keep them. With `threshold=0` and no implicit sample, only products with 0 are skipped:
+//! the same sum for finite samples, up to a compiler's rounding ([`contraction`]). A term stays if it
+//! may be infinite or NaN, or if something depends on the sign of a zero that its sum has without it
+//! (`1 / x`, `atan2`): [`crate::analysis::zero`].
 //!
 //! Samples that decide a discard, depth or coverage are not skipped, nor samples in a function that
 //! the vertex stage also runs.

@@ -1,8 +1,8 @@
 //! `trim-loop`: drops the last iterations of a loop.
 //!
 //! Goal: octaves of noise, steps of a march, samples of a filter. Many loops add less with every
-//! iteration, and their authors chose a count that is enough wherever the shader may be seen.
-//! `verify` measures what the last iterations contribute in a scene.
+//! iteration, and their authors chose a count that is enough wherever the shader may be seen. `verify`
+//! measures the contribution of the last iterations in a scene.
 //!
 //! ```text
 //! before:  for (var i = 0; i < 4; i++) { sum += amplitude * noise(p); amplitude *= 0.5; p *= 2.0; }
@@ -14,9 +14,9 @@
 //! but keeps at least one; `of=fbm+ridges` selects the functions. The sum is not corrected: a sum
 //! of four octaves that is divided by its amplitudes stays right, another one gets darker.
 //!
-//! Later terms of a series contribute less; later items of the scene's data do not. So a loop that
-//! reads a buffer, a texel or a layer by its counter (`lights[i]`) keeps all iterations, unless one
-//! of its weights shrinks with each iteration. If a loop shows neither, the plan's notes say so.
+//! Later terms of a series contribute less; later items of the scene's data do not. So a loop keeps
+//! all iterations if it reads a buffer, a texel or a layer by its counter (`lights[i]`), unless one of
+//! its weights shrinks with each iteration. If a loop shows neither, the plan has a note about it.
 //!
 //! The contract is your budget. Loops that decide a discard, depth or coverage, that write memory,
 //! or that the vertex stage also runs are not trimmed, because the surface would move.

@@ -17,15 +17,15 @@ pub enum Precision {
     Full,
 }
 
-/// What becomes of what depends on the viewer, in a picture that a light draws.
+/// The treatment of code that depends on the viewer, in a picture that a light draws.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum Viewer {
     /// It follows the light: the host binds the light's view.
     #[default]
     Keep,
-    /// Discards and texture coordinates are those without it, as without parallax and fades. The
-    /// plan lists in `left_out` what that is. Positions keep it.
+    /// Discards and texture coordinates are those without it, as without parallax and fades. The plan lists
+    /// the omissions in `left_out`. Positions keep it.
     Drop,
 }
 
@@ -49,7 +49,7 @@ pub enum Axes {
     LeftHanded,
 }
 
-/// What is bound where a pass needs no colour.
+/// The colour target that is bound where a pass needs no colour.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]
 pub enum ColourTarget {
@@ -64,7 +64,7 @@ pub enum ColourTarget {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
 pub struct Params {
-    /// What to write, joined by `+`: `depth`, `shadow`, `distance`, `normal`, `velocity`, `id`, or the
+    /// The values to write, joined by `+`: `depth`, `shadow`, `distance`, `normal`, `velocity`, `id`, or the
     /// name of a value in the fragment stage. `NAME@FUNCTION` is the value of one function, and
     /// `NAME@FUNCTION:LINE` that of one line. Depth is written with each.
     pub write: String,
@@ -72,9 +72,9 @@ pub struct Params {
     /// dot product, if there is only one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub normal: Option<String>,
-    /// `normal`: takes the normal of the triangle, on the side that the viewer sees, in place of a value. It is computed
-    /// from derivatives of the position, so it is flat, and less precise far from the origin. Say which way the axes of
-    /// your world turn: `right-handed` or `left-handed`.
+    /// `normal`: takes the normal of the triangle, on the side that the viewer sees, in place of a value. It
+    /// is computed from derivatives of the position, so it is flat, and less precise far from the origin.
+    /// Name the handedness of your world's axes: `right-handed` or `left-handed`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub faces: Option<Axes>,
     /// `normal`: the matrix that turns the value to other axes, by its name: `camera.view` turns it
@@ -121,13 +121,13 @@ pub struct Params {
     /// with `light`, none.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub range: Option<String>,
-    /// `shadow` and `distance`: what becomes of what depends on the viewer, such as parallax and
-    /// fades by distance.
+    /// `shadow` and `distance`: the treatment of code that depends on the viewer, such as parallax and fades
+    /// by distance.
     #[serde(skip_serializing_if = "is_kept")]
     pub view: Viewer,
-    /// `shadow` and `distance`: uniforms, or members of them, that follow the viewer though their
-    /// names do not say so, joined by `+`: `viewer=frame.e+frame.q`. A minus sign names one that does
-    /// not: `viewer=-material.eye_open`.
+    /// `shadow` and `distance`: uniforms, or members of them, that follow the viewer though their names do
+    /// not show it, joined by `+`: `viewer=frame.e+frame.q`. A minus sign names one that does not:
+    /// `viewer=-material.eye_open`.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub viewer: Option<String>,
     /// Resources of another view that take the place of the author's, as `THEIRS=OURS`, joined by
@@ -149,7 +149,7 @@ pub struct Params {
     pub group: Option<u32>,
     /// How precisely floats are stored. Distances always have 32 bits.
     pub precision: Precision,
-    /// What is bound where nothing but depth is written.
+    /// The colour target that is bound where nothing but depth is written.
     #[serde(skip_serializing_if = "is_none")]
     pub colour_target: ColourTarget,
     /// `shadow`: format of the shadow map. Other depths have that of the scene's.
