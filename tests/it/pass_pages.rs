@@ -94,9 +94,7 @@ fn comment(name: &str) -> String {
         rest = &rest[end..];
     }
     read.push_str(rest);
-    read.replace("[`", "`")
-        .replace("`]", "`")
-        .replace("[guard](crate::guard::Guard)", "guard")
+    read.replace("[`", "`").replace("`]", "`")
 }
 
 fn promise(contract: &Contract) -> String {

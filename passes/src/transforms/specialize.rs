@@ -28,7 +28,7 @@
 //! decision may change ([`contraction`]): after a branch is removed, a compiler may fuse a product
 //! into a sum, and no text prevents it.
 //!
-//! The assumptions are the plan's [guard](preshade_plan::guard::Guard), which a host checks before it
+//! The assumptions are the plan's [guard](../guides/specialize.md#the-guard), which a host checks before it
 //! draws.
 
 use std::collections::BTreeSet;
