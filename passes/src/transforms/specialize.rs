@@ -25,7 +25,7 @@
 //!
 //! The contract is `Exact` if the surroundings of every float operation, by which compilers fuse
 //! and reorder, stay the same. Otherwise it is `Rounding`, with the share of pixels in which a
-//! decision may change ([`contraction`]): after a branch is removed, a compiler may fuse a product
+//! decision may change ([`contraction`]). After a branch is removed, a compiler may fuse a product
 //! into a sum, and no text prevents it.
 //!
 //! The assumptions are the plan's [guard](../guides/specialize.md#the-guard), which a host checks before it

@@ -22,8 +22,9 @@
 //! across a seam of vertices. All edges have one level.
 //!
 //! Strips are drawn as lists of their triangles. The pass refuses varyings with linear
-//! interpolation, where a point behind the viewer has no place, and half-precision attributes and
-//! varyings, because it would decode and blend them at another precision than the rasteriser.
+//! interpolation, where a point behind the viewer has no place. It also refuses half-precision
+//! attributes and varyings, because it would decode and blend them at another precision than the
+//! rasteriser.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};

@@ -14,10 +14,13 @@
 //!                                            author's fragment stage run on them
 //! ```
 //!
-//! The resolve reconstructs everything that the rasteriser provided: barycentrics from homogeneous
-//! edge functions, which also work for triangles that reach behind the viewer; each varying by its
-//! own interpolation; gradients as differences between pixels of the quad on the same triangle;
-//! facing from a bit of the id.
+//! The resolve reconstructs everything that the rasteriser provided:
+//!
+//! - barycentrics from homogeneous edge functions, which also work for triangles that reach behind
+//!   the viewer;
+//! - each varying by its own interpolation;
+//! - gradients as differences between pixels of the quad on the same triangle;
+//! - facing from a bit of the id.
 
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::Opaque;
