@@ -1,7 +1,7 @@
 //! glTF files that are wrong, or ask for more than they have: an error, and nothing is taken
 //! before.
 
-use preshade_draw::scene::mesh::Gltf;
+use preshade_draw::scene::asset::mesh::Gltf;
 use preshade_draw::scene::{self, Access, Outside, Variables};
 use shader_text::limits::Limits;
 

@@ -1,9 +1,17 @@
 //! Textures and glTF files come out as their formats say.
 
 use glam::{Mat4, Vec3};
+use preshade_draw::scene::asset::mesh::Gltf;
+use preshade_draw::scene::image::decode::{Reading, decode};
 use preshade_draw::scene::image::{Pattern, Recipe, mip_chain};
-use preshade_draw::scene::mesh::{Gltf, positions};
-use preshade_draw::scene::{Image, Stream};
+use preshade_draw::scene::mesh::positions;
+use preshade_draw::scene::{Image, SceneError, Stream};
+use shader_text::limits::Limits;
+
+fn decoded(name: &str, bytes: &[u8]) -> Result<Image, SceneError> {
+    let reading = Reading::of(&Recipe::default());
+    decode(name, bytes, reading, &Limits::default(), &|_| Ok(()))
+}
 
 #[test]
 fn mips_average_light_and_not_its_encoding() {
@@ -54,12 +62,12 @@ fn png_files_are_srgb_unless_told_otherwise() {
         image::ImageFormat::Png,
     )
     .unwrap();
-    let read = Recipe::default().decode("two.png", &png).unwrap();
+    let read = decoded("two.png", &png).unwrap();
     assert_eq!(
         (read.size, read.format.is_srgb(), &read.levels[0][..]),
         ([2, 1], true, &texels[..])
     );
-    let broken = Recipe::default().decode("two.png", &png[..20]).unwrap_err();
+    let broken = decoded("two.png", &png[..20]).unwrap_err();
     assert!(broken.to_string().contains("`two.png`"), "{broken}");
 }
 
@@ -132,7 +140,7 @@ fn ktx2(of: [u32; 4], size: u32, stored: &[u8], length: usize) -> Vec<u8> {
 
 #[test]
 fn ktx2_files_have_their_own_formats() {
-    let decode = |bytes: &[u8]| Recipe::default().decode("a.ktx2", bytes);
+    let decode = |bytes: &[u8]| decoded("a.ktx2", bytes);
     // R8_UNORM, as it is, and in a frame of Zstandard with one raw block.
     let plain = decode(&ktx2([9, 1, 1, 0], 2, &[1, 2, 3, 4], 4)).unwrap();
     assert_eq!(plain.format, wgpu::TextureFormat::R8Unorm);

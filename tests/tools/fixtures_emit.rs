@@ -4,10 +4,10 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use naga_edit::interface;
 use preshade_compiler::emit::{self, Target};
 use preshade_compiler::front::{self, Parsed, Source};
 use preshade_compiler::recipe::Recipe;
-use preshade_passes::rebuild::place;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
 use preshade_plan::state::MaterialState;
@@ -229,7 +229,7 @@ fn all_that_decides_an_invariant_position_is_not_contracted() {
             let (index, _) = program
                 .entry_point(naga::ShaderStage::Vertex, &parsed.vertex)
                 .unwrap();
-            let module = place::with_invariant_position(program.module(), index);
+            let module = interface::with_invariant_position(program.module(), index);
             let original = Plan::original(
                 "m",
                 program.with_module(module).unwrap(),

@@ -1,6 +1,8 @@
 //! The inputs and outputs of entry points, and the names of their types and stages in WGSL.
 
-use naga::{Binding, Function, Handle, Module, ShaderStage, Type, TypeInner};
+use naga::{
+    Binding, BuiltIn, Function, Handle, Module, ShaderStage, StructMember, Type, TypeInner,
+};
 
 /// One input or output of an entry point: an argument, a result, or a member of either.
 #[derive(Clone, Debug)]
@@ -54,6 +56,61 @@ pub fn edit_outputs(
     }
     if module.types.get(&ty).is_none() {
         module.types.replace(result.ty, ty);
+    }
+}
+
+/// The module with an entry point's position marked `@invariant`. For a struct result the mark is
+/// in the type. It then affects every entry point that returns the type, and has no effect in
+/// fragment stages that take it.
+pub fn with_invariant_position(module: &Module, entry: usize) -> Module {
+    let mut module = module.clone();
+    let Some(result) = module.entry_points[entry].function.result.clone() else {
+        return module;
+    };
+    let marked = invariant(result.binding.clone());
+    if marked != result.binding {
+        if let Some(result) = &mut module.entry_points[entry].function.result {
+            result.binding = marked;
+        }
+        return module;
+    }
+    let Type { name, inner } = module.types[result.ty].clone();
+    let TypeInner::Struct { members, span } = inner else {
+        return module;
+    };
+    let members_marked: Vec<StructMember> = members
+        .iter()
+        .map(|m| StructMember {
+            binding: invariant(m.binding.clone()),
+            ..m.clone()
+        })
+        .collect();
+    if members_marked == members {
+        return module;
+    }
+    // The mark is part of the type, which functions, variables and other types may use, so we
+    // replace it in place.
+    let mut replaced = Type {
+        name,
+        inner: TypeInner::Struct {
+            members: members_marked,
+            span,
+        },
+    };
+    while module.types.get(&replaced).is_some() {
+        replaced.name = Some(format!("{}_invariant", replaced.name.unwrap_or_default()));
+    }
+    module.types.replace(result.ty, replaced);
+    module
+}
+
+/// A binding, with `@invariant` if it is a position.
+pub fn invariant(binding: Option<Binding>) -> Option<Binding> {
+    match binding {
+        Some(Binding::BuiltIn(BuiltIn::Position { .. })) => {
+            Some(Binding::BuiltIn(BuiltIn::Position { invariant: true }))
+        }
+        other => other,
     }
 }
 

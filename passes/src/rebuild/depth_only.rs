@@ -70,7 +70,7 @@ impl Invariance {
     pub fn apply(self, module: Module, vertex: usize) -> Module {
         match self {
             Self::AsWritten => module,
-            Self::Add => place::with_invariant_position(&module, vertex),
+            Self::Add => interface::with_invariant_position(&module, vertex),
         }
     }
 }
@@ -255,7 +255,7 @@ impl DepthOnly {
         });
         let Some(slice) = self.drawn_vertex() else {
             if invariance == PositionInvariance::Invariant {
-                module = place::with_invariant_position(&module, opaque.vertex);
+                module = interface::with_invariant_position(&module, opaque.vertex);
             }
             return Placed {
                 module,

@@ -1,6 +1,7 @@
 //! What slices keep and drop, and what they look like as code.
 
 use naga::ShaderStage;
+use naga_edit::interface;
 use preshade_passes::graph::{self, FunctionId, Graph};
 use preshade_passes::rebuild::place::{self, PositionInvariance};
 use preshade_passes::slice::{self, Criterion, OutputFilter, Termination};
@@ -372,7 +373,7 @@ fn an_invariant_position_is_marked() {
     let program = common::program(LIT);
     let marked = common::validated(
         &program,
-        place::with_invariant_position(program.module(), 0),
+        interface::with_invariant_position(program.module(), 0),
     );
     assert!(common::wgsl(&marked).contains("@invariant"));
     let graph = Graph::build(&program);

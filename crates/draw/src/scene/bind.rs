@@ -16,9 +16,9 @@ use naga_edit::declared;
 use preshade_plan::plan::{BindingKind, BindingLayout, BindingSource, BindingUse, GpuPass};
 use preshade_plan::state::CompareFunction;
 
-use super::flow::BufferRead;
+use super::globals::{self, Global, globals};
 use super::layout::{self, Leaf, Segment};
-use super::semantic::{SemanticValue, normalise};
+use super::semantic::{Semantic, SemanticValue, normalise};
 use super::{
     Draw, Filter, Frame, Image, Material, Sampler, Scene, SceneError, Value, material, range,
     value_path,
@@ -393,7 +393,7 @@ pub(crate) fn immediates(
     }
     let streams = Streams::new(scene, material, draw)?;
     let mut bytes: Vec<Option<(u8, &str)>> = Vec::new();
-    for variable in material::immediates(&material.program) {
+    for variable in globals::immediates(&material.program) {
         let mut gaps: Vec<Range<usize>> = Vec::new();
         let mut observe = |leaf: &Leaf<'_>, _: ValueOrigin, _: &[f64; 16]| {
             gaps.extend(is_padding(leaf).then(|| leaf.bytes.clone()));
@@ -529,8 +529,8 @@ fn variable<'a>(
     material: &'a Material,
     binding: &BindingUse,
 ) -> Result<(&'a str, naga::Handle<naga::Type>), SceneError> {
-    let at = |g: &material::Global<'_>| (g.group, g.binding) == (binding.group, binding.binding);
-    let all = || material::globals(&material.program).filter(at);
+    let at = |g: &Global<'_>| (g.group, g.binding) == (binding.group, binding.binding);
+    let all = || globals(&material.program).filter(at);
     // Several variables may share a binding if they belong to different entry points.
     let named = all().find(|g| g.name == binding.name);
     named
@@ -796,11 +796,10 @@ fn plausible(leaf: &Leaf<'_>) -> [f64; 16] {
     out
 }
 
-/// The numbers that a variable of a bare shader would get by its name. `None`: the name has a
+/// The numbers that a value of a bare shader would get by the names on its path. `None`: they have a
 /// conventional meaning, or the type has no numbers.
-pub(super) fn made_up(read: &BufferRead, module: &naga::Module) -> Option<Vec<f64>> {
-    let (columns, rows, scalar) = layout::leaf_shape(&module.types[read.ty].inner)?;
-    let path = read.text(module);
+pub(super) fn made_up(path: &str, ty: &TypeInner) -> Option<Vec<f64>> {
+    let (columns, rows, scalar) = layout::leaf_shape(ty)?;
     let leaf = Leaf {
         path: &[Segment::Name(path.rsplit('.').next()?)],
         index: None,
@@ -812,7 +811,7 @@ pub(super) fn made_up(read: &BufferRead, module: &naga::Module) -> Option<Vec<f6
         bytes: 0..0,
     };
     let numbers = plausible(&leaf);
-    match read.semantic(module) {
+    match Semantic::of_path(path.rsplit('.')) {
         Some(_) => None,
         None => Some(numbers[..(columns * rows) as usize].to_vec()),
     }

@@ -9,7 +9,6 @@ use naga::{
 };
 use preshade_passes::analysis::values::{ContextId, Node, ValueId};
 
-use super::bind::made_up;
 use super::flow::{BufferRead, StageFlow};
 use super::layout::leaf_shape;
 use super::{Image, Value, material};
@@ -126,7 +125,7 @@ fn halves(flow: &StageFlow<'_, '_>, terms: &[ValueId], found: &mut DiscardInputs
     for read in terms.iter().flat_map(|value| flow.factors(*value)) {
         let is_extreme = |n: f64| (0.0..=1.0).contains(&n) && (n - MIDDLE).abs() > MIDDLE / 2.0;
         if read.is_uniform(module)
-            && let Some([number]) = made_up(&read, module).as_deref()
+            && let Some([number]) = read.made_up(module).as_deref()
             && is_extreme(*number)
         {
             fill(flow, &read, MIDDLE, found);

@@ -7,7 +7,6 @@ use naga::{BinaryOperator, Expression, ScalarKind};
 use preshade_passes::analysis::values::ValueId;
 
 use super::Value;
-use super::bind::made_up;
 use super::flow::{BufferRead, StageFlow};
 use super::layout::leaf_shape;
 
@@ -53,7 +52,7 @@ pub(super) fn numbers(flow: &StageFlow<'_, '_>) -> BTreeMap<String, Value> {
     let module = flow.values.graph.module();
     let all = divisions(flow, 0..flow.values.values.len());
     let number = |read: BufferRead| {
-        let made_up = made_up(&read, module)?;
+        let made_up = read.made_up(module)?;
         let (1, _, scalar) = leaf_shape(&module.types[read.ty].inner)? else {
             return None;
         };

@@ -4,18 +4,22 @@ use std::collections::BTreeMap;
 use std::fmt;
 use std::path::PathBuf;
 
+use glam::{EulerRot, Mat4, Quat, Vec3};
 use preshade_plan::state::{DepthDirection, DepthFormat, MaterialState};
 use serde::Deserialize;
+use serde::de::IntoDeserializer;
+use serde::de::value::{Error as Mismatch, StrDeserializer};
 use toml::Spanned;
 
+use super::asset::mesh::Gltf;
 use super::camera::Orbit;
 use super::image::Recipe;
 use super::mesh::{
-    Arch, Cards, Column, Cuboid, Curtain, Gltf, Morph, Plane, Skin, Sphere, Stairs, Teapot,
-    Vertices, WireSphere,
+    Arch, Cards, Column, Cuboid, Curtain, Morph, Plane, Skin, Sphere, Stairs, Teapot, Vertices,
+    WireSphere,
 };
-use super::variables::Variable;
-use super::{DrawOrder, Sampler};
+use super::variables::{Setting, Variable, Variables, get};
+use super::{DrawOrder, Sampler, SceneError, Value};
 use shader_text::options::ClipSpace;
 
 #[derive(Debug, Deserialize)]
@@ -205,20 +209,6 @@ fn one_to_one() -> [f32; 2] {
     [1.0, 1.0]
 }
 
-/// A value, or the name of a variable.
-#[derive(Clone, Debug, Deserialize)]
-#[serde(untagged, expecting = "a value, or the \"$name\" of a variable")]
-pub(super) enum Setting<T> {
-    Value(T),
-    Variable(String),
-}
-
-impl<T: Default> Default for Setting<T> {
-    fn default() -> Self {
-        Self::Value(T::default())
-    }
-}
-
 /// Order of the copies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
@@ -334,4 +324,63 @@ fn near() -> f32 {
 
 fn far() -> f32 {
     100.0
+}
+
+/// Scales, then rotates around x, y and z in degrees, then translates.
+pub(super) fn transform(translate: [f32; 3], rotate: [f32; 3], scale: Option<&Scale>) -> Mat4 {
+    let scale = match scale {
+        None => Vec3::ONE,
+        Some(Scale::Uniform(s)) => Vec3::splat(*s),
+        Some(Scale::Axes(s)) => Vec3::from(*s),
+    };
+    let [x, y, z] = rotate.map(f32::to_radians);
+    Mat4::from_scale_rotation_translation(
+        scale,
+        Quat::from_euler(EulerRot::ZYX, z, y, x),
+        Vec3::from(translate),
+    )
+}
+
+pub(super) fn values(raw: &BTreeMap<String, Spanned<RawValue>>) -> BTreeMap<String, Value> {
+    fn flatten(raw: &RawValue, out: &mut Vec<f64>) {
+        match raw {
+            RawValue::Integer(n) => out.push(*n as f64),
+            RawValue::Float(n) => out.push(*n),
+            RawValue::List(items) => items.iter().for_each(|i| flatten(i, out)),
+            RawValue::Name(_) => {}
+        }
+    }
+    raw.iter()
+        .map(|(name, raw)| {
+            let value = match raw.get_ref() {
+                RawValue::Name(n) => Value::Semantic(n.trim_start_matches('$').to_owned()),
+                other => {
+                    let mut numbers = Vec::new();
+                    flatten(other, &mut numbers);
+                    Value::Numbers(numbers)
+                }
+            };
+            (name.clone(), value)
+        })
+        .collect()
+}
+
+impl Setting<FieldOrder> {
+    pub(super) fn order(&self, variables: &Variables) -> Result<FieldOrder, SceneError> {
+        let name = match self {
+            Self::Value(value) => return Ok(*value),
+            Self::Variable(name) => name,
+        };
+        let read = |text: &str| {
+            let words: StrDeserializer<'_, Mismatch> = text.into_deserializer();
+            FieldOrder::deserialize(words).map_err(|_| {
+                SceneError::new(format!("`{text}` is no order of copies"))
+                    .help("ascending, descending and shuffled are")
+            })
+        };
+        match get(variables, name)? {
+            Variable::Name(text) => read(text),
+            Variable::Number(number) => read(&number.to_string()),
+        }
+    }
 }

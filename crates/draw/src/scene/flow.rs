@@ -4,13 +4,15 @@ use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
 
 use naga::{
-    AddressSpace, ArraySize, BinaryOperator, Expression, GlobalVariable, Handle, MathFunction,
-    Module, Statement, Type, TypeInner,
+    AddressSpace, ArraySize, BinaryOperator, Binding, Expression, GlobalVariable, Handle,
+    MathFunction, Module, ScalarKind, Statement, Type, TypeInner,
 };
+use naga_edit::interface::Io;
 use preshade_passes::analysis::values::{ContextId, Node, ValueId, Values};
 use preshade_passes::graph::Graph;
 
-use super::Semantic;
+use super::layout::{leaf_shape, runtime_array};
+use super::{Semantic, bind};
 
 /// The values of one stage.
 pub struct StageFlow<'g, 'p> {
@@ -74,6 +76,11 @@ impl BufferRead {
         matches!(space, AddressSpace::Uniform | AddressSpace::Immediate)
     }
 
+    /// What it would be in the scene of a bare shader, by its name; `None` if the name has a conventional meaning.
+    pub(super) fn made_up(&self, module: &Module) -> Option<Vec<f64>> {
+        bind::made_up(&self.text(module), &module.types[self.ty].inner)
+    }
+
     /// The conventional meaning of its name.
     pub fn semantic(&self, module: &Module) -> Option<Semantic> {
         Semantic::of_path(self.text(module).rsplit('.'))
@@ -116,6 +123,16 @@ impl Nearest {
 
 /// How indirectly a matrix enters its product with a vector or a scalar.
 pub(crate) const MATRIX_OF_PRODUCT: u32 = 10;
+
+/// An operand of a vertex stage's inputs that is more indirect than this is no position.
+pub(crate) const MOST_INDIRECT: u32 = 20;
+
+pub(crate) fn location(io: &Io) -> Option<u32> {
+    match io.binding {
+        Some(Binding::Location { location, .. }) => Some(location),
+        _ => None,
+    }
+}
 
 impl<'g, 'p> StageFlow<'g, 'p> {
     /// `None`: the stage is too large to analyse.
@@ -350,6 +367,27 @@ impl<'g, 'p> StageFlow<'g, 'p> {
             Expression::ImageSample { .. } | Expression::ImageLoad { .. } => 20,
             _ => 0,
         }
+    }
+
+    /// Components and kind of an input.
+    pub(crate) fn shape(&self, io: &Io) -> Option<(u32, ScalarKind)> {
+        let module = self.values.graph.module();
+        let (_, rows, scalar) = leaf_shape(&module.types[io.ty].inner)?;
+        Some((rows, scalar.kind))
+    }
+
+    /// Whether a value is an element of a runtime-sized array, with scalars of these kinds.
+    pub(crate) fn is_array_read(&self, value: ValueId, kinds: &[ScalarKind]) -> bool {
+        let module = self.values.graph.module();
+        self.read(value).is_some_and(|read| {
+            let global = &module.global_variables[read.global];
+            let leaf = leaf_shape(&module.types[read.ty].inner);
+            matches!(global.space, AddressSpace::Storage { .. })
+                && runtime_array(module, global.ty).is_some()
+                && leaf.is_some_and(|(columns, _, scalar)| {
+                    columns == 1 && kinds.contains(&scalar.kind)
+                })
+        })
     }
 
     /// The variable of a pointer, and the steps into it; `None` for a dynamic index.

@@ -1,7 +1,7 @@
 //! Textures: generated patterns, image files, and their mip levels.
 
 pub(crate) mod blocks;
-pub(super) mod decode;
+pub mod decode;
 mod ktx;
 mod texels;
 
@@ -10,8 +10,8 @@ use serde::Deserialize;
 pub use texels::Texels;
 use texels::srgb_to_linear;
 
+use super::Image;
 use super::noise::{fractal, random};
-use super::{Image, SceneError};
 
 /// A generated pattern. Each is a height in `[0, 1]` and an alpha over the unit square, and tiles.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
@@ -123,31 +123,6 @@ impl Recipe {
             }
         }
         finish([n, n], texels, self.srgb.unwrap_or(false), self.mips)
-    }
-
-    /// The image of a file's bytes: PNG, JPEG, WebP, Radiance, OpenEXR or KTX2. 16-bit channels are
-    /// rounded to 8, and floats to 16 bits.
-    ///
-    /// # Errors
-    /// The bytes are no such image.
-    pub fn decode(&self, name: &str, bytes: &[u8]) -> Result<Image, SceneError> {
-        let limits = shader_text::limits::Limits::default();
-        self.decode_within(name, bytes, &limits, &|_| Ok(()))
-    }
-
-    /// [`Recipe::decode`] with a size check.
-    pub(super) fn decode_within(
-        &self,
-        name: &str,
-        bytes: &[u8],
-        limits: &shader_text::limits::Limits,
-        hold: decode::Hold<'_>,
-    ) -> Result<Image, SceneError> {
-        let reading = decode::Reading {
-            srgb: self.srgb.unwrap_or(true),
-            mips: self.mips,
-        };
-        decode::decode(name, bytes, reading, limits, hold)
     }
 }
 

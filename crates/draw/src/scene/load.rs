@@ -1,40 +1,33 @@
 //! Reads a scene file into a [`Scene`].
 
-use std::cell::Cell;
 use std::collections::BTreeMap;
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
-use glam::{EulerRot, Mat4, Quat, Vec3};
+use glam::Vec3;
 use naga::ShaderStage;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{Blend, ColorTarget};
 use toml::Spanned;
 
-use super::asset::Parts;
 use super::bind::{self, unknown_stream};
 use super::camera::{self, Orbit, Pose};
-use super::file::{
-    BlendName, CameraEntry, DrawEntry, FieldKind, MaterialEntry, RawValue, Scale, SceneFile,
-};
+use super::file::{BlendName, CameraEntry, DrawEntry, FieldKind, MaterialEntry, transform, values};
 use super::image::MAX_SIDE;
+use super::image::decode::{Reading, decode};
+use super::import::Parts;
+use super::loader::Loader;
 use super::place::Folder;
 use super::roles::Roles;
+use super::scene_text::{SceneText, parsed};
+use super::size::MAX_SIZE;
 use super::{
     Access, Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, SceneError, Stream,
-    Value, Variables, error, material, meshes, plausible_numbers, range, size, value_path,
-    variables,
+    Variables, light_entry, material, meshes, range_entry, size, value_path,
 };
 use preshade_compiler::front;
-use shader_text::limits::Limits;
 use shader_text::{options, regular};
-
-/// The quantity that the limit `scene-bytes` counts.
-pub(super) const SCENE_BYTES: &str = "the bytes of vertex data, texels and draws";
-
-/// Largest width and height of a target: WebGPU's default `maxTextureDimension2D`.
-pub(super) const MAX_SIZE: u32 = 8192;
 
 /// Loads a scene file. `docs/reference/scenes.md` documents the format and the folders that its
 /// paths may reach.
@@ -87,112 +80,6 @@ pub fn read(
     Loader::new(source, folder, file, variables, access)?.scene(stem.unwrap_or_default())
 }
 
-/// The entries of a scene file.
-pub(super) fn parsed(source: SceneText<'_>, limits: Limits) -> Result<SceneFile, SceneError> {
-    let text = source.text;
-    nested(text, limits.nesting)?;
-    let file: SceneFile = toml::from_str(text).map_err(|e| source.toml_error(&e))?;
-    plausible_numbers::check(text).map_err(|(e, range)| source.at(e, range))?;
-    Ok(file)
-}
-
-/// Fails if brackets nest deeper than the parser's stack allows. Brackets in strings count too:
-/// scenes do not need them there.
-fn nested(text: &str, most: u64) -> Result<(), SceneError> {
-    let mut open = 0_u64;
-    for byte in text.bytes() {
-        match byte {
-            b'[' | b'{' => open += 1,
-            b']' | b'}' => open = open.saturating_sub(1),
-            _ => {}
-        }
-        if open > most {
-            return Err(SceneError::new(format!(
-                "brackets are nested more than {most} deep"
-            )));
-        }
-    }
-    Ok(())
-}
-
-/// The scene file's text, for error messages.
-#[derive(Clone, Copy)]
-pub(super) struct SceneText<'a> {
-    /// Empty for a text that no user wrote.
-    pub name: &'a str,
-    pub text: &'a str,
-}
-
-impl SceneText<'_> {
-    pub(super) fn at(&self, error: SceneError, range: Range<usize>) -> SceneError {
-        match self.name {
-            "" => error,
-            name => error.at(name, self.text, range),
-        }
-    }
-
-    /// toml's message, with a suggestion if it names the expected keys.
-    fn toml_error(&self, e: &toml::de::Error) -> SceneError {
-        let message = e.message().trim_end();
-        let quoted: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
-        let error = match (message.split_once(", expected"), quoted.as_slice()) {
-            (Some((what, _)), [wrong, known @ ..])
-                if message.starts_with("unknown field")
-                    || message.starts_with("unknown variant") =>
-            {
-                let what = what
-                    .replace("unknown field", "unknown key")
-                    .replace("unknown variant", "unknown name");
-                let help = match error::nearest(wrong, known) {
-                    Some(near) => format!("did you mean `{near}`?"),
-                    None => format!("known are: {}", known.join(", ")),
-                };
-                SceneError::new(what).help(help)
-            }
-            _ if message == "invalid type: sequence, expected a map" => {
-                SceneError::new("a list, where each entry has a name")
-                    .help("write `[materials.NAME]`, say, and not `[[materials]]`")
-            }
-            _ => SceneError::new(message),
-        };
-        match e.span() {
-            Some(range) => self.at(error, range),
-            None => error,
-        }
-    }
-}
-
-/// Reads the entries of a scene file.
-pub(super) struct Loader<'a> {
-    pub source: SceneText<'a>,
-    pub folder: Folder,
-    pub file: SceneFile,
-    variables: Variables,
-    pub access: Access,
-    /// Size of the scene so far, in bytes.
-    pub held: Cell<u64>,
-}
-
-impl<'a> Loader<'a> {
-    pub(super) fn new(
-        source: SceneText<'a>,
-        folder: Folder,
-        file: SceneFile,
-        variables: &Variables,
-        access: Access,
-    ) -> Result<Self, SceneError> {
-        let variables = variables::set(&file.variables, variables)?;
-        Ok(Self {
-            source,
-            folder,
-            file,
-            variables,
-            access,
-            held: Cell::new(0),
-        })
-    }
-}
-
 impl Loader<'_> {
     pub fn scene(&self, stem: String) -> Result<Scene, SceneError> {
         let f = &self.file;
@@ -205,7 +92,7 @@ impl Loader<'_> {
         let [width, height] = viewport.map_or(size, |[_, _, w, h]| [w, h]);
         let aspect = width as f32 / height.max(1) as f32;
         let limits = &self.access.limits;
-        let mut light = Light::read(&f.light, limits).map_err(|e| at(e.error, e.at))?;
+        let mut light = light_entry::read(&f.light, limits).map_err(|e| at(e.error, e.at))?;
         let materials = f
             .materials
             .iter()
@@ -554,28 +441,6 @@ impl Loader<'_> {
         }
     }
 
-    /// Counts bytes against the limit before they are allocated.
-    pub(super) fn hold(&self, bytes: u64) -> Result<(), SceneError> {
-        let all = self.held.get().saturating_add(bytes);
-        self.held.set(all);
-        let limits = &self.access.limits;
-        Ok(limits.check("scene-bytes", all, SCENE_BYTES)?)
-    }
-
-    /// Counts `more` draws like `draw` against the limit before they are created.
-    pub(super) fn hold_draws(
-        &self,
-        draws: &[Draw],
-        more: u64,
-        draw: &Draw,
-    ) -> Result<(), SceneError> {
-        let all = (draws.len() as u64).saturating_add(more);
-        self.access
-            .limits
-            .check("draws", all, "the number of draws")?;
-        self.hold(more.saturating_mul(size::of_draw(draw)))
-    }
-
     fn texture(
         &self,
         name: &str,
@@ -585,7 +450,13 @@ impl Loader<'_> {
             (Some(file), None) => {
                 let (shown, bytes) = self.folder.read(file)?;
                 let hold = |bytes| self.hold(bytes);
-                recipe.decode_within(&shown, &bytes, &self.access.limits, &hold)
+                decode(
+                    &shown,
+                    &bytes,
+                    Reading::of(recipe),
+                    &self.access.limits,
+                    &hold,
+                )
             }
             (None, Some(_)) if !(1..=MAX_SIDE).contains(&recipe.size) => Err(SceneError::new(
                 format!("texture `{name}` of {0}x{0} texels", recipe.size),
@@ -611,20 +482,6 @@ impl Loader<'_> {
                 "texture `{name}` needs either a `pattern` or a `file`"
             ))),
         }
-    }
-
-    /// Index of the mesh or material with this name among `names`.
-    pub(super) fn find(
-        &self,
-        what: &str,
-        wanted: &Spanned<String>,
-        names: Vec<&str>,
-    ) -> Result<usize, SceneError> {
-        let name = wanted.get_ref();
-        names.iter().position(|n| n == name).ok_or_else(|| {
-            let e = SceneError::new(format!("there is no {what} `{name}`")).suggest(name, names);
-            self.source.at(e, wanted.span())
-        })
     }
 
     fn draw(&self, entry: &DrawEntry, parts: &mut Parts) -> Result<(), SceneError> {
@@ -671,7 +528,7 @@ impl Loader<'_> {
         })?;
         let take = |draw: &mut Draw, copies: Option<u32>| match &entry.range {
             None => Ok(()),
-            Some(r) => range::take(
+            Some(r) => range_entry::take(
                 *r.get_ref(),
                 &rigged.mesh,
                 draw,
@@ -868,43 +725,4 @@ fn instance_streams(places: &[meshes::FieldCopy]) -> BTreeMap<String, Stream> {
         stream("instance_color", 4, colors.collect()),
         stream("instance_place", 4, on_ground.collect()),
     ])
-}
-
-/// Scales, then rotates around x, y and z in degrees, then translates.
-pub(super) fn transform(translate: [f32; 3], rotate: [f32; 3], scale: Option<&Scale>) -> Mat4 {
-    let scale = match scale {
-        None => Vec3::ONE,
-        Some(Scale::Uniform(s)) => Vec3::splat(*s),
-        Some(Scale::Axes(s)) => Vec3::from(*s),
-    };
-    let [x, y, z] = rotate.map(f32::to_radians);
-    Mat4::from_scale_rotation_translation(
-        scale,
-        Quat::from_euler(EulerRot::ZYX, z, y, x),
-        Vec3::from(translate),
-    )
-}
-
-pub(super) fn values(raw: &BTreeMap<String, Spanned<RawValue>>) -> BTreeMap<String, Value> {
-    fn flatten(raw: &RawValue, out: &mut Vec<f64>) {
-        match raw {
-            RawValue::Integer(n) => out.push(*n as f64),
-            RawValue::Float(n) => out.push(*n),
-            RawValue::List(items) => items.iter().for_each(|i| flatten(i, out)),
-            RawValue::Name(_) => {}
-        }
-    }
-    raw.iter()
-        .map(|(name, raw)| {
-            let value = match raw.get_ref() {
-                RawValue::Name(n) => Value::Semantic(n.trim_start_matches('$').to_owned()),
-                other => {
-                    let mut numbers = Vec::new();
-                    flatten(other, &mut numbers);
-                    Value::Numbers(numbers)
-                }
-            };
-            (name.clone(), value)
-        })
-        .collect()
 }

@@ -6,11 +6,14 @@ use std::collections::BTreeMap;
 use glam::{Mat4, Quat, Vec3};
 use toml::Spanned;
 
+use super::asset::mesh::Rigged;
+use super::file::transform;
 use super::file::{Field, FieldOrder, MeshEntry, Part};
-use super::load::{SCENE_BYTES, SceneText, transform};
-use super::mesh::{self, Rigged};
+use super::mesh;
 use super::noise::{hash, random};
 use super::place::Folder;
+use super::scene_text::SceneText;
+use super::size::SCENE_BYTES;
 use super::{Mesh, SceneError, Variables, size};
 use shader_text::limits::Limits;
 

@@ -4,15 +4,20 @@
 //! generated or read and every texture decoded. [`bind`] turns one draw of it into the bytes that a
 //! GPU pass of a plan needs.
 
-mod asset;
+pub mod asset;
 mod discards;
 mod divisors;
 mod error;
 mod file;
 pub mod flow;
+mod globals;
+mod gltf_file;
+mod import;
 mod layout;
 mod light;
+mod light_entry;
 pub mod load;
+mod loader;
 mod loops;
 mod material;
 mod meshes;
@@ -20,7 +25,9 @@ mod noise;
 mod place;
 mod plausible_numbers;
 mod range;
+mod range_entry;
 mod roles;
+mod scene_text;
 mod semantic;
 mod setup;
 mod size;
@@ -37,12 +44,13 @@ pub mod codes;
 pub mod image;
 pub mod mesh;
 
-pub use asset::{Shading, load_gltf};
 pub use error::SceneError;
+pub use gltf_file::{Shading, load_gltf};
 pub use light::Light;
 pub use load::{load, load_with, load_within, read};
+pub use place::{Access, Outside};
 pub use semantic::Semantic;
-pub use stand_in::StandIn;
+pub use stand_in::{StandIn, stand_in};
 pub use synthesise::synthesise;
 pub use variables::{Variable, Variables};
 
@@ -53,26 +61,6 @@ use glam::{Mat4, Vec3};
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 use preshade_plan::state::{CompareFunction, DepthDirection, DepthFormat, MaterialState};
-
-/// The files that a scene may read, and its size limits.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Access {
-    /// Whether its files may lie outside of its root folder.
-    pub outside: Outside,
-    /// Size limits.
-    pub limits: shader_text::limits::Limits,
-}
-
-/// Whether a scene's files may lie outside of its root folder (`docs/reference/scenes.md`,
-/// "Paths").
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Outside {
-    /// Files outside are an error.
-    #[default]
-    Refused,
-    /// Files may lie anywhere.
-    Allowed,
-}
 
 /// All data of a scene, on the CPU.
 #[derive(Clone, Debug)]
@@ -118,16 +106,6 @@ pub struct Scene {
     /// What a reader of its files should know: which value of a glTF file fed which binding, and
     /// what of it is not drawn.
     pub notes: Vec<String>,
-}
-
-impl Scene {
-    /// Reads a scene file.
-    ///
-    /// # Errors
-    /// The file or a file that it names cannot be read, or is invalid.
-    pub fn load(path: &std::path::Path) -> Result<Self, SceneError> {
-        load(path)
-    }
 }
 
 /// Order of the opaque draws of a frame.

@@ -8,8 +8,29 @@ use std::cell::RefCell;
 use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
-use super::{Access, SceneError};
+use super::SceneError;
+use shader_text::limits::Limits;
 use shader_text::regular;
+
+/// The files that a scene may read, and its size limits.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Access {
+    /// Whether its files may lie outside of its root folder.
+    pub outside: Outside,
+    /// Size limits.
+    pub limits: Limits,
+}
+
+/// Whether a scene's files may lie outside of its root folder (`docs/reference/scenes.md`,
+/// "Paths").
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum Outside {
+    /// Files outside are an error.
+    #[default]
+    Refused,
+    /// Files may lie anywhere.
+    Allowed,
+}
 
 /// The folder of a scene's files, and the root that they must not leave.
 pub(super) struct Folder {
@@ -69,11 +90,11 @@ impl Folder {
     /// The folders that files must not leave; `None` if there is no such restriction.
     fn roots(&self) -> Option<impl Iterator<Item = &Path>> {
         match self.access.outside {
-            super::Outside::Refused => {
+            Outside::Refused => {
                 let also = self.also.iter().map(PathBuf::as_path);
                 Some(std::iter::once(self.root.as_path()).chain(also))
             }
-            super::Outside::Allowed => None,
+            Outside::Allowed => None,
         }
     }
 

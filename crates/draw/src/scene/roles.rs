@@ -12,7 +12,7 @@ use preshade_passes::analysis::values::ValueId;
 use preshade_passes::graph::Graph;
 
 use super::bind::{is_instance_data, known_stream};
-use super::flow::{BufferRead, Nearest, StageFlow};
+use super::flow::{BufferRead, MOST_INDIRECT, Nearest, StageFlow, location};
 use super::layout::{leaf_shape, runtime_array};
 use super::vertex_pulling::Pulled;
 use super::{Image, Semantic, Value, discards, divisors, loops, skin};
@@ -40,9 +40,6 @@ pub(super) struct Roles {
     /// Matrices by instance in buffers whose names mean nothing.
     pub instance_matrices: Vec<BufferRead>,
 }
-
-/// An operand of a vertex stage's inputs that is more indirect than this is no position.
-pub(super) const MOST_INDIRECT: u32 = 20;
 
 impl Roles {
     /// Reads the dataflow of both stages. A stage that is too large to analyse has no roles. `given`
@@ -137,7 +134,7 @@ impl Roles {
             .iter()
             .filter(|(value, cost)| {
                 **cost < MOST_INDIRECT
-                    && is_array_read(flow, **value, &[ScalarKind::Float])
+                    && flow.is_array_read(**value, &[ScalarKind::Float])
                     && reads_builtin(flow, **value, BuiltIn::VertexIndex)
             })
             .map(|(value, cost)| (*cost, *value))
@@ -246,7 +243,7 @@ impl Roles {
                 let is_unknown = !matches!(known, Some("uv" | "uv1"));
                 if cost < MOST_INDIRECT
                     && is_unknown
-                    && shape(flow, io) == Some((2, ScalarKind::Float))
+                    && flow.shape(io) == Some((2, ScalarKind::Float))
                     && taken.insert(input)
                 {
                     self.attribute(io, "uv");
@@ -267,7 +264,7 @@ impl Roles {
             if location(io).is_none() || known_stream(&name(io)).is_some() || !taken.insert(input) {
                 continue;
             }
-            let stream = match shape(flow, io) {
+            let stream = match flow.shape(io) {
                 Some((2, ScalarKind::Float)) => "uv",
                 Some((3, ScalarKind::Float)) if !has_normal => {
                     has_normal = true;
@@ -398,7 +395,7 @@ fn position_attribute(flow: &StageFlow<'_, '_>, near: &Nearest) -> Option<ValueI
             continue;
         };
         let io = &flow.values.inputs[input];
-        let (Some(location), Some((2..=4, ScalarKind::Float))) = (location(io), shape(flow, io))
+        let (Some(location), Some((2..=4, ScalarKind::Float))) = (location(io), flow.shape(io))
         else {
             continue;
         };
@@ -544,39 +541,9 @@ fn factors(flow: &StageFlow<'_, '_>, matrix: ValueId, order: Outermost) -> Vec<B
         .collect()
 }
 
-/// Whether a value is an element of a runtime-sized array, with scalars of these kinds.
-pub(super) fn is_array_read(
-    flow: &StageFlow<'_, '_>,
-    value: ValueId,
-    kinds: &[ScalarKind],
-) -> bool {
-    let module = flow.values.graph.module();
-    flow.read(value).is_some_and(|read| {
-        let global = &module.global_variables[read.global];
-        let leaf = leaf_shape(&module.types[read.ty].inner);
-        matches!(global.space, AddressSpace::Storage { .. })
-            && runtime_array(module, global.ty).is_some()
-            && leaf.is_some_and(|(columns, _, scalar)| columns == 1 && kinds.contains(&scalar.kind))
-    })
-}
-
 /// Whether a value depends on a built-in input.
 fn reads_builtin(flow: &StageFlow<'_, '_>, value: ValueId, builtin: BuiltIn) -> bool {
     let inputs = flow.behind(value).into_iter().filter_map(|v| flow.input(v));
     let mut bindings = inputs.filter_map(|i| flow.values.inputs[i].binding.clone());
     bindings.any(|b| b == Binding::BuiltIn(builtin))
-}
-
-/// Components and kind of an input.
-pub(super) fn shape(flow: &StageFlow<'_, '_>, io: &Io) -> Option<(u32, ScalarKind)> {
-    let module = flow.values.graph.module();
-    let (_, rows, scalar) = leaf_shape(&module.types[io.ty].inner)?;
-    Some((rows, scalar.kind))
-}
-
-pub(super) fn location(io: &Io) -> Option<u32> {
-    match io.binding {
-        Some(Binding::Location { location, .. }) => Some(location),
-        _ => None,
-    }
 }

@@ -2,7 +2,7 @@
 //! Value in, value out.
 
 use glam::Vec4;
-use preshade_passes::rebuild::place;
+use naga_edit::interface;
 use preshade_plan::state::{DepthDirection, DepthFormat};
 
 use super::Scene;
@@ -67,6 +67,17 @@ impl Scene {
         self
     }
 
+    /// The scene with the draws of one material alone.
+    #[must_use]
+    pub fn only(&self, material: usize) -> Self {
+        let mut scene = self.clone();
+        let own = self.materials.get(material).cloned();
+        scene.materials = own.into_iter().collect();
+        scene.draws.retain(|draw| draw.material == material);
+        scene.draws.iter_mut().for_each(|draw| draw.material = 0);
+        scene
+    }
+
     /// Marks every material's position `@invariant`: the second reference for variants.
     #[must_use]
     pub fn with_invariant_positions(mut self) -> Self {
@@ -75,7 +86,7 @@ impl Scene {
                 .program
                 .entry_point(naga::ShaderStage::Vertex, &material.vertex);
             let Some((entry, _)) = found else { continue };
-            let marked = place::with_invariant_position(material.program.module(), entry);
+            let marked = interface::with_invariant_position(material.program.module(), entry);
             // Marking a position cannot make a valid module invalid.
             if let Ok(program) = material.program.with_module(marked) {
                 material.program = program;

@@ -3,6 +3,12 @@
 use super::file::MeshEntry;
 use super::{Draw, Mesh, Stream, Value};
 
+/// The quantity that the limit `scene-bytes` counts.
+pub(super) const SCENE_BYTES: &str = "the bytes of vertex data, texels and draws";
+
+/// Largest width and height of a target: WebGPU's default `maxTextureDimension2D`.
+pub(super) const MAX_SIZE: u32 = 8192;
+
 /// Vertices of a patch of cells.
 fn patch([n, m]: [u32; 2]) -> u64 {
     let points = |cells: u32| u64::from(cells.max(3)) + 1;

@@ -6,8 +6,7 @@ use std::collections::BTreeMap;
 use naga::{ScalarKind, TypeInner};
 use preshade_passes::analysis::values::ValueId;
 
-use super::flow::{BufferRead, MATRIX_OF_PRODUCT, StageFlow};
-use super::roles::{MOST_INDIRECT, location, shape};
+use super::flow::{BufferRead, MATRIX_OF_PRODUCT, MOST_INDIRECT, StageFlow, location};
 
 /// One matrix with its weight.
 pub(super) struct Skin {
@@ -68,7 +67,7 @@ fn weighted(
         matrix.filter(|_| *cost <= MATRIX_OF_PRODUCT)
     })?;
     let is_skin = weights != *joints
-        && shape(flow, &flow.values.inputs[weights]) == Some((4, ScalarKind::Float));
+        && flow.shape(&flow.values.inputs[weights]) == Some((4, ScalarKind::Float));
     is_skin.then(|| Skin {
         joints: *joints,
         weights,
@@ -83,7 +82,7 @@ fn nearest_input(flow: &StageFlow<'_, '_>, value: ValueId) -> Option<usize> {
         let input = flow.input(*value)?;
         let io = &flow.values.inputs[input];
         location(io)?;
-        let (rows, _) = shape(flow, io)?;
+        let (rows, _) = flow.shape(io)?;
         (rows > 1 && *cost < MOST_INDIRECT).then_some((*cost, input))
     });
     inputs.min().map(|(_, input)| input)

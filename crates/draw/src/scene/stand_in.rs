@@ -9,7 +9,8 @@ use preshade_plan::state::MaterialState;
 use preshade_validate::agree::Partner;
 
 use super::bind::{self, TextureContent};
-use super::{Draw, Frame, Material, Scene, SceneError, Value, layout, material};
+use super::globals::globals;
+use super::{Draw, Frame, Material, Scene, SceneError, Value, layout};
 
 /// Another author's program for a material.
 #[derive(Clone, Copy, Debug)]
@@ -25,86 +26,73 @@ pub struct StandIn<'a> {
     pub own: Option<&'a Material>,
 }
 
-impl Scene {
-    /// The scene with the draws of one material alone.
-    #[must_use]
-    pub fn only(&self, material: usize) -> Self {
-        let mut scene = self.clone();
-        let own = self.materials.get(material).cloned();
-        scene.materials = own.into_iter().collect();
-        scene.draws.retain(|draw| draw.material == material);
-        scene.draws.iter_mut().for_each(|draw| draw.material = 0);
-        scene
+/// A scene of one material with another program in its place. Every number, texture and
+/// attribute of the program is that of its partner in `frame`; what has no partner gets its
+/// value from a material of its own, or by name.
+///
+/// # Errors
+/// As [`bind::draw`].
+pub fn stand_in(
+    of: &Scene,
+    other: StandIn<'_>,
+    state: &MaterialState,
+    frame: &Frame,
+) -> Result<Scene, SceneError> {
+    let mut scene = of.clone();
+    let Some(own) = of.materials.first() else {
+        return Ok(scene);
+    };
+    let mut stand_in = Material {
+        program: other.program.clone(),
+        vertex: other.vertex.to_owned(),
+        fragment: other.fragment.map(str::to_owned),
+        state: state.clone(),
+        ..other.own.cloned().unwrap_or_else(|| Material {
+            values: BTreeMap::new(),
+            textures: BTreeMap::new(),
+            samplers: BTreeMap::new(),
+            attributes: BTreeMap::new(),
+            attribute_roles: BTreeMap::new(),
+            value_roles: BTreeMap::new(),
+            part_of: None,
+            ..own.clone()
+        })
+    };
+    for partner in other.partners {
+        let stream = own.attributes.get(&partner.ours).unwrap_or(&partner.ours);
+        if *stream != partner.theirs {
+            let attribute = (partner.theirs.clone(), stream.clone());
+            stand_in.attributes.extend([attribute]);
+        }
     }
-
-    /// A scene of one material with another program in its place. Every number, texture and
-    /// attribute of the program is that of its partner in `frame`; what has no partner gets its
-    /// value from a material of its own, or by name.
-    ///
-    /// # Errors
-    /// As [`bind::draw`].
-    pub fn with_stand_in(
-        &self,
-        other: StandIn<'_>,
-        state: &MaterialState,
-        frame: &Frame,
-    ) -> Result<Self, SceneError> {
-        let mut scene = self.clone();
-        let Some(own) = self.materials.first() else {
-            return Ok(scene);
-        };
-        let mut stand_in = Material {
-            program: other.program.clone(),
-            vertex: other.vertex.to_owned(),
-            fragment: other.fragment.map(str::to_owned),
-            state: state.clone(),
-            ..other.own.cloned().unwrap_or_else(|| Material {
-                values: BTreeMap::new(),
-                textures: BTreeMap::new(),
-                samplers: BTreeMap::new(),
-                attributes: BTreeMap::new(),
-                attribute_roles: BTreeMap::new(),
-                value_roles: BTreeMap::new(),
-                part_of: None,
-                ..own.clone()
-            })
+    if let (Some(draw), Some(pass)) = (of.draws.first(), own.plan().passes.first()) {
+        let bound = bind::draw(of, own, pass, draw, frame)?;
+        let place = |name: &str| {
+            let mut all = globals(&own.program);
+            all.find(|g| g.name == name).map(|g| (g.group, g.binding))
         };
         for partner in other.partners {
-            let stream = own.attributes.get(&partner.ours).unwrap_or(&partner.ours);
-            if *stream != partner.theirs {
-                let attribute = (partner.theirs.clone(), stream.clone());
-                stand_in.attributes.extend([attribute]);
+            let at = place(&partner.ours);
+            let mut textures = bound.textures.iter();
+            let texture = textures.find(|t| Some((t.group, t.binding)) == at);
+            if let Some(TextureContent::Image(image)) = texture.map(|t| &t.content) {
+                let image = Arc::clone(image);
+                stand_in.textures.insert(partner.theirs.clone(), image);
+            }
+            let mut samplers = bound.samplers.iter();
+            if let Some(sampler) = samplers.find(|s| Some((s.group, s.binding)) == at) {
+                let theirs = partner.theirs.clone();
+                stand_in.samplers.insert(theirs, sampler.sampler);
             }
         }
-        if let (Some(draw), Some(pass)) = (self.draws.first(), own.plan().passes.first()) {
-            let bound = bind::draw(self, own, pass, draw, frame)?;
-            let place = |name: &str| {
-                let mut all = material::globals(&own.program);
-                all.find(|g| g.name == name).map(|g| (g.group, g.binding))
-            };
-            for partner in other.partners {
-                let at = place(&partner.ours);
-                let mut textures = bound.textures.iter();
-                let texture = textures.find(|t| Some((t.group, t.binding)) == at);
-                if let Some(TextureContent::Image(image)) = texture.map(|t| &t.content) {
-                    let image = Arc::clone(image);
-                    stand_in.textures.insert(partner.theirs.clone(), image);
-                }
-                let mut samplers = bound.samplers.iter();
-                if let Some(sampler) = samplers.find(|s| Some((s.group, s.binding)) == at) {
-                    let theirs = partner.theirs.clone();
-                    stand_in.samplers.insert(theirs, sampler.sampler);
-                }
-            }
-        }
-        for draw in &mut scene.draws {
-            draw.values = values(self, own, draw, frame, other.partners)?;
-        }
-        let lengths = lengths(&stand_in, &scene.draws);
-        stand_in.values.extend(lengths);
-        scene.materials = vec![stand_in];
-        Ok(scene)
     }
+    for draw in &mut scene.draws {
+        draw.values = values(of, own, draw, frame, other.partners)?;
+    }
+    let lengths = lengths(&stand_in, &scene.draws);
+    stand_in.values.extend(lengths);
+    scene.materials = vec![stand_in];
+    Ok(scene)
 }
 
 /// Zeros for each array without a length of its own, as many as its draws have values for.
@@ -118,7 +106,7 @@ fn lengths(stand_in: &Material, draws: &[Draw]) -> BTreeMap<String, Value> {
         });
         indices.max().map(|last| last + 1)
     };
-    let arrays = material::globals(&stand_in.program).filter_map(|global| {
+    let arrays = globals(&stand_in.program).filter_map(|global| {
         let TypeInner::Array {
             base,
             size: ArraySize::Dynamic,
@@ -142,7 +130,7 @@ fn values(
     frame: &Frame,
     partners: &[Partner],
 ) -> Result<BTreeMap<String, Value>, SceneError> {
-    let ours = crate::scene::bind::numbers(scene, own, draw, frame)?;
+    let ours = bind::numbers(scene, own, draw, frame)?;
     let parts = partners.iter().flat_map(|p| &p.parts);
     let theirs = parts.flat_map(|(theirs, our)| {
         let found = ours.iter().filter_map(move |(path, value)| {

@@ -11,13 +11,12 @@ use preshade_plan::state::{MaterialState, Topology};
 
 use super::bind::known_stream;
 use super::camera::{Pose, Range};
+use super::globals::globals;
 use super::mesh::{self, Cuboid, Morph, Plane, Skin, Sphere, Vertices, WireSphere};
 use super::noise::random;
 use super::roles::Roles;
 use super::semantic::normalise;
-use super::{
-    Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, Stream, Value, material,
-};
+use super::{Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, Stream, Value};
 use preshade_compiler::front::Parsed;
 
 /// A scene for a material of which only shader and state are known: a floor, boxes and spheres in
@@ -212,7 +211,7 @@ impl Wants {
                 }
             }
         }
-        wants.data |= material::globals(program).any(|g| {
+        wants.data |= globals(program).any(|g| {
             let name = normalise(g.name);
             let data = ["position", "vert", "indices", "points"];
             g.is_storage && data.iter().any(|d| name.starts_with(d))

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 
 use naga::{ArraySize, Handle, Module, Type, TypeInner};
 
+use super::globals::{globals, immediates};
 use super::layout;
-use super::material::{globals, immediates};
 use super::{Material, SceneError, Value};
 
 /// Refuses keys that name nothing in the material's program, indices beyond an array, and

@@ -3,11 +3,8 @@
 use std::collections::BTreeMap;
 
 use serde::Deserialize;
-use serde::de::IntoDeserializer;
-use serde::de::value::{Error as Mismatch, StrDeserializer};
 
 use super::SceneError;
-use super::file::{FieldOrder, Setting};
 
 /// The value of a scene's variable.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
@@ -52,7 +49,7 @@ pub(super) fn set(own: &Variables, given: &Variables) -> Result<Variables, Scene
 }
 
 /// A variable's value.
-fn get<'v>(variables: &'v Variables, text: &str) -> Result<&'v Variable, SceneError> {
+pub(super) fn get<'v>(variables: &'v Variables, text: &str) -> Result<&'v Variable, SceneError> {
     let Some(name) = text.strip_prefix('$') else {
         return Err(SceneError::new(format!("`{text}` is no value here"))
             .help("a variable is written with a dollar sign, \"$instances\" say"));
@@ -61,6 +58,20 @@ fn get<'v>(variables: &'v Variables, text: &str) -> Result<&'v Variable, SceneEr
         SceneError::new(format!("there is no variable `{name}`"))
             .suggest(name, variables.keys().map(String::as_str))
     })
+}
+
+/// A value, or the name of a variable.
+#[derive(Clone, Debug, Deserialize)]
+#[serde(untagged, expecting = "a value, or the \"$name\" of a variable")]
+pub(super) enum Setting<T> {
+    Value(T),
+    Variable(String),
+}
+
+impl<T: Default> Default for Setting<T> {
+    fn default() -> Self {
+        Self::Value(T::default())
+    }
 }
 
 impl Setting<u32> {
@@ -74,26 +85,6 @@ impl Setting<u32> {
                     name.trim_start_matches('$')
                 ))),
             },
-        }
-    }
-}
-
-impl Setting<FieldOrder> {
-    pub(super) fn order(&self, variables: &Variables) -> Result<FieldOrder, SceneError> {
-        let name = match self {
-            Self::Value(value) => return Ok(*value),
-            Self::Variable(name) => name,
-        };
-        let read = |text: &str| {
-            let words: StrDeserializer<'_, Mismatch> = text.into_deserializer();
-            FieldOrder::deserialize(words).map_err(|_| {
-                SceneError::new(format!("`{text}` is no order of copies"))
-                    .help("ascending, descending and shuffled are")
-            })
-        };
-        match get(variables, name)? {
-            Variable::Name(text) => read(text),
-            Variable::Number(number) => read(&number.to_string()),
         }
     }
 }

@@ -8,7 +8,6 @@ use preshade_passes::analysis::values::ValueId;
 use super::bind::{is_index_buffer, known_stream, stream_component};
 use super::flow::StageFlow;
 use super::layout::{leaf_shape, runtime_array, scalar_count};
-use super::roles::is_array_read;
 use super::{Mesh, Value};
 
 /// A storage buffer of vertices.
@@ -46,7 +45,7 @@ impl Pulled {
         };
         let mut indices: Vec<String> = index
             .iter()
-            .filter(|v| is_array_read(flow, **v, &[ScalarKind::Uint, ScalarKind::Sint]))
+            .filter(|v| flow.is_array_read(**v, &[ScalarKind::Uint, ScalarKind::Sint]))
             .map(|v| {
                 flow.read(*v)
                     .map(|read| &module.global_variables[read.global])

@@ -12,7 +12,7 @@ use super::{
 };
 use preshade_compiler::command::agreed::Drawn;
 use preshade_draw::render::{self, Gpu, Rendered, ShaderForm};
-use preshade_draw::scene::{DrawOrder, Frame, Scene, StandIn};
+use preshade_draw::scene::{DrawOrder, Frame, Scene, StandIn, stand_in};
 
 /// What the two are compared by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -160,13 +160,10 @@ pub fn comparison(
         let Some(frame) = camera.frames.first() else {
             continue;
         };
-        let theirs =
-            scene
-                .with_stand_in(other, &state, frame)
-                .map_err(|e| render::Error::Scene {
-                    draw: scene.name.clone(),
-                    message: e.to_string(),
-                })?;
+        let theirs = stand_in(scene, other, &state, frame).map_err(|e| render::Error::Scene {
+            draw: scene.name.clone(),
+            message: e.to_string(),
+        })?;
         let timing = timing.filter(|_| all.is_empty());
         let mut drawn = drawn(gpu, [scene, &theirs], frame, look, timing)?;
         drawn.camera.clone_from(&camera.name);

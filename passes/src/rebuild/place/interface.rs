@@ -2,11 +2,11 @@
 
 use naga::proc::Layouter;
 use naga::{
-    Binding, BuiltIn, FunctionArgument, FunctionResult, Handle, Module, StructMember, Type,
-    TypeInner,
+    Binding, FunctionArgument, FunctionResult, Handle, Module, StructMember, Type, TypeInner,
 };
 
 use crate::slice::Need;
+use naga_edit::interface;
 
 /// Whether a placed entry point's position is invariant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -102,11 +102,9 @@ pub fn io_struct(
 
 /// The binding with the wanted invariance.
 pub(crate) fn mark(binding: Option<Binding>, position: PositionInvariance) -> Option<Binding> {
-    match (binding, position) {
-        (Some(Binding::BuiltIn(BuiltIn::Position { .. })), PositionInvariance::Invariant) => {
-            Some(Binding::BuiltIn(BuiltIn::Position { invariant: true }))
-        }
-        (binding, _) => binding,
+    match position {
+        PositionInvariance::AsWritten => binding,
+        PositionInvariance::Invariant => interface::invariant(binding),
     }
 }
 
@@ -227,49 +225,4 @@ pub(crate) fn result(
         Some(FunctionResult { ty, binding: None }),
         Returned::Members(kept, ty),
     )
-}
-
-/// The module with an entry point's position marked `@invariant`. For a struct result the mark is
-/// in the type. It then affects every entry point that returns the type, and has no effect in
-/// fragment stages that take it.
-pub fn with_invariant_position(module: &Module, entry: usize) -> Module {
-    let mut module = module.clone();
-    let Some(result) = module.entry_points[entry].function.result.clone() else {
-        return module;
-    };
-    let marked = mark(result.binding.clone(), PositionInvariance::Invariant);
-    if marked != result.binding {
-        if let Some(result) = &mut module.entry_points[entry].function.result {
-            result.binding = marked;
-        }
-        return module;
-    }
-    let Type { name, inner } = module.types[result.ty].clone();
-    let TypeInner::Struct { members, span } = inner else {
-        return module;
-    };
-    let members_marked: Vec<StructMember> = members
-        .iter()
-        .map(|m| StructMember {
-            binding: mark(m.binding.clone(), PositionInvariance::Invariant),
-            ..m.clone()
-        })
-        .collect();
-    if members_marked == members {
-        return module;
-    }
-    // The mark is part of the type, which functions, variables and other types may use, so we
-    // replace it in place.
-    let mut replaced = Type {
-        name,
-        inner: TypeInner::Struct {
-            members: members_marked,
-            span,
-        },
-    };
-    while module.types.get(&replaced).is_some() {
-        replaced.name = Some(format!("{}_invariant", replaced.name.unwrap_or_default()));
-    }
-    module.types.replace(result.ty, replaced);
-    module
 }

@@ -21,7 +21,7 @@ pub(crate) use copies::copy_called;
 pub use discard::without_discard;
 pub(crate) use function::free_name;
 use interface::Placement;
-pub use interface::{PositionInvariance, io_struct, with_invariant_position};
+pub use interface::{PositionInvariance, io_struct};
 pub use retain::retain;
 pub use rewrite::{
     Replacement, Replacements, Rewrite, function_mut, prologue, prologue_replacing, rewritten,

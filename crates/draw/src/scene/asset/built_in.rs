@@ -10,14 +10,14 @@ use shader_text::options;
 const TEXT: &str = include_str!("material.wgsl");
 
 /// The words of a version: which of its marked parts it has.
-pub(super) type Words = BTreeSet<&'static str>;
+pub(crate) type Words = BTreeSet<&'static str>;
 
 /// The parsed version with these words. Its fields of a texture named `base_color_texture` are read
 /// at the second set of texture coordinates if `second` has `BASE_COLOR`.
 ///
 /// # Errors
 /// A limit is exceeded.
-pub(super) fn version(
+pub(crate) fn version(
     words: &Words,
     second: &Words,
     lights: usize,

@@ -10,10 +10,10 @@ use crate::scene::camera::{self, Range};
 use crate::scene::{Camera, Frame, Value};
 
 /// Most lights that the built-in material takes.
-pub(super) const MOST_LIGHTS: usize = 16;
+pub(crate) const MOST_LIGHTS: usize = 16;
 
 /// A camera of a file.
-pub(super) struct Seen {
+pub(crate) struct Seen {
     name: String,
     world: Mat4,
     projection: Lens,
@@ -26,7 +26,7 @@ enum Lens {
 
 /// A light of a file, in the world.
 #[derive(Clone, Copy)]
-pub(super) struct Lit {
+pub(crate) struct Lit {
     place: Vec3,
     /// Where it shines.
     pub direction: Vec3,
@@ -48,7 +48,7 @@ enum Shines {
 }
 
 /// The cameras among some nodes, which lie at `place`.
-pub(super) fn cameras(nodes: &[&Below<'_>], of: &Nodes<'_>, place: Mat4) -> Vec<Seen> {
+pub(crate) fn cameras(nodes: &[&Below<'_>], of: &Nodes<'_>, place: Mat4) -> Vec<Seen> {
     let seen = nodes.iter().filter_map(|below| {
         let node = &below.node;
         let camera = node.camera()?;
@@ -110,7 +110,7 @@ impl Seen {
 
 /// A camera that sees a whole box: from the front, from the right and above, with a vertical field
 /// of view of 40 degrees.
-pub(super) fn framing([low, high]: [Vec3; 2], aspect: f32, direction: DepthDirection) -> Camera {
+pub(crate) fn framing([low, high]: [Vec3; 2], aspect: f32, direction: DepthDirection) -> Camera {
     const FOV: f32 = 40.0;
     let center = (low + high) * 0.5;
     let radius = ((high - low).length() * 0.5).max(1e-6);
@@ -135,7 +135,7 @@ pub(super) fn framing([low, high]: [Vec3; 2], aspect: f32, direction: DepthDirec
 }
 
 /// The lights among some nodes.
-pub(super) fn lights(nodes: &[&Below<'_>], of: &Nodes<'_>, place: Mat4) -> Vec<Lit> {
+pub(crate) fn lights(nodes: &[&Below<'_>], of: &Nodes<'_>, place: Mat4) -> Vec<Lit> {
     let lit = nodes.iter().filter_map(|below| {
         let light = below.node.light()?;
         let world = place * of.world[&below.node.index()];

@@ -22,13 +22,13 @@ const READ: [&str; 8] = [
 ];
 
 /// A file, read by the name that a scene gives it.
-pub(in crate::scene) type Read<'a> = &'a dyn Fn(&str) -> Result<Vec<u8>, SceneError>;
+pub(crate) type Read<'a> = &'a dyn Fn(&str) -> Result<Vec<u8>, SceneError>;
 
 /// A size check: it gets the numbers of vertices and bytes before they are allocated.
-pub(in crate::scene) type Take<'a> = &'a dyn Fn(u64, u64) -> Result<(), SceneError>;
+pub(crate) type Take<'a> = &'a dyn Fn(u64, u64) -> Result<(), SceneError>;
 
 /// A glTF 2.0 file and the content of its buffers.
-pub(in crate::scene) struct Asset {
+pub(crate) struct Asset {
     /// Name, as the scene gives it.
     pub file: String,
     pub document: gltf::Document,
@@ -38,7 +38,7 @@ pub(in crate::scene) struct Asset {
 }
 
 /// The nodes of the default scene, and where they are.
-pub(in crate::scene) struct Nodes<'g> {
+pub(crate) struct Nodes<'g> {
     /// In depth-first order.
     pub all: Vec<Below<'g>>,
     /// Transforms to the world, by index.
@@ -46,7 +46,7 @@ pub(in crate::scene) struct Nodes<'g> {
 }
 
 /// A node of the default scene.
-pub(in crate::scene) struct Below<'g> {
+pub(crate) struct Below<'g> {
     pub node: gltf::Node<'g>,
     /// The place in [`Nodes::all`] of the node above it, which comes before it.
     above: Option<usize>,

@@ -14,7 +14,7 @@ use shader_text::limits::Limits;
 
 /// What a texture of a material is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) enum Use {
+pub(crate) enum Use {
     BaseColor,
     MetallicRoughness,
     Normal,
@@ -60,7 +60,7 @@ impl Use {
 
 /// A texture of a material.
 #[derive(Clone)]
-pub(super) struct Slot {
+pub(crate) struct Slot {
     pub texture: usize,
     pub sampler: Sampler,
     /// Set of texture coordinates.
@@ -71,7 +71,7 @@ pub(super) struct Slot {
 }
 
 /// A material of the file, or the default one.
-pub(super) struct Look {
+pub(crate) struct Look {
     /// Its number in the file.
     pub index: Option<usize>,
     /// Its name, or one made from its number.
@@ -231,7 +231,7 @@ fn read_transform(value: Option<&serde_json::Value>) -> (Option<u32>, Option<[f6
 }
 
 /// The decoded images of a file, each once for each way to read it.
-pub(super) struct Pictures<'a> {
+pub(crate) struct Pictures<'a> {
     pub asset: &'a Asset,
     pub read: Read<'a>,
     pub limits: &'a Limits,

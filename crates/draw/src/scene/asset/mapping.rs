@@ -6,12 +6,13 @@ use std::sync::Arc;
 use naga::{Expression, ImageDimension, TypeInner};
 
 use super::look::{Look, Pictures, Use};
+use crate::scene::globals::{Global, globals};
 use crate::scene::semantic::normalise;
-use crate::scene::{Image, Material, SceneError, Value, layout, material};
+use crate::scene::{Image, Material, SceneError, Value, layout};
 
 /// What feeds a binding.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Mapped {
+pub(crate) struct Mapped {
     /// Texture, sampler, variable or member.
     pub binding: String,
     /// Name in glTF, or what was made up.
@@ -188,7 +189,7 @@ impl Factor {
 ///
 /// # Errors
 /// A texture cannot be read.
-pub(super) fn fill(
+pub(crate) fn fill(
     target: &mut Material,
     look: &Look,
     pictures: &Pictures<'_>,
@@ -196,7 +197,7 @@ pub(super) fn fill(
     let mut mapped = Vec::new();
     let program = target.program.clone();
     let module = program.module();
-    let globals: Vec<_> = material::globals(&program).collect();
+    let globals: Vec<_> = globals(&program).collect();
     for global in globals.iter().filter(|g| !g.is_buffer) {
         let is_flat = matches!(
             module.types[global.ty].inner,
@@ -259,12 +260,7 @@ pub(super) fn fill(
 }
 
 /// Gives samplers those of the textures that they are used with, by name or by the first use.
-fn samplers(
-    target: &mut Material,
-    look: &Look,
-    globals: &[material::Global<'_>],
-    mapped: &mut Vec<Mapped>,
-) {
+fn samplers(target: &mut Material, look: &Look, globals: &[Global<'_>], mapped: &mut Vec<Mapped>) {
     let program = target.program.clone();
     let module = program.module();
     let mut used: BTreeMap<String, Use> = BTreeMap::new();
@@ -314,7 +310,7 @@ fn samplers(
 fn numbers_of(program: &preshade_plan::program::Program, path: &str) -> Option<usize> {
     let module = program.module();
     let mut names: Vec<&str> = path.split('.').collect();
-    let buffer = |name: &str| material::globals(program).find(|g| g.is_buffer && g.name == name);
+    let buffer = |name: &str| globals(program).find(|g| g.is_buffer && g.name == name);
     let mut ty = match buffer(names[0]) {
         Some(global) => global.ty,
         // A member of a block without a name.
@@ -346,7 +342,7 @@ fn neutral(of: Use) -> Arc<Image> {
 }
 
 /// The notes of a mapping: each binding once for each shader, with what fed it and how often.
-pub(super) fn told(all: &[(String, Vec<Mapped>)]) -> Vec<String> {
+pub(crate) fn told(all: &[(String, Vec<Mapped>)]) -> Vec<String> {
     let mut by_shader: BTreeMap<&str, BTreeMap<&Mapped, usize>> = BTreeMap::new();
     for (shader, mapped) in all {
         let of = by_shader.entry(shader).or_default();

@@ -1,105 +1,11 @@
-//! glTF files as they are: nodes, primitives, materials, cameras and lights as a scene's draws.
+//! Reads glTF files: meshes, materials, cameras, lights.
 
-mod built_in;
-mod cameras_and_lights;
+pub(super) mod accessors;
+pub(super) mod built_in;
+pub(super) mod cameras_and_lights;
 pub(super) mod file;
-mod import;
-mod look;
-mod mapping;
+pub(super) mod look;
+pub(super) mod mapping;
+pub mod mesh;
 pub(super) mod primitive;
-mod requirements;
-
-use std::path::{Path, PathBuf};
-
-use toml::Spanned;
-
-pub(super) use import::Parts;
-
-use super::file::SceneFile;
-use super::load::{Loader, SceneText};
-use super::mesh::Gltf;
-use super::place::Folder;
-use super::{Access, Scene, SceneError, Variables};
-use shader_text::regular;
-
-/// The shaders that draw a glTF file.
-#[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub enum Shading {
-    /// The built-in metallic-roughness material.
-    #[default]
-    BuiltIn,
-    /// One shader file for all materials, with both entry points.
-    Shader(PathBuf),
-    /// A file with the `[materials]` of a scene, each by the name of a material of the glTF file;
-    /// `"*"` stands for all others.
-    Materials(PathBuf),
-}
-
-/// Loads a glTF file as a scene. `docs/reference/gltf.md` documents what is read.
-///
-/// # Errors
-/// The file, a shader or an image cannot be read, is too large, or requires an extension that is
-/// not read; a material that the map names is not in the file.
-pub fn load_gltf(
-    path: &Path,
-    shading: &Shading,
-    variables: &Variables,
-    access: Access,
-) -> Result<Scene, SceneError> {
-    let limits = access.limits;
-    let (beside, name, text) = match shading {
-        Shading::BuiltIn => (path, String::new(), String::new()),
-        Shading::Shader(shader) => {
-            let shader = full(shader)?;
-            let shader = toml::Value::String(shader.display().to_string());
-            let text = format!("[materials.\"*\"]\nshader = {shader}\n");
-            (path, String::new(), text)
-        }
-        Shading::Materials(map) => {
-            let text = regular::text(map, &limits, "source-bytes")
-                .map_err(|e| SceneError::unread(map, e))?;
-            (map.as_path(), map.display().to_string(), text)
-        }
-    };
-    let mut folder = Folder::of(beside, access)?;
-    let file = match shading {
-        Shading::Materials(_) => full(path)?.display().to_string(),
-        _ => path
-            .file_name()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned(),
-    };
-    folder.also(path)?;
-    if let Shading::Shader(shader) = shading {
-        folder.also(shader)?;
-    }
-    let source = SceneText {
-        name: &name,
-        text: &text,
-    };
-    let mut scene: SceneFile = super::load::parsed(source, limits)?;
-    if let Some(draw) = scene.draws.first() {
-        let error = SceneError::new("a map of materials draws nothing itself")
-            .help("the glTF file's draws take its materials");
-        return Err(source.at(error, draw.span()));
-    }
-    let gltf = Gltf {
-        file,
-        ..Gltf::default()
-    };
-    let names = scene.materials.iter();
-    let names = names.map(|(name, entry)| (name.clone(), Spanned::new(entry.span(), name.clone())));
-    let draw = super::file::DrawEntry {
-        gltf: Some(Spanned::new(0..0, gltf)),
-        materials: names.collect(),
-        ..super::file::DrawEntry::default()
-    };
-    scene.draws.push(Spanned::new(0..0, draw));
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
-    Loader::new(source, folder, scene, variables, access)?.scene(stem.into_owned())
-}
-
-fn full(path: &Path) -> Result<PathBuf, SceneError> {
-    path.canonicalize().map_err(|e| SceneError::read(path, &e))
-}
+pub(super) mod requirements;

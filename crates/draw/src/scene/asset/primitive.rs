@@ -11,7 +11,7 @@ use crate::scene::{Mesh, Stream};
 
 /// Normals of a primitive that has none.
 #[derive(Clone, Copy, PartialEq, Eq)]
-pub(in crate::scene) enum Missing {
+pub(crate) enum Missing {
     /// Those of its triangles, as the specification demands.
     Flat,
     /// Their mean at each vertex.
@@ -20,7 +20,7 @@ pub(in crate::scene) enum Missing {
 
 /// The numbers of an accessor that was checked: as they are, or in 0..1 or -1..1 if they are
 /// normalised.
-pub(super) fn floats(asset: &Asset, accessor: &Accessor<'_>) -> Option<Vec<f32>> {
+pub(crate) fn floats(asset: &Asset, accessor: &Accessor<'_>) -> Option<Vec<f32>> {
     macro_rules! read {
         ($ty:ty, $to:expr) => {{
             let bytes = |b: gltf::Buffer<'_>| asset.buffers.get(b.index()).map(AsRef::as_ref);
@@ -61,7 +61,7 @@ pub(super) fn floats(asset: &Asset, accessor: &Accessor<'_>) -> Option<Vec<f32>>
 ///
 /// # Errors
 /// It has no positions, an index beyond them, or fewer of another attribute.
-pub(in crate::scene) fn read(
+pub(crate) fn read(
     asset: &Asset,
     primitive: &gltf::Primitive<'_>,
     missing: Missing,
@@ -168,7 +168,7 @@ pub(in crate::scene) fn read(
     Ok(mesh)
 }
 
-pub(super) fn is_triangles(mode: Mode) -> bool {
+pub(crate) fn is_triangles(mode: Mode) -> bool {
     matches!(
         mode,
         Mode::Triangles | Mode::TriangleStrip | Mode::TriangleFan
@@ -245,7 +245,7 @@ fn smooth_normals(places: &[Vec3], indices: &[u32]) -> Vec<Vec3> {
 }
 
 /// Moves the vertices of a mesh by its morph targets, and drops these.
-pub(super) fn morphed(mesh: &mut Mesh, weights: &[f32]) {
+pub(crate) fn morphed(mesh: &mut Mesh, weights: &[f32]) {
     for (stream, count) in [("position", 3), ("normal", 3), ("tangent", 4)] {
         for (i, weight) in weights.iter().enumerate() {
             let target = mesh.streams.get(&format!("morph_{stream}_{i}"));
@@ -266,7 +266,7 @@ pub(super) fn morphed(mesh: &mut Mesh, weights: &[f32]) {
 }
 
 /// Puts the vertices of a mesh where its joints are, and drops the joints.
-pub(super) fn skinned(mesh: &mut Mesh, joints: &[Mat4]) {
+pub(crate) fn skinned(mesh: &mut Mesh, joints: &[Mat4]) {
     let (joint, weight) = (
         mesh.streams.remove("joints"),
         mesh.streams.remove("weights"),

@@ -6,16 +6,18 @@ use gltf::mesh::Mode;
 use naga::Binding;
 use preshade_plan::state::{Blend, ColorTarget, CullMode, FrontFace, MaterialState, Topology};
 
+use super::accessors;
 use super::built_in::Words;
 use super::file::Asset;
 use super::look::{Look, Use};
 use super::primitive::{self, floats};
 use crate::scene::bind::{is_instance_data, known_stream};
-use crate::scene::{Material, Mesh, SceneError, material, mesh};
+use crate::scene::globals::globals;
+use crate::scene::{Material, Mesh, SceneError};
 
 /// What the vertex stage of a template reads.
 #[derive(Clone, Copy)]
-pub(super) struct Reads {
+pub(crate) struct Reads {
     pub joints: bool,
     pub morphs: bool,
     pub instances: bool,
@@ -47,7 +49,7 @@ impl Reads {
             said.map_or(known_stream(name), |s| known_stream(s))
         };
         let reads = |of: &str| names.iter().any(|name| stream(name) == Some(of));
-        let buffers = material::globals(&material.program).filter(|g| g.is_storage);
+        let buffers = globals(&material.program).filter(|g| g.is_storage);
         Self {
             joints: reads("joints"),
             morphs: reads("morph"),
@@ -61,7 +63,7 @@ impl Reads {
 
 /// What a primitive asks of its material.
 #[derive(Clone, Copy)]
-pub(super) struct Drawn {
+pub(crate) struct Drawn {
     /// Whether it has a second set of texture coordinates.
     pub has_second: bool,
     pub mode: Mode,
@@ -118,7 +120,7 @@ impl Drawn {
 }
 
 /// Sets the state that a glTF material demands.
-pub(super) fn state(
+pub(crate) fn state(
     state: &mut MaterialState,
     look: &Look,
     topology: Topology,
@@ -151,7 +153,7 @@ pub(super) fn state(
 
 /// Puts a mesh into its pose, as far as the shader does not do it. Its bounds are those of the
 /// pose.
-pub(super) fn posed(mesh: &mut Mesh, reads: Reads, weights: &[f32], joints: &[Mat4]) {
+pub(crate) fn posed(mesh: &mut Mesh, reads: Reads, weights: &[f32], joints: &[Mat4]) {
     let mut moved = mesh.clone();
     primitive::morphed(&mut moved, weights);
     if !reads.morphs {
@@ -167,7 +169,7 @@ pub(super) fn posed(mesh: &mut Mesh, reads: Reads, weights: &[f32], joints: &[Ma
 }
 
 /// The places of a node's instances (EXT_mesh_gpu_instancing). `None`: it has none.
-pub(super) fn instances(
+pub(crate) fn instances(
     asset: &Asset,
     node: &gltf::Node<'_>,
 ) -> Result<Option<Vec<Mat4>>, SceneError> {
@@ -184,7 +186,7 @@ pub(super) fn instances(
         let accessor = asset.document.accessors().nth(index as usize);
         let accessor = accessor.ok_or_else(|| asset.wrong(format!("no accessor {index}")))?;
         let types = [DataType::F32, DataType::I8, DataType::I16];
-        mesh::check_accessor(&accessor, &types, &[shape], &lengths).map_err(|e| asset.wrong(e))?;
+        accessors::check(&accessor, &types, &[shape], &lengths).map_err(|e| asset.wrong(e))?;
         Ok(floats(asset, &accessor))
     };
     let places = read("TRANSLATION", Dimensions::Vec3)?;

@@ -7,8 +7,8 @@ use naga::ScalarKind;
 use super::super::{Draw, Frame, Material, Scene, SceneError, Value};
 use super::streams::Streams;
 use super::{authored, ignore, packed, runtime_length, variable};
+use crate::scene::globals::immediates;
 use crate::scene::layout::{self, Leaf};
-use crate::scene::material::immediates;
 use preshade_plan::plan::BindingKind;
 
 /// Every scalar, vector and matrix of a material's buffers and immediate data for one draw in one

@@ -3,7 +3,8 @@
 
 use serde::{Deserialize, Serialize};
 
-use super::super::{Scene, Semantic, Value, material};
+use super::super::globals::immediates;
+use super::super::{Scene, Semantic, Value};
 use super::streams::Streams;
 use super::{authored, buffer, is_padding, packed, variable};
 use crate::scene::layout::Leaf;
@@ -166,7 +167,7 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
                 _ => {}
             }
         }
-        for variable in material::immediates(&material.program) {
+        for variable in immediates(&material.program) {
             let mut observe = |leaf: &Leaf<'_>, origin: ValueOrigin, numbers: &[f64; 16]| {
                 if let Some(guess) = of_leaf(scene, leaf, origin, numbers) {
                     push(leaf.text(), guess);

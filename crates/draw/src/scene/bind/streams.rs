@@ -4,11 +4,10 @@ use glam::Mat4;
 use naga::{Binding, Handle, ScalarKind, Type};
 use preshade_plan::plan::GpuPass;
 
+use super::super::globals::{globals, is_read};
 use super::super::layout::{self, Leaf};
 use super::super::semantic::normalise;
-use super::super::{
-    Draw, DrawRange, Material, Mesh, Scene, SceneError, Semantic, Stream, Value, material,
-};
+use super::super::{Draw, DrawRange, Material, Mesh, Scene, SceneError, Semantic, Stream, Value};
 use super::{Call, Data, Indices, VertexAttribute, VertexBuffer, hash01, vertex_inputs};
 
 /// Attribute names, normalised, and their streams.
@@ -198,10 +197,8 @@ impl<'a> Streams<'a> {
             attributes,
             instances: given.into_iter().map(|m: Mat4| outer * m).collect(),
             placed: outer,
-            pulls_indices: material::globals(&material.program).any(|g| {
-                is_index_buffer(g.name)
-                    && g.is_storage
-                    && material::is_read(material, g.group, g.binding)
+            pulls_indices: globals(&material.program).any(|g| {
+                is_index_buffer(g.name) && g.is_storage && is_read(material, g.group, g.binding)
             }),
         })
     }
@@ -569,7 +566,7 @@ fn meanings(material: &Material) -> impl Iterator<Item = (&str, Semantic)> {
 /// Whether the program itself applies the model matrix.
 fn reads_model(material: &Material) -> bool {
     let module = material.program.module();
-    material::globals(&material.program)
+    globals(&material.program)
         .filter(|g| g.is_buffer)
         .filter(|g| layout::runtime_array(module, g.ty).is_none())
         .flat_map(|g| layout::paths(module, g.name, g.ty))

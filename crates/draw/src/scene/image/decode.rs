@@ -6,7 +6,7 @@ use image::{ImageFormat, ImageReader};
 use wgpu::TextureFormat;
 
 use super::super::{Image, SceneError};
-use super::{ktx, mip_chain};
+use super::{Recipe, ktx, mip_chain};
 use shader_text::limits::Limits;
 
 /// How to read the texels of a file that does not say it.
@@ -18,14 +18,25 @@ pub struct Reading {
     pub mips: bool,
 }
 
-/// Gets the bytes of an image before they are allocated.
-pub(in crate::scene) type Hold<'a> = &'a dyn Fn(u64) -> Result<(), SceneError>;
+impl Reading {
+    /// How a scene file wants its texture's file read.
+    pub fn of(recipe: &Recipe) -> Self {
+        Self {
+            srgb: recipe.srgb.unwrap_or(true),
+            mips: recipe.mips,
+        }
+    }
+}
 
-/// Decodes a file of any of these formats. `name` is for messages.
+/// Gets the bytes of an image before they are allocated.
+pub type Hold<'a> = &'a dyn Fn(u64) -> Result<(), SceneError>;
+
+/// Decodes a file of any of these formats: 16-bit channels are rounded to 8, and floats to 16 bits. `name` is for
+/// messages.
 ///
 /// # Errors
 /// It is in none of them, cannot be read, or is too large.
-pub(in crate::scene) fn decode(
+pub fn decode(
     name: &str,
     bytes: &[u8],
     reading: Reading,

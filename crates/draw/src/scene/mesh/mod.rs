@@ -1,4 +1,4 @@
-//! Meshes: generated shapes and glTF files.
+//! Generated meshes.
 //!
 //! Right-handed, y up, counter-clockwise outward triangles, unit normals, tangents along increasing
 //! u with the handedness in w (glTF's rule).
@@ -9,21 +9,16 @@ use glam::{Mat4, Vec2, Vec3};
 
 use super::{Mesh, Stream};
 
-mod accessors;
 mod architecture;
 mod cards;
 mod deform;
-mod gltf;
 mod lines;
 mod primitives;
 mod teapot;
 
-pub(super) use accessors::check as check_accessor;
 pub use architecture::{Arch, Column, Curtain, Stairs};
 pub use cards::Cards;
 pub use deform::{Morph, Skin};
-pub(super) use gltf::Placed;
-pub use gltf::{Gltf, Rigged};
 pub use lines::{Vertices, WireSphere};
 pub use primitives::{Cuboid, Plane, Sphere};
 pub use teapot::Teapot;

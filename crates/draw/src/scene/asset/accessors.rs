@@ -16,7 +16,7 @@ pub struct Cost {
 }
 
 impl Cost {
-    pub(super) fn and(self, other: Self) -> Self {
+    pub(crate) fn and(self, other: Self) -> Self {
         Self {
             vertices: self.vertices.saturating_add(other.vertices),
             bytes: self.bytes.saturating_add(other.bytes),
@@ -29,7 +29,7 @@ impl Cost {
 ///
 /// # Errors
 /// A message.
-pub(super) fn of_primitive(
+pub(crate) fn of_primitive(
     primitive: &gltf::Primitive<'_>,
     buffers: &[usize],
     is_quantized: bool,
@@ -82,7 +82,7 @@ pub(super) fn of_primitive(
 ///
 /// # Errors
 /// A message.
-pub(super) fn of_skin(skin: &gltf::Skin<'_>, buffers: &[usize]) -> Result<(), String> {
+pub(crate) fn of_skin(skin: &gltf::Skin<'_>, buffers: &[usize]) -> Result<(), String> {
     let inverse = skin.inverse_bind_matrices();
     inverse.map_or(Ok(()), |a| check(&a, &[F32], &[Mat4], buffers))
 }

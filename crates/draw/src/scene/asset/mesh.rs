@@ -7,9 +7,9 @@ use glam::Mat4;
 use serde::Deserialize;
 
 use super::accessors::{self, Cost};
-use super::{merged, transformed};
-use crate::scene::asset::file::{Asset, Below, Read, Take};
-use crate::scene::asset::primitive::{self, Missing};
+use super::file::{Asset, Below, Read, Take};
+use super::primitive::{self, Missing};
+use crate::scene::mesh::{merged, transformed};
 use crate::scene::{Mesh, SceneError};
 use shader_text::panics;
 
@@ -31,7 +31,7 @@ pub struct Gltf {
 }
 
 /// A mesh of the file, and the node that places it, if one does.
-pub(in crate::scene) type Placed<'g> = (gltf::Mesh<'g>, Option<gltf::Node<'g>>);
+pub(crate) type Placed<'g> = (gltf::Mesh<'g>, Option<gltf::Node<'g>>);
 
 /// A mesh with its pose.
 #[derive(Clone, Debug)]
@@ -60,7 +60,7 @@ impl Gltf {
 
     /// [`Gltf::load`] with a size check: `take` gets the number of vertices and bytes before they
     /// are allocated.
-    pub(in crate::scene) fn load_within(
+    pub(crate) fn load_within(
         &self,
         name: &str,
         read: &dyn Fn(&str) -> Result<Vec<u8>, SceneError>,
@@ -85,7 +85,7 @@ impl Gltf {
     }
 
     /// The selected primitives of a mesh.
-    pub(in crate::scene) fn primitives<'g>(
+    pub(crate) fn primitives<'g>(
         &'g self,
         mesh: &'g gltf::Mesh<'g>,
     ) -> impl Iterator<Item = gltf::Primitive<'g>> {
@@ -97,7 +97,7 @@ impl Gltf {
     }
 
     /// The selected meshes with their nodes.
-    pub(in crate::scene) fn placed<'g>(
+    pub(crate) fn placed<'g>(
         &self,
         gltf: &'g gltf::Document,
         nodes: &[&Below<'g>],
@@ -116,11 +116,7 @@ impl Gltf {
     }
 
     /// Why nothing is selected.
-    pub(in crate::scene) fn nothing(
-        &self,
-        gltf: &gltf::Document,
-        placed: &[Placed<'_>],
-    ) -> SceneError {
+    pub(crate) fn nothing(&self, gltf: &gltf::Document, placed: &[Placed<'_>]) -> SceneError {
         let named = |what: &str, name: &str, all: Vec<&str>| {
             let known = all.contains(&name);
             (!known).then(|| {
@@ -171,7 +167,7 @@ impl Gltf {
     }
 
     /// Checks sizes before reading: many nodes may share a mesh. `lengths` are those of the buffers.
-    pub(in crate::scene) fn check_sizes(
+    pub(crate) fn check_sizes(
         &self,
         placed: &[Placed<'_>],
         asset: &Asset,

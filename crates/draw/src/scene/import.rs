@@ -7,24 +7,25 @@ use glam::{Mat4, Vec3};
 use gltf::mesh::Mode;
 use preshade_plan::state::{ColorTarget, MaterialState, Topology};
 
-use super::built_in::{self, Words};
-use super::cameras_and_lights::{self, Lit, MOST_LIGHTS, Seen};
-use super::file::{Asset, Below, Nodes, Read};
-use super::look::{Look, Pictures};
-use super::mapping::{self, Mapped};
-use super::primitive::{self, Missing};
-use super::requirements::{Drawn, Reads, instances, posed, state};
-use crate::scene::file::DrawEntry;
-use crate::scene::load::{Loader, transform, values};
-use crate::scene::mesh::{Gltf, Placed, Rigged, bounds};
-use crate::scene::{
+use super::asset::built_in::{self, Words};
+use super::asset::cameras_and_lights::{self, Lit, MOST_LIGHTS, Seen};
+use super::asset::file::{Asset, Below, Nodes, Read};
+use super::asset::look::{Look, Pictures};
+use super::asset::mapping::{self, Mapped};
+use super::asset::mesh::{Gltf, Placed, Rigged};
+use super::asset::primitive::{self, Missing};
+use super::asset::requirements::{Drawn, Reads, instances, posed, state};
+use super::file::{DrawEntry, transform, values};
+use super::loader::Loader;
+use super::mesh::bounds;
+use super::{
     Camera, Draw, DrawRange, Light, Material, SceneError, Stream, material, size, value_path,
 };
 use shader_text::panics;
 
 /// The parts of a scene that draws of glTF files add to.
 #[derive(Default)]
-pub(in crate::scene) struct Parts {
+pub(super) struct Parts {
     pub materials: Vec<Material>,
     pub meshes: Vec<Rigged>,
     pub draws: Vec<Draw>,
@@ -69,7 +70,7 @@ struct Whole<'a> {
 }
 
 impl Parts {
-    pub(in crate::scene) fn new(materials: Vec<Material>, meshes: Vec<Rigged>) -> Self {
+    pub(super) fn new(materials: Vec<Material>, meshes: Vec<Rigged>) -> Self {
         Self {
             materials,
             meshes,
@@ -112,7 +113,7 @@ impl Parts {
 
 impl Loader<'_> {
     /// Ends what draws of glTF files began, once all draws are read.
-    pub(in crate::scene) fn end_assets(&self, parts: &mut Parts) {
+    pub(super) fn end_assets(&self, parts: &mut Parts) {
         if parts.is_asset {
             parts
                 .templates
@@ -123,11 +124,7 @@ impl Loader<'_> {
     }
 
     /// The cameras of the glTF files, or one that frames the draws. `None`: there is no such file.
-    pub(in crate::scene) fn asset_cameras(
-        &self,
-        parts: &Parts,
-        aspect: f32,
-    ) -> Option<Vec<Camera>> {
+    pub(super) fn asset_cameras(&self, parts: &Parts, aspect: f32) -> Option<Vec<Camera>> {
         let direction = self.file.depth.direction;
         if !parts.is_asset {
             return None;
@@ -161,7 +158,7 @@ impl Loader<'_> {
     }
 
     /// Adds the draws of a part of a glTF file.
-    pub(in crate::scene) fn asset(
+    pub(super) fn asset(
         &self,
         entry: &DrawEntry,
         gltf: &Gltf,
