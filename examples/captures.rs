@@ -9,10 +9,10 @@
 use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
-use preshade_draw::capture::{self, Choice, check};
 use preshade_draw::render::{AdapterChoice, Gpu};
 use preshade_frames::folder::Capture;
 use preshade_lab::measure::record::Picture;
+use preshade_scenes::capture::{self, Choice, check};
 use serde_json::{Value, json};
 use shader_text::limits::Limits;
 

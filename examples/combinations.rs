@@ -131,7 +131,7 @@ fn scenes() -> Vec<(String, Scene)> {
         .collect();
     paths.sort();
     let load = |path: &PathBuf| {
-        let scene = preshade_draw::scene::load(path).unwrap_or_else(|e| panic!("{}", e.render()));
+        let scene = preshade_scenes::load(path).unwrap_or_else(|e| panic!("{}", e.render()));
         let mut scene = scene.resized(SIZE);
         for camera in &mut scene.cameras {
             camera.frames.truncate(1);

@@ -19,8 +19,11 @@ use std::process::ExitCode;
 
 use image::{RgbImage, imageops};
 use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade_draw::scene::{self, Access, DrawOrder, Shading, Variables};
+use preshade_draw::scene::DrawOrder;
 use preshade_lab::measure::Session;
+use preshade_scenes::Access;
+use preshade_scenes::Shading;
+use preshade_scenes::Variables;
 
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1);
@@ -88,7 +91,7 @@ fn main() -> ExitCode {
 /// The picture of a file from its first camera, and its numbers of draws and materials.
 fn drawn(gpu: &Gpu, file: &Path, size: [u32; 2]) -> Result<(RgbImage, usize, usize), String> {
     let (shading, variables) = (Shading::BuiltIn, Variables::new());
-    let scene = scene::load_gltf(file, &shading, &variables, Access::default());
+    let scene = preshade_scenes::load_gltf(file, &shading, &variables, Access::default());
     let scene = scene.map_err(|e| e.render())?.resized(size);
     for note in &scene.notes {
         eprintln!("{note}");

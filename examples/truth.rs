@@ -66,7 +66,7 @@ fn main() {
     let mut not = Vec::new();
     for path in paths {
         let name = path.file_stem().unwrap().to_string_lossy().into_owned();
-        let scene = preshade_draw::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
+        let scene = preshade_scenes::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
         let facts = measure::known(&scene);
         let originals = measure::originals(&scene);
         for (recipe, counted) in recipes.iter().zip(&mut counts) {

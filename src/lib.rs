@@ -67,6 +67,8 @@ pub use preshade_draw::scene::Scene;
 pub use preshade_lab::measure::record::Report;
 #[cfg(feature = "verify")]
 pub use preshade_lab::verify;
+#[cfg(feature = "verify")]
+pub use preshade_scenes::load as load_scene;
 
 /// Includes the items of a material that the build script compiled:
 /// `mod lit { crate::include_variant!("lit"); }`.

@@ -4,9 +4,11 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use preshade_draw::render::{AdapterChoice, Gpu};
-use preshade_draw::scene::{self, Scene, StandIn, Variables};
+use preshade_draw::scene::Scene;
 use preshade_lab::measure::{Beside, Look, TimingSettings};
 use preshade_plan::plan::Plan;
+use preshade_scenes::StandIn;
+use preshade_scenes::Variables;
 use preshade_validate::agree::{Partner, Relation};
 
 use crate::input::ShaderArgs;
@@ -58,7 +60,7 @@ impl SceneArgs {
         let Some(path) = &self.scene else {
             return Ok(Vec::new());
         };
-        let scene = scene::load_within(path, &Variables::new(), shader.limits.access())
+        let scene = preshade_scenes::load_within(path, &Variables::new(), shader.limits.access())
             .map_err(|e| Failure(e.render()))?;
         let mut scene = self.view.of(scene)?;
         let index = material(&scene, path, shader)?;

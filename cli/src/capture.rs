@@ -6,13 +6,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::builder::NonEmptyStringValueParser;
-use preshade_draw::capture::{UnknownDepth, unknown_depths};
 use preshade_frames::browser::{self, Site, Visit};
 use preshade_frames::file::{Api, Refused};
 use preshade_frames::folder::{Capture, file_of, is_folder};
 use preshade_frames::page::{RECORDER, bookmarklet};
 use preshade_frames::pass::passes;
 use preshade_frames::trace::{self, Found, Wanted};
+use preshade_scenes::capture::{UnknownDepth, unknown_depths};
 use serde_json::Value;
 use shader_text::limits::Limits;
 

@@ -10,9 +10,8 @@ use preshade_compiler::command::material::{define, name_of, reads_facing};
 use preshade_compiler::emit::Target;
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::capture;
 use preshade_draw::render::{AdapterChoice, Gpu, Rendered};
-use preshade_draw::scene::{self, Material, Scene, Variable, Variables};
+use preshade_draw::scene::{self, Material, Scene};
 use preshade_frames::file::Api;
 use preshade_frames::folder::Capture;
 use preshade_lab::measure;
@@ -20,6 +19,8 @@ use preshade_lab::measure::record::Pictures;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{CullMode, MaterialState};
+use preshade_scenes::capture;
+use preshade_scenes::{Variable, Variables};
 use shader_text::source::Language;
 use shader_text::{options, regular};
 
@@ -364,8 +365,13 @@ impl ShaderArgs {
                     Some(folder) => self.captured(folder, purpose),
                     None => {
                         let scene = match is_gltf(path) {
-                            true => scene::load_gltf(path, &self.shading(), &variables, access),
-                            false => scene::load_within(path, &variables, access),
+                            true => preshade_scenes::load_gltf(
+                                path,
+                                &self.shading(),
+                                &variables,
+                                access,
+                            ),
+                            false => preshade_scenes::load_within(path, &variables, access),
                         };
                         let scene = scene.map_err(|e| Failure(e.render()))?;
                         Ok(self.state.set_up(scene))
@@ -407,7 +413,7 @@ impl ShaderArgs {
             Input::Scene(scene) => Ok(*scene),
             Input::Shader(parsed, state) => {
                 self.check_fragment(&parsed)?;
-                let mut scene = scene::synthesise(parsed, state);
+                let mut scene = preshade_scenes::synthesise(parsed, state);
                 if let (Some(name), Some(material)) = (&self.name, scene.materials.first_mut()) {
                     scene.name.clone_from(name);
                     material.name.clone_from(name);
@@ -514,11 +520,11 @@ impl ShaderArgs {
     }
 
     /// The shaders that draw a glTF file.
-    fn shading(&self) -> scene::Shading {
+    fn shading(&self) -> preshade_scenes::Shading {
         match (&self.material, &self.materials) {
-            (Some(shader), _) => scene::Shading::Shader(shader.clone()),
-            (None, Some(map)) => scene::Shading::Materials(map.clone()),
-            (None, None) => scene::Shading::BuiltIn,
+            (Some(shader), _) => preshade_scenes::Shading::Shader(shader.clone()),
+            (None, Some(map)) => preshade_scenes::Shading::Materials(map.clone()),
+            (None, None) => preshade_scenes::Shading::BuiltIn,
         }
     }
 

@@ -4,13 +4,14 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::scene::{Scene, Variables};
+use preshade_draw::scene::Scene;
 use preshade_lab::jobs::{self, JOB_SCHEMA, Kind};
 use preshade_lab::measure;
 use preshade_lab::search::candidates;
 use preshade_passes::transforms::specialize::Specialize;
 use preshade_plan::pass::Pass;
 use preshade_plan::plan::Plan;
+use preshade_scenes::Variables;
 
 use crate::input::{self, ShaderArgs};
 use crate::materials::{Chosen, Job};

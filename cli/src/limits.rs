@@ -1,6 +1,6 @@
 //! `--limits` and `--allow-outside`: limits on input from strangers.
 
-use preshade_draw::scene::{Access, Outside};
+use preshade_scenes::{Access, Outside};
 use shader_text::limits::Limits;
 
 /// Limits on input.

@@ -10,7 +10,7 @@ use std::sync::atomic::{AtomicUsize, Ordering};
 use preshade_compiler::emit::{self, Target};
 use preshade_compiler::recipe::{Recipe, RecipeError};
 use preshade_draw::render::{AdapterReport, Gpu};
-use preshade_draw::scene::{Scene, Variables};
+use preshade_draw::scene::Scene;
 use preshade_lab::measure::record::{Report, VariantReport};
 use preshade_lab::measure::{self, Session, Timed, Variant};
 use preshade_lab::report::html::promise;
@@ -21,6 +21,7 @@ use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::contract::{Contract, Verdict};
 use preshade_plan::pass::{Facts, Pass};
 use preshade_plan::plan::Plan;
+use preshade_scenes::Variables;
 use serde::{Deserialize, Serialize};
 
 use crate::materials::{Chosen, Job};

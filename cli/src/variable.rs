@@ -1,6 +1,6 @@
 //! `--sweep`: the values of a scene variable at which `verify` measures.
 
-use preshade_draw::scene::{Variable, Variables};
+use preshade_scenes::{Variable, Variables};
 
 /// A swept variable.
 #[derive(Clone, Debug, PartialEq, Eq)]

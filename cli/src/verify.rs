@@ -10,7 +10,7 @@ use preshade_compiler::parameters::parameters;
 use preshade_compiler::recipe::Recipe;
 use preshade_compiler::sweep::Sweep;
 use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
-use preshade_draw::scene::{DrawOrder, Scene, Variables};
+use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_lab::measure::crossover::{Point, Series};
 use preshade_lab::measure::record::{Chosen, Pictures, Report, SweepReport};
 use preshade_lab::measure::{self, Detail, Session, Settings, Timed, TimingSettings, Variant};
@@ -19,6 +19,7 @@ use preshade_passes::{examples, pass_named};
 use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
+use preshade_scenes::Variables;
 
 use crate::explain::largest_saving;
 use crate::input::ShaderArgs;

@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::{SelfTestResult, ShaderForm};
-use preshade_draw::scene::{self, Scene};
+use preshade_draw::scene::Scene;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, record};
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Use;
@@ -148,7 +148,9 @@ fn fixtures() -> Vec<(String, Scene)> {
         let name = path.file_stem().unwrap().to_string_lossy().into_owned();
         let has_scene = path.with_extension("toml").exists();
         let scene = match path.extension().and_then(|e| e.to_str()) {
-            Some("toml") => scene::load(path).unwrap_or_else(|e| panic!("{}", e.render())),
+            Some("toml") => {
+                preshade_scenes::load(path).unwrap_or_else(|e| panic!("{}", e.render()))
+            }
             Some("wgsl") if !has_scene => made_up(&[path]),
             Some("vert") if !has_scene => made_up(&[path, &path.with_extension("frag")]),
             _ => continue,
@@ -171,7 +173,7 @@ fn made_up(files: &[&Path]) -> Scene {
         .collect();
     let parsed = front::parse(&sources, &Options::default())
         .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
-    scene::synthesise(parsed, MaterialState::default())
+    preshade_scenes::synthesise(parsed, MaterialState::default())
 }
 
 fn small(scene: Scene) -> Scene {

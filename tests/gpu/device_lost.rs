@@ -24,7 +24,7 @@ fn gpu() -> Gpu {
 
 fn scene() -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/simple.toml");
-    let mut scene = preshade_draw::scene::load(&path).unwrap().resized([64, 48]);
+    let mut scene = preshade_scenes::load(&path).unwrap().resized([64, 48]);
     scene.orders = vec![
         DrawOrder::BackToFront,
         DrawOrder::FrontToBack,
@@ -206,7 +206,7 @@ fn explore_keeps_what_it_drew_and_goes_on_with_another_device() {
 fn a_loss_while_values_are_measured_is_no_value_without_measurement() {
     let gpu = gpu();
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/teapot-specular.toml");
-    let scene = preshade_draw::scene::load(&path).unwrap().resized([64, 48]);
+    let scene = preshade_scenes::load(&path).unwrap().resized([64, 48]);
     let session = Session::new(&gpu, &scene, ShaderForm::Text).unwrap();
     let facts = Facts::without_ties();
     let mut asked = 0;

@@ -23,9 +23,7 @@ fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(name);
-    preshade_draw::scene::load(&path)
-        .unwrap()
-        .resized([160, 90])
+    preshade_scenes::load(&path).unwrap().resized([160, 90])
 }
 
 /// Five layers of a textured material that fill the screen, seen at a slant. `edit` makes the
@@ -60,7 +58,7 @@ far = 40
 "#
     );
     std::fs::write(&path, text).unwrap();
-    preshade_draw::scene::load(&path).unwrap()
+    preshade_scenes::load(&path).unwrap()
 }
 
 /// The fixture's one sample.

@@ -42,7 +42,7 @@ fn load(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(name);
-    small(preshade_draw::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render())))
+    small(preshade_scenes::load(&path).unwrap_or_else(|e| panic!("{}", e.render())))
 }
 
 /// The scene at [`SIZE`], with the first frame of each camera and one from the middle of each path.

@@ -21,9 +21,7 @@ fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(format!("{name}.toml"));
-    preshade_draw::scene::load(&path)
-        .unwrap()
-        .resized([163, 91])
+    preshade_scenes::load(&path).unwrap().resized([163, 91])
 }
 
 fn settings(recipes: &[&str]) -> Settings {

@@ -7,11 +7,12 @@ use std::path::Path;
 use preshade_compiler::emit::{self, Target};
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::ShaderForm;
-use preshade_draw::scene::{DrawOrder, synthesise};
+use preshade_draw::scene::DrawOrder;
 use preshade_lab::measure;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{CullMode, MaterialState};
+use preshade_scenes::synthesise;
 
 use crate::native::both::{self, Both, Difference};
 use crate::native::pair::{Draw, FirstRow, Texture};

@@ -7,7 +7,7 @@ use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::{
     ColorImage, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant,
 };
-use preshade_draw::scene::{self, Scene};
+use preshade_draw::scene::Scene;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Facts;
@@ -20,7 +20,9 @@ const SIZES: [[u32; 2]; 3] = [[161, 91], [160, 90], [1, 1]];
 
 fn load(name: &str, size: [u32; 2]) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures");
-    scene::load(&path.join(name)).unwrap().resized(size)
+    preshade_scenes::load(&path.join(name))
+        .unwrap()
+        .resized(size)
 }
 
 fn picture(scene: &Scene, plans: &[Plan]) -> ColorImage {

@@ -18,7 +18,7 @@ fn scene(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(format!("{name}.toml"));
-    let scene = preshade_draw::scene::load(&path).unwrap();
+    let scene = preshade_scenes::load(&path).unwrap();
     scene.resized([163, 91])
 }
 
@@ -154,7 +154,7 @@ fn noise_that_bends_within_a_triangle_is_refused_with_the_number() {
 #[test]
 fn what_is_packed_into_bytes_is_not_interpolated() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/hoist/packed.toml");
-    let scene = preshade_draw::scene::load(&path).unwrap();
+    let scene = preshade_scenes::load(&path).unwrap();
     let report = |recipe: &str| {
         let recipe = Recipe::parse([recipe]).unwrap();
         verified(&scene, &recipe, &Facts::default())

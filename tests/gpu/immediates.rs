@@ -4,7 +4,7 @@ use std::path::Path;
 
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::ShaderForm;
-use preshade_draw::scene::{self, DrawOrder, Scene};
+use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, verify};
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Facts;
@@ -69,7 +69,7 @@ fn boxes(name: &str, shader: &str, tint: &str) -> Scene {
     );
     let path = folder.join("scene.toml");
     std::fs::write(&path, text).unwrap();
-    scene::load(&path).unwrap()
+    preshade_scenes::load(&path).unwrap()
 }
 
 #[test]

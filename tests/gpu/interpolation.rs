@@ -16,7 +16,7 @@ fn frequencies(name: &str) -> Vec<Frequency> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(format!("{name}.toml"));
-    measured(&preshade_draw::scene::load(&path).unwrap().resized([96, 54]))
+    measured(&preshade_scenes::load(&path).unwrap().resized([96, 54]))
 }
 
 fn measured(scene: &Scene) -> Vec<Frequency> {
@@ -113,7 +113,7 @@ target = [0, 0, 0]
     );
     let path = folder.join(format!("{name}.toml"));
     std::fs::write(&path, scene).unwrap();
-    preshade_draw::scene::load(&path).unwrap()
+    preshade_scenes::load(&path).unwrap()
 }
 
 /// At the edge `inverse * inverse` overflows and 0 times it is no number, which a target of 8 bits

@@ -5,7 +5,6 @@ use std::path::Path;
 
 use preshade_compiler::front::{self, Source};
 use preshade_draw::render::ShaderForm;
-use preshade_draw::scene;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, record};
 use preshade_plan::state::MaterialState;
 use shader_text::error::Color;
@@ -17,7 +16,7 @@ use crate::render_support::gpu;
 fn drawn(name: &str, text: String) -> record::Report {
     let parsed = front::parse(&[Source::new(name, text)], &Options::default())
         .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
-    let scene = scene::synthesise(parsed, MaterialState::default()).resized([160, 90]);
+    let scene = preshade_scenes::synthesise(parsed, MaterialState::default()).resized([160, 90]);
     let session = Session::new(gpu(), &scene, ShaderForm::Text).unwrap();
     let settings = Settings {
         timed: Timed::No,

@@ -17,7 +17,7 @@ use crate::render_support::*;
 
 fn load(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("fixtures/scenes/{name}.toml"));
-    let mut scene = scene::load(&path).unwrap().resized([96, 54]);
+    let mut scene = preshade_scenes::load(&path).unwrap().resized([96, 54]);
     scene.light.map = 192;
     scene.cameras.truncate(2);
     scene.orders.truncate(1);

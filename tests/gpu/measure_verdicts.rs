@@ -142,7 +142,7 @@ fn compare_directions_that_do_not_match_are_refused() {
 #[test]
 fn a_neighbour_that_stores_keeps_every_depth_where_it_is() {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/neighbour-stores.toml");
-    let scene = scene::load(&path).unwrap().resized([64, 36]);
+    let scene = preshade_scenes::load(&path).unwrap().resized([64, 36]);
     for recipe in ["depth-prepass", "depth-prepass:form=equal", "early-discard"] {
         let variant = made_by(&scene, recipe);
         let codes: Vec<(&str, bool)> = variant
@@ -362,7 +362,7 @@ fn a_discard_that_no_fragment_takes_is_untested() {
 #[test]
 fn a_made_up_scene_without_ties_does_not_remove_a_discard() {
     use preshade_compiler::front::{self, Source};
-    use preshade_draw::scene::synthesise;
+    use preshade_scenes::synthesise;
     let text = include_str!("../app/shaders/leaf.wgsl");
     let parsed = front::parse(
         &[Source::new("leaf.wgsl", text)],

@@ -35,7 +35,7 @@ fn recipes() -> impl Iterator<Item = (&'static str, usize)> {
 
 fn scene(name: &str) -> Scene {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes");
-    let scene = preshade_draw::scene::load(&folder.join(name).with_extension("toml"));
+    let scene = preshade_scenes::load(&folder.join(name).with_extension("toml"));
     let mut scene = scene.unwrap().resized([61, 43]);
     scene.orders = vec![DrawOrder::BackToFront];
     scene.cameras.truncate(1);

@@ -6,7 +6,7 @@ use std::path::Path;
 use preshade_compiler::emit::{self, ClipSpace, PlanFile, Target};
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::{ColorImage, DepthImage, Rendered, ShaderForm};
-use preshade_draw::scene::{self, DrawOrder, Scene, bind};
+use preshade_draw::scene::{DrawOrder, Scene, bind};
 use preshade_lab::measure;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
@@ -20,7 +20,7 @@ const HOIST: &str = "hoist:budget=0.05,finite=assumed,jumps=carried";
 /// A scene of the fixtures at half its size: one draw of one material.
 fn load(name: &str) -> Scene {
     let folder = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes");
-    let scene = scene::load(&folder.join(name)).unwrap_or_else(|e| panic!("{e:?}"));
+    let scene = preshade_scenes::load(&folder.join(name)).unwrap_or_else(|e| panic!("{e:?}"));
     assert_eq!((scene.draws.len(), scene.materials.len()), (1, 1));
     let size = scene.size.map(|n| n / 2);
     scene.resized(size)

@@ -47,7 +47,7 @@ fn by_hand(mut scene: Scene, cells: u32) -> Scene {
 fn the_noise_grids_are_the_hand_written_picture_but_for_rounding() {
     for cells in [16, 64, 128] {
         let path = fixture(&format!("scenes/noise-grid-{cells}.toml"));
-        let scene = preshade_draw::scene::load(&path)
+        let scene = preshade_scenes::load(&path)
             .unwrap_or_else(|e| panic!("{}", e.render()))
             .resized([320, 180]);
         let hand = by_hand(scene.clone(), cells);

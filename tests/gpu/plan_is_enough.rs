@@ -641,7 +641,7 @@ fn scene_of(case: Case) -> Scene {
                 env!("CARGO_MANIFEST_DIR"),
                 "/fixtures/adversarial/thin-lines.toml"
             );
-            let scene = preshade_draw::scene::load(Path::new(path)).unwrap();
+            let scene = preshade_scenes::load(Path::new(path)).unwrap();
             scene.resized([64, 64])
         }
     }

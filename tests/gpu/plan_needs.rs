@@ -12,11 +12,12 @@ use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::{
     AdapterChoice, Error, FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant,
 };
-use preshade_draw::scene::{DrawOrder, Scene, synthesise};
+use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_lab::measure;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{ColorTarget, MaterialState};
+use preshade_scenes::synthesise;
 use shader_text::options;
 
 use crate::interfaces::{interfaces, varied};
@@ -25,7 +26,7 @@ fn load(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(name);
-    let scene = preshade_draw::scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
+    let scene = preshade_scenes::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
     scene.resized([97, 61])
 }
 

@@ -12,7 +12,7 @@ use naga_edit::returns;
 use naga_edit::writer::FunctionWriter;
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::{SceneInputs, SelfTestResult, ShaderForm, self_test};
-use preshade_draw::scene::{self, Scene};
+use preshade_draw::scene::Scene;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
 use preshade_lab::report::table;
 use preshade_plan::contract::Verdict;
@@ -27,7 +27,7 @@ const EQUAL: &str = "depth-prepass:form=equal";
 
 fn load(name: &str) -> Scene {
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join(format!("fixtures/scenes/{name}.toml"));
-    let mut scene = scene::load(&path).unwrap().resized([96, 54]);
+    let mut scene = preshade_scenes::load(&path).unwrap().resized([96, 54]);
     scene.cameras.truncate(2);
     scene.orders.truncate(1);
     scene

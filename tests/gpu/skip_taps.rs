@@ -16,9 +16,7 @@ fn verified(name: &str, recipes: &[&str]) -> Vec<VariantReport> {
     let path = Path::new(env!("CARGO_MANIFEST_DIR"))
         .join("fixtures/scenes")
         .join(format!("{name}.toml"));
-    let mut scene = preshade_draw::scene::load(&path)
-        .unwrap()
-        .resized([160, 90]);
+    let mut scene = preshade_scenes::load(&path).unwrap().resized([160, 90]);
     scene.orders.truncate(1);
     let originals = measure::originals(&scene);
     let variant = |recipe: &&str| {

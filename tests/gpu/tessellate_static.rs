@@ -6,11 +6,11 @@ use std::collections::BTreeMap;
 use glam::{Mat4, Vec3};
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::{FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant};
-use preshade_draw::scene::mesh::Sphere;
 use preshade_draw::scene::{Draw, DrawOrder, Frame, Scene};
 use preshade_lab::measure;
 use preshade_plan::pass::{Facts, Refusal};
 use preshade_plan::plan::{Plan, When};
+use preshade_scenes::mesh::Sphere;
 
 use crate::render_support::{self, gpu, material, scene};
 

@@ -5,7 +5,7 @@ use std::path::Path;
 
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::ShaderForm;
-use preshade_draw::scene::{self, Scene};
+use preshade_draw::scene::Scene;
 use preshade_lab::measure::record::Report;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
 use preshade_plan::contract::{Assumption, Verdict};
@@ -47,7 +47,7 @@ fn drawn_with(name: &str, all: &[i32]) -> Scene {
     text.push_str("[[cameras]]\neye = [0, 2, 3]\ntarget = [0, 0, 0]\n");
     let path = folder.join("scene.toml");
     std::fs::write(&path, text).unwrap();
-    scene::load(&path).unwrap()
+    preshade_scenes::load(&path).unwrap()
 }
 
 const RECIPE: &str = "hoist:budget=0.01,finite=assumed,jumps=carried";

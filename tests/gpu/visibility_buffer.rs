@@ -1352,9 +1352,7 @@ fn the_emitted_text_and_the_ir_draw_alike() {
 fn a_root_of_what_cancels_is_promised_nothing_without_a_budget() {
     let path =
         std::path::Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/frag-depth.toml");
-    let mut scene = preshade_draw::scene::load(&path)
-        .unwrap()
-        .resized([320, 180]);
+    let mut scene = preshade_scenes::load(&path).unwrap().resized([320, 180]);
     let eye = Vec3::new(30.0, 27.0, 90.0);
     let frame = &mut scene.cameras[0].frames[0];
     frame.view = Mat4::look_at_rh(eye, Vec3::new(0.0, 1.8, 0.0), Vec3::Y);

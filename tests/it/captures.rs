@@ -3,11 +3,11 @@
 use std::fs;
 use std::io::Write as _;
 
-use preshade_draw::capture::{self, Choice};
 use preshade_draw::scene::Scene;
 use preshade_frames::folder::Capture;
 use preshade_frames::pass::Kind;
 use preshade_plan::state::{Blend, ColorTarget, DepthDirection};
+use preshade_scenes::capture::{self, Choice};
 use serde_json::{Value, json};
 use shader_text::limits::Limits;
 

@@ -2,10 +2,11 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade_draw::scene::{
-    self, Access, Address, Filter, Material, Scene, SceneError, Shading, Value, Variables,
-};
+use preshade_draw::scene::{self, Address, Filter, Material, Scene, SceneError, Value};
 use preshade_plan::state::{CullMode, FrontFace};
+use preshade_scenes::Access;
+use preshade_scenes::Shading;
+use preshade_scenes::Variables;
 use shader_text::limits::Limits;
 
 fn fixture(name: &str) -> PathBuf {
@@ -16,13 +17,13 @@ fn fixture(name: &str) -> PathBuf {
 
 fn load(shading: &Shading) -> Result<Scene, SceneError> {
     let file = fixture("panes.gltf");
-    scene::load_gltf(&file, shading, &Variables::new(), Access::default())
+    preshade_scenes::load_gltf(&file, shading, &Variables::new(), Access::default())
 }
 
 /// A scene of the fixtures' folder.
 fn read(text: &str) -> Result<Scene, SceneError> {
     let variables = Variables::new();
-    scene::read(text, &fixture("scene.toml"), &variables, Access::default())
+    preshade_scenes::read(text, &fixture("scene.toml"), &variables, Access::default())
 }
 
 fn draws(scene: &Scene) -> Vec<(&str, &str, u32)> {
@@ -193,7 +194,7 @@ fn what_cannot_be_read_is_named() {
             limits,
             ..Access::default()
         };
-        scene::load_gltf(&file, &Shading::BuiltIn, &Variables::new(), access).unwrap_err()
+        preshade_scenes::load_gltf(&file, &Shading::BuiltIn, &Variables::new(), access).unwrap_err()
     };
     let draco = original.replace(
         "\"extensionsUsed\"",
@@ -262,7 +263,7 @@ fn members_that_gltf_leaves_optional_may_be_absent() {
     ] {
         let path = folder.join(name);
         std::fs::write(&path, bytes).unwrap();
-        let scene = scene::load_gltf(
+        let scene = preshade_scenes::load_gltf(
             &path,
             &Shading::BuiltIn,
             &Variables::new(),
@@ -282,7 +283,7 @@ fn members_that_gltf_leaves_optional_may_be_absent() {
 #[test]
 fn an_index_beyond_the_vertices_is_named() {
     let path = case("gltf-index-out-of-range.gltf");
-    let read = scene::load_gltf(
+    let read = preshade_scenes::load_gltf(
         &path,
         &Shading::BuiltIn,
         &Variables::new(),
@@ -296,7 +297,7 @@ fn an_index_beyond_the_vertices_is_named() {
 #[test]
 fn a_mirrored_instance_has_its_own_front_face() {
     let path = case("gltf-mirrored-instance.gltf");
-    let scene = scene::load_gltf(
+    let scene = preshade_scenes::load_gltf(
         &path,
         &Shading::BuiltIn,
         &Variables::new(),
@@ -318,7 +319,8 @@ fn attributes_are_matched_by_use_and_lights_are_no_materials() {
     for folder in ["gltf-short-names", "gltf-light-color"] {
         let [file, shader] = ["leaf.glb", "lit.wgsl"].map(|name| case(folder).join(name));
         let shading = Shading::Shader(shader);
-        let scene = scene::load_gltf(&file, &shading, &Variables::new(), Access::default());
+        let scene =
+            preshade_scenes::load_gltf(&file, &shading, &Variables::new(), Access::default());
         let scene = scene.unwrap_or_else(|e| panic!("{folder}: {e}"));
         let material = &scene.materials[scene.draws[0].material];
         let notes = scene.notes.join("\n");

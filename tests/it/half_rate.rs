@@ -2,7 +2,6 @@
 
 use preshade_compiler::emit::{self, Target};
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::scene;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
 
@@ -10,7 +9,7 @@ use crate::fixtures_support::root;
 
 /// The original of a scene's only material, and the variant.
 fn halved(name: &str) -> [Plan; 2] {
-    let scene = scene::load(&root().join("fixtures").join(name)).unwrap();
+    let scene = preshade_scenes::load(&root().join("fixtures").join(name)).unwrap();
     let original = scene.materials[0].plan();
     let recipe = Recipe::parse_list("half-rate:budget=0.01").unwrap();
     let variant = recipe.apply(&original, &Facts::default()).unwrap();

@@ -24,7 +24,7 @@ fn two_draws(name: &str, shader: &str, keys: &str) -> Scene {
          [[cameras]]\neye = [0, 1.5, 5]\ntarget = [0, 0, 0]\n"
     );
     std::fs::write(&path, text).unwrap();
-    scene::load(&path).unwrap_or_else(|e| panic!("{name}: {e}"))
+    preshade_scenes::load(&path).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
 /// What each draw of the first material binds in the first frame.
@@ -202,7 +202,7 @@ fn skins_are_found_by_use() {
         ];
         let options = Options::default();
         let parsed = front::parse(&[Source::new("m.wgsl", &*shader)], &options).unwrap();
-        let made_up = scene::synthesise(parsed, MaterialState::default());
+        let made_up = preshade_scenes::synthesise(parsed, MaterialState::default());
         let written = two_draws(&format!("skin{i}"), &shader, "");
         for scene in [&made_up, &written] {
             let said = guesses(scene);

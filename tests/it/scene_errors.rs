@@ -40,7 +40,7 @@ fn folder(case: &str) -> PathBuf {
 fn load(case: &str, text: &str) -> Result<scene::Scene, scene::SceneError> {
     let path = folder(case).join("scenes/bad.toml");
     std::fs::write(&path, text).unwrap();
-    scene::load(&path)
+    preshade_scenes::load(&path)
 }
 
 /// The frame, without the folder the test ran in.
@@ -98,7 +98,7 @@ fn a_cube_wants_a_square_picture() {
             .replace("values = { \"light.ambient\" = [0.2, 0.2, 0.2] }\n", "");
         let path = root.join("scenes/bad.toml");
         std::fs::write(&path, text).unwrap();
-        scene::load(&path)
+        preshade_scenes::load(&path)
     };
     assert_eq!(of(2).unwrap().materials[0].textures["sky"].size, [2, 2]);
     let told = of(4).unwrap_err().render();
@@ -243,11 +243,11 @@ fn cells_of_a_texture_are_counted_before_they_are_drawn() {
 fn load_strictly(case: &str, text: &str) -> Result<scene::Scene, scene::SceneError> {
     let path = folder(case).join("scenes/bad.toml");
     std::fs::write(&path, text).unwrap();
-    let access = scene::Access {
+    let access = preshade_scenes::Access {
         limits: shader_text::limits::Limits::strict(),
-        ..scene::Access::default()
+        ..preshade_scenes::Access::default()
     };
-    scene::load_within(&path, &scene::Variables::new(), access)
+    preshade_scenes::load_within(&path, &preshade_scenes::Variables::new(), access)
 }
 
 #[test]
@@ -287,11 +287,11 @@ fn draws_are_counted_before_they_are_made() {
     let copies = field(4_000_000).replace("draws", "instances");
     let path = folder("instances").join("scenes/bad.toml");
     std::fs::write(&path, with(&copies)).unwrap();
-    let access = scene::Access {
+    let access = preshade_scenes::Access {
         limits: shader_text::limits::Limits::parse("scene-bytes=300M").unwrap(),
-        ..scene::Access::default()
+        ..preshade_scenes::Access::default()
     };
-    let refused = scene::load_within(&path, &scene::Variables::new(), access);
+    let refused = preshade_scenes::load_within(&path, &preshade_scenes::Variables::new(), access);
     let told = refused.unwrap_err().render();
     assert!(
         told.contains("bytes of vertex data, texels and draws would be 384"),
@@ -562,7 +562,7 @@ fn immediate_data_is_named_like_a_uniform() {
     let drawn = |values: &str| {
         let text = GOOD.replace("values = {", &format!("values = {{ {values}"));
         std::fs::write(&path, text).unwrap();
-        let scene = scene::load(&path).map_err(|e| e.to_string())?;
+        let scene = preshade_scenes::load(&path).map_err(|e| e.to_string())?;
         let plan = &preshade_lab::measure::originals(&scene)[0];
         let (_, frame) = scene.frames().next().unwrap();
         let (pass, draw) = (plan.main().unwrap(), &scene.draws[0]);

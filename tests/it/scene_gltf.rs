@@ -1,8 +1,9 @@
 //! glTF files that are wrong, or ask for more than they have: an error, and nothing is taken
 //! before.
 
-use preshade_draw::scene::asset::mesh::Gltf;
-use preshade_draw::scene::{self, Access, Outside, Variables};
+use preshade_scenes::Variables;
+use preshade_scenes::asset::mesh::Gltf;
+use preshade_scenes::{Access, Outside};
 use shader_text::limits::Limits;
 
 /// Two triangles of four corners: 48 bytes of positions, then 6 indices of two bytes, as zeroes.
@@ -232,7 +233,7 @@ fn what_many_nodes_draw_is_counted_before_it_is_read() {
             limits,
         };
         let path = folder.join("scene.toml");
-        let said = scene::read(&text, &path, &Variables::new(), access);
+        let said = preshade_scenes::read(&text, &path, &Variables::new(), access);
         let said = said.unwrap_err().to_string();
         assert!(said.contains(told), "{name}: {said}");
     }

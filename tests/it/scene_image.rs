@@ -1,11 +1,11 @@
 //! Textures and glTF files come out as their formats say.
 
 use glam::{Mat4, Vec3};
-use preshade_draw::scene::asset::mesh::Gltf;
-use preshade_draw::scene::image::decode::{Reading, decode};
 use preshade_draw::scene::image::{Pattern, Recipe, mip_chain};
-use preshade_draw::scene::mesh::positions;
 use preshade_draw::scene::{Image, SceneError, Stream};
+use preshade_scenes::asset::mesh::Gltf;
+use preshade_scenes::image::{Reading, decode};
+use preshade_scenes::mesh::positions;
 use shader_text::limits::Limits;
 
 fn decoded(name: &str, bytes: &[u8]) -> Result<Image, SceneError> {

@@ -17,7 +17,7 @@ fn scenes() -> Vec<PathBuf> {
 }
 
 fn load(path: &Path) -> scene::Scene {
-    scene::load(path).unwrap_or_else(|e| panic!("{}", e.render()))
+    preshade_scenes::load(path).unwrap_or_else(|e| panic!("{}", e.render()))
 }
 
 /// The scene that `docs/reference/scenes.md` shows is a shipped one, which every test of all scenes
@@ -144,14 +144,15 @@ fn an_orbit_is_an_eye_on_a_sphere_round_its_target() {
 
 #[test]
 fn variables_are_what_the_command_line_says() {
-    use preshade_draw::scene::{Stream, Variable, Variables};
+    use preshade_draw::scene::Stream;
+    use preshade_scenes::{Variable, Variables};
     let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("fixtures/scenes/grass.toml");
     let with = |pairs: &[(&str, &str)]| {
         let set: Variables = pairs
             .iter()
             .map(|(name, value)| ((*name).to_owned(), Variable::parse(value)))
             .collect();
-        scene::load_with(&path, &set)
+        preshade_scenes::load_with(&path, &set)
     };
     let places = |order: &str| -> Vec<[u32; 4]> {
         let scene = with(&[("instances", "1_000"), ("order", order)]).unwrap();

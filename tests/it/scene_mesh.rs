@@ -4,11 +4,11 @@
 use std::collections::BTreeMap;
 
 use glam::{Vec3, Vec4};
-use preshade_draw::scene::mesh::{
+use preshade_draw::scene::{Mesh, Stream};
+use preshade_scenes::mesh::{
     Arch, Column, Cuboid, Curtain, Morph, Plane, Skin, Sphere, Stairs, Teapot, WireSphere, merged,
     positions, transformed,
 };
-use preshade_draw::scene::{Mesh, Stream};
 
 fn floats<'a>(mesh: &'a Mesh, name: &str) -> &'a [f32] {
     match &mesh.streams[name] {

@@ -5,9 +5,9 @@
 use std::path::Path;
 
 use glam::{Vec3, Vec4};
-use preshade_draw::scene::mesh::positions;
-use preshade_draw::scene::{self, Draw, DrawOrder, Frame, Scene};
+use preshade_draw::scene::{Draw, DrawOrder, Frame, Scene};
 use preshade_plan::state::{CullMode, DepthDirection};
+use preshade_scenes::mesh::positions;
 
 const SIZE: [usize; 2] = [192, 108];
 
@@ -16,7 +16,7 @@ fn load(name: &str) -> Scene {
         .join("fixtures/scenes")
         .join(name)
         .with_extension("toml");
-    scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()))
+    preshade_scenes::load(&path).unwrap_or_else(|e| panic!("{}", e.render()))
 }
 
 fn frame<'a>(scene: &'a Scene, camera: &str) -> &'a Frame {

@@ -59,7 +59,7 @@ fn every_fixture_shader_gets_a_scene_whose_draws_bind() {
         ]));
     }
     for parsed in all {
-        let scene = scene::synthesise(parsed, MaterialState::default());
+        let scene = preshade_scenes::synthesise(parsed, MaterialState::default());
         let listed = scene.materials[0].plan().main().unwrap().bindings.len();
         assert_eq!(scene.orders.len(), 3);
         for b in bound(&scene) {
@@ -75,7 +75,7 @@ fn every_fixture_shader_gets_a_scene_whose_draws_bind() {
 #[test]
 fn shaders_that_make_their_own_vertices_get_as_many_as_they_have_in_mind() {
     let count = |file: &str| {
-        let scene = scene::synthesise(parse(&[file]), MaterialState::default());
+        let scene = preshade_scenes::synthesise(parse(&[file]), MaterialState::default());
         let b = bound(&scene).remove(0);
         (b.indices.is_none(), b.vertex_count)
     };
@@ -97,7 +97,7 @@ struct Camera { view_proj: mat4x4<f32> }
     return camera.view_proj * vec4(position, 1.0); }
 @fragment fn fs() -> @location(0) vec4<f32> { return vec4(1.0); }";
     let parsed = front::parse(&[Source::new("made.wgsl", text)], &Options::default()).unwrap();
-    let scene = scene::synthesise(parsed, MaterialState::default());
+    let scene = preshade_scenes::synthesise(parsed, MaterialState::default());
     assert!(bound(&scene).iter().all(|b| b.indices.is_some()));
 }
 
@@ -107,7 +107,7 @@ fn a_scene_follows_the_state_it_is_drawn_with() {
         depth_direction: DepthDirection::Reversed,
         ..MaterialState::default()
     };
-    let scene = scene::synthesise(parse(&["shaders/textured.wgsl"]), state);
+    let scene = preshade_scenes::synthesise(parse(&["shaders/textured.wgsl"]), state);
     assert_eq!(scene.name, "textured");
     assert_eq!(scene.depth_direction, DepthDirection::Reversed);
     let frame = &scene.cameras[0].frames[0];
@@ -119,7 +119,8 @@ fn a_scene_follows_the_state_it_is_drawn_with() {
 
 #[test]
 fn names_mean_what_authors_mean_by_them() {
-    let scene = scene::synthesise(parse(&["shaders/textured.wgsl"]), MaterialState::default());
+    let scene =
+        preshade_scenes::synthesise(parse(&["shaders/textured.wgsl"]), MaterialState::default());
     let frame = &scene.cameras[0].frames[0];
     let draw = &bound(&scene)[3];
     let floats = |group: u32, binding: u32| -> Vec<f32> {
@@ -150,7 +151,7 @@ fn names_mean_what_authors_mean_by_them() {
 fn written(files: &[(&str, &str)]) -> Scene {
     let sources: Vec<Source> = files.iter().map(|(n, t)| Source::new(*n, *t)).collect();
     let parsed = front::parse(&sources, &Options::default()).unwrap_or_else(|e| panic!("{e}"));
-    scene::synthesise(parsed, MaterialState::default())
+    preshade_scenes::synthesise(parsed, MaterialState::default())
 }
 
 /// Two variables may have one binding, each for entry points of its own: what is bound is the one
@@ -394,7 +395,8 @@ fn objects_without_a_matrix_of_their_own_do_not_share_a_place() {
     all.dedup();
     assert_eq!(all.len(), count);
     // With a matrix of its own, meshes are shared.
-    let placed = scene::synthesise(parse(&["shaders/textured.wgsl"]), MaterialState::default());
+    let placed =
+        preshade_scenes::synthesise(parse(&["shaders/textured.wgsl"]), MaterialState::default());
     assert_eq!(placed.meshes.len(), 3);
 }
 
@@ -513,11 +515,11 @@ material = \"leaf\"
 eye = [0, 0, 3]
 target = [0, 0, 0]
 ";
-    let scene = scene::read(
+    let scene = preshade_scenes::read(
         text,
         &folder.join("scene.toml"),
-        &scene::Variables::new(),
-        scene::Access::default(),
+        &preshade_scenes::Variables::new(),
+        preshade_scenes::Access::default(),
     );
     let scene = scene.unwrap_or_else(|e| panic!("{e}"));
     let constants = measure::constants(&scene).unwrap();
@@ -574,7 +576,7 @@ fn a_removed_discard_is_reported_with_its_values() {
 /// mesh begins at 0.
 #[test]
 fn a_storage_array_of_structs_with_offsets_is_made_up() {
-    let scene = scene::synthesise(
+    let scene = preshade_scenes::synthesise(
         parse(&["cases/made-up-storage-structs.wgsl"]),
         MaterialState::default(),
     );

@@ -11,7 +11,7 @@ type Module = Vec<String>;
 
 /// The sources of each crate, and the rooms in it whose order matters, lowest first. A room imports only rooms before
 /// it. Rooms that are not listed are free.
-const CRATES: [(&str, &[&str]); 14] = [
+const CRATES: [(&str, &[&str]); 15] = [
     ("crates/text/src", &[]),
     ("crates/operands/src", &[]),
     ("crates/interp/src", &[]),
@@ -29,7 +29,11 @@ const CRATES: [(&str, &[&str]); 14] = [
         &["wgsl", "front", "emit", "pipeline", "command"],
     ),
     ("crates/frames/src", &[]),
-    ("crates/draw/src", &["scene", "render", "capture"]),
+    ("crates/draw/src", &["scene", "render"]),
+    (
+        "crates/scenes/src",
+        &["image", "mesh", "asset", "shader", "file", "capture"],
+    ),
     ("crates/lab/src", &["measure", "search", "jobs", "report"]),
     ("cli/src", &[]),
 ];
@@ -47,11 +51,6 @@ const CYCLES: &[&str] = &[
     "crates/compiler/src: build_script::bindings <-> build_script::generate",
     "crates/compiler/src: build_script::generate <-> build_script::passes",
     "crates/compiler/src: pipeline <-> recipe",
-    "crates/draw/src: capture::material <-> capture::points",
-    "crates/draw/src: capture::material <-> capture::replay",
-    "crates/draw/src: capture::material <-> capture::webgl",
-    "crates/draw/src: capture::points <-> capture::webgl",
-    "crates/draw/src: capture::scene <-> capture::webgl",
     "crates/draw/src: render::compiled <-> render::pipeline",
     "crates/draw/src: render::compute <-> render::subdivided",
     "crates/draw/src: render::depths <-> render::textures",
@@ -68,6 +67,11 @@ const CYCLES: &[&str] = &[
     "crates/plan/src: limits <-> reflect",
     "crates/plan/src: pass <-> plan",
     "crates/plan/src: plan <-> reflect",
+    "crates/scenes/src: capture::material <-> capture::points",
+    "crates/scenes/src: capture::material <-> capture::replay",
+    "crates/scenes/src: capture::material <-> capture::webgl",
+    "crates/scenes/src: capture::points <-> capture::webgl",
+    "crates/scenes/src: capture::scene <-> capture::webgl",
     "crates/validate/src: environment <-> inputs",
 ];
 

@@ -7,7 +7,7 @@ use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::{
     FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant as Host,
 };
-use preshade_draw::scene::{self, DrawOrder, Scene};
+use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_lab::measure::verdict::breaks;
 use preshade_lab::measure::{self, Counter, ErrorLadder, Session};
 use preshade_plan::contract::{Assumption, Contract};
@@ -232,7 +232,7 @@ pub struct Stage<'a> {
 /// The scene of a case, small.
 pub fn load(name: &str) -> Scene {
     let path = root().join(format!("fixtures/scenes/stability/{name}.toml"));
-    let mut scene = scene::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
+    let mut scene = preshade_scenes::load(&path).unwrap_or_else(|e| panic!("{}", e.render()));
     if scene.size[0] > 200 {
         scene = scene.resized([163, 91]);
     }

@@ -10,7 +10,7 @@ use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::{
     self, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm,
 };
-use preshade_draw::scene::{self, Draw, DrawOrder, Scene};
+use preshade_draw::scene::{Draw, DrawOrder, Scene};
 use preshade_lab::measure::outputs::{self, OutputsReport};
 use preshade_lab::measure::{
     self, Estimate, Session, Settings, Timed, TimingSettings, Variant, shadow,
@@ -52,7 +52,7 @@ pub struct Subject {
 /// A scene of `fixtures`, with one camera and one order.
 pub fn load(name: &str, size: [u32; 2]) -> Scene {
     let path = root().join(format!("fixtures/scenes/{name}.toml"));
-    let mut scene = scene::load(&path).unwrap().resized(size);
+    let mut scene = preshade_scenes::load(&path).unwrap().resized(size);
     scene.cameras.truncate(1);
     scene.orders.truncate(1);
     scene
@@ -92,7 +92,7 @@ pub fn fixtures(size: [u32; 2]) -> Vec<Subject> {
             })
             .collect();
         let parsed = front::parse(&sources, &Options::default()).unwrap();
-        let mut scene = scene::synthesise(parsed, MaterialState::default()).resized(size);
+        let mut scene = preshade_scenes::synthesise(parsed, MaterialState::default()).resized(size);
         scene.cameras.truncate(1);
         scene.orders.truncate(1);
         Subject {

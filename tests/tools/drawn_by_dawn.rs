@@ -8,13 +8,14 @@ use std::path::{Path, PathBuf};
 use preshade_compiler::emit::{self, Target};
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::scene::bind::{self, DrawBindings, TextureContent};
-use preshade_draw::scene::{Address, Filter, Sampler, Scene, synthesise};
+use preshade_draw::scene::{Address, Filter, Sampler, Scene};
 use preshade_lab::measure;
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::geometry::Geometry;
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::{BindingKind, BindingSource, Plan};
 use preshade_plan::state::MaterialState;
+use preshade_scenes::synthesise;
 use rayon::prelude::*;
 use serde_json::{Value, json};
 

@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use preshade_compiler::front::{self, Source};
-use preshade_draw::scene::{self, Scene};
+use preshade_draw::scene::Scene;
 use preshade_lab::measure;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
@@ -19,7 +19,7 @@ pub const RECIPE: &str = "specialize";
 
 /// The scene with only the draws of one kind, and the facts about their values.
 pub fn scene(path: &Path, size: [u32; 2], kind: &str) -> Result<(Scene, Facts), Failure> {
-    let mut scene = scene::load(path)?.resized(size);
+    let mut scene = preshade_scenes::load(path)?.resized(size);
     scene.draws.retain(|d| d.name.starts_with(kind));
     scene.cameras.truncate(1);
     let facts = Facts {

@@ -10,12 +10,13 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use preshade_compiler::emit::{self, Target};
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::scene::{self, Access, Variables};
 use preshade_lab::measure;
 use preshade_passes::{PASSES, examples};
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
+use preshade_scenes::Access;
+use preshade_scenes::Variables;
 use shader_text::options;
 
 /// Bytes by file name.
@@ -165,7 +166,8 @@ fn verify_draws_what_rewrite_writes_of_a_scene() {
         let path = root().join(&file);
         for text in recipes() {
             let recipe = Recipe::parse_list(&text).unwrap();
-            let scene = scene::load_within(&path, &Variables::new(), Access::default()).unwrap();
+            let scene =
+                preshade_scenes::load_within(&path, &Variables::new(), Access::default()).unwrap();
             let scene = measure::grouped_for(scene, &recipe).unwrap();
             let facts = measure::known_for(&scene, &recipe);
             let written = rewritten(&recipe, &[&file], &["-o"]);

@@ -1,5 +1,4 @@
-//! Scenes, their assets, captured frames, and the renderer that executes plans on wgpu.
+//! Scenes as data, and the renderer that executes plans on wgpu.
 
-pub mod capture;
 pub mod render;
 pub mod scene;

@@ -10,10 +10,11 @@ use preshade_compiler::emit::{PassFiles, StageFile, Target};
 use preshade_compiler::front::{self, Source};
 use preshade_draw::render::{Rendered, ShaderForm};
 use preshade_draw::scene::bind::{self, DrawBindings, TextureContent};
-use preshade_draw::scene::{Address, DrawOrder, Filter, Scene, synthesise};
+use preshade_draw::scene::{Address, DrawOrder, Filter, Scene};
 use preshade_lab::measure;
 use preshade_plan::plan::BindingKind;
 use preshade_plan::state::{CullMode, MaterialState};
+use preshade_scenes::synthesise;
 use shader_text::options;
 
 use super::pair::{Attribute, Draw, FirstRow, Texture, Vertices};

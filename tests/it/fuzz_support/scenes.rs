@@ -5,9 +5,11 @@ use std::sync::OnceLock;
 use preshade_compiler::emit::{self, Target};
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::Variant;
-use preshade_draw::scene::{self, Access, Scene, Variables};
+use preshade_draw::scene::{self, Scene};
 use preshade_lab::measure;
 use preshade_plan::pass::Facts;
+use preshade_scenes::Access;
+use preshade_scenes::Variables;
 use shader_text::files::File;
 use shader_text::limits::Limits;
 
@@ -48,7 +50,7 @@ pub fn load(text: &str) -> Result<Scene, scene::SceneError> {
         ..Access::default()
     };
     let path = root().join("fixtures/scenes/fuzzed.toml");
-    scene::read(text, &path, &Variables::new(), access)
+    preshade_scenes::read(text, &path, &Variables::new(), access)
 }
 
 /// The scene file with generated textures of 16 texels a side where they have more. A size that no

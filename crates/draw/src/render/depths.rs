@@ -18,7 +18,7 @@ enum Source {
 }
 
 /// One layer of a level of a texture, and a place in it.
-pub(crate) struct Place<'t> {
+pub struct Place<'t> {
     pub texture: &'t wgpu::Texture,
     pub level: u32,
     pub layer: u32,
@@ -50,12 +50,7 @@ pub(super) fn texture(
 ///
 /// # Errors
 /// A message: the image has no depths that can be read.
-pub(crate) fn draw(
-    gpu: &Gpu,
-    image: &Image,
-    texture: &wgpu::Texture,
-    first: u32,
-) -> Result<(), String> {
+pub fn draw(gpu: &Gpu, image: &Image, texture: &wgpu::Texture, first: u32) -> Result<(), String> {
     let texels = image
         .texels()
         .ok_or_else(|| format!("{:?} stores no depths that can be read", image.format))?;
@@ -99,7 +94,7 @@ pub(crate) fn draw(
 
 /// Copies a rectangle of depths into a texture of one sample: from several samples the first, as drivers resolve it. A
 /// stencil stays as it is.
-pub(crate) fn copy(
+pub fn copy(
     gpu: &Gpu,
     encoder: &mut wgpu::CommandEncoder,
     from: &Place<'_>,

@@ -465,7 +465,7 @@ impl Gpu {
     }
 
     /// Compiles a shader with the run-time checks that it needs, and all if [`Trust`] demands them.
-    pub(crate) fn shader(
+    pub fn shader(
         &self,
         needed: Checks,
         descriptor: wgpu::ShaderModuleDescriptor<'_>,

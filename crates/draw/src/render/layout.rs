@@ -329,7 +329,7 @@ fn entry(
 }
 
 /// A layout as a wgpu type; `None` if it contains a word that WebGPU does not have.
-pub(crate) fn binding_type(layout: &BindingLayout) -> Option<wgpu::BindingType> {
+pub fn binding_type(layout: &BindingLayout) -> Option<wgpu::BindingType> {
     Some(match layout {
         BindingLayout::Buffer {
             ty,

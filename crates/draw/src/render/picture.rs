@@ -15,7 +15,7 @@ pub struct ColorImage {
 
 impl ColorImage {
     /// Puts its rows in the other order.
-    pub(crate) fn turn_over(&mut self) {
+    pub fn turn_over(&mut self) {
         turn_over(&mut self.bytes, self.size[1]);
     }
 }

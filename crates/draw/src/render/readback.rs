@@ -7,7 +7,7 @@ use super::picture::{ColorImage, DepthImage};
 use super::{Error, state};
 
 /// Reads a single-sampled colour texture of this format.
-pub(crate) fn color(
+pub fn color(
     gpu: &Gpu,
     texture: &wgpu::Texture,
     format: wgpu::TextureFormat,
@@ -101,7 +101,7 @@ fn copy(
 
 /// Copies one layer of a level, or all slices of a volume's, and returns its rows of blocks without
 /// padding. `size` is in texels.
-pub(crate) fn level(
+pub fn level(
     gpu: &Gpu,
     texture: &wgpu::Texture,
     aspect: wgpu::TextureAspect,
@@ -158,11 +158,7 @@ pub(crate) fn level(
 }
 
 /// The depths of one layer of a level, for formats that cannot be copied.
-pub(crate) fn depth_values(
-    gpu: &Gpu,
-    texture: &wgpu::Texture,
-    at: [u32; 2],
-) -> Result<Vec<f32>, Error> {
+pub fn depth_values(gpu: &Gpu, texture: &wgpu::Texture, at: [u32; 2]) -> Result<Vec<f32>, Error> {
     load(gpu, texture, TexelSource::Depth, at)
 }
 

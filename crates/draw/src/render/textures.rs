@@ -117,7 +117,7 @@ impl Textures {
 }
 
 /// Whether the device has what a format needs.
-pub(crate) fn is_readable(gpu: &Gpu, format: TextureFormat) -> bool {
+pub fn is_readable(gpu: &Gpu, format: TextureFormat) -> bool {
     gpu.device.features().contains(format.required_features())
 }
 

@@ -30,7 +30,7 @@ pub mod guessed;
 pub mod overlapping_draws;
 mod streams;
 
-pub(super) use buffer_numbers::numbers;
+pub use buffer_numbers::numbers;
 pub(super) use frozen_uniforms::uniforms;
 
 pub use guessed::{Guess, Guessed, guessed};
@@ -38,7 +38,7 @@ pub use overlapping_draws::overlapping_draws;
 
 use guessed::ValueOrigin;
 use streams::Streams;
-pub(super) use streams::{
+pub use streams::{
     is_index_buffer, is_instance_data, known_stream, stream_component, unknown_stream,
 };
 
@@ -52,7 +52,7 @@ pub struct Data {
 }
 
 impl Data {
-    pub(crate) fn new(bytes: Vec<u8>) -> Self {
+    pub fn new(bytes: Vec<u8>) -> Self {
         let mut id = [0; 16];
         id.copy_from_slice(&blake3::hash(&bytes).as_bytes()[..16]);
         Self {
@@ -575,7 +575,7 @@ pub(crate) type Numbers<'f, 'n> = dyn Fn(&str, Option<usize>, usize) -> Option<&
 ///
 /// # Errors
 /// The program does not declare the binding, or its type has no layout.
-pub(crate) fn filled<'n>(
+pub fn filled<'n>(
     material: &Material,
     binding: &BindingUse,
     number: &Numbers<'_, 'n>,
@@ -798,7 +798,7 @@ fn plausible(leaf: &Leaf<'_>) -> [f64; 16] {
 
 /// The numbers that a value of a bare shader would get by the names on its path. `None`: they have a
 /// conventional meaning, or the type has no numbers.
-pub(super) fn made_up(path: &str, ty: &TypeInner) -> Option<Vec<f64>> {
+pub fn made_up(path: &str, ty: &TypeInner) -> Option<Vec<f64>> {
     let (columns, rows, scalar) = layout::leaf_shape(ty)?;
     let leaf = Leaf {
         path: &[Segment::Name(path.rsplit('.').next()?)],

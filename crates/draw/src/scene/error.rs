@@ -32,7 +32,7 @@ struct TextPlace {
 
 impl SceneError {
     /// An error without a place.
-    pub(crate) fn new(message: impl Into<String>) -> Self {
+    pub fn new(message: impl Into<String>) -> Self {
         Self {
             message: message.into(),
             help: None,
@@ -53,18 +53,18 @@ impl SceneError {
 
     /// Sets the code of an extension that is not read.
     #[must_use]
-    pub(crate) fn of_extension(mut self) -> Self {
+    pub fn of_extension(mut self) -> Self {
         self.is_extension = true;
         self
     }
 
     /// A file that cannot be read.
-    pub(crate) fn read(path: &Path, error: &std::io::Error) -> Self {
+    pub fn read(path: &Path, error: &std::io::Error) -> Self {
         Self::new(format!("cannot read `{}`: {error}", path.display()))
     }
 
     /// A file is missing, too large or unreadable.
-    pub(crate) fn unread(path: &Path, error: regular::ReadError) -> Self {
+    pub fn unread(path: &Path, error: regular::ReadError) -> Self {
         match error {
             regular::ReadError::TooLarge(exceeded) => exceeded.into(),
             other => Self::new(format!("cannot read `{}`: {other}", path.display())),
@@ -73,14 +73,14 @@ impl SceneError {
 
     /// Adds a remedy.
     #[must_use]
-    pub(crate) fn help(mut self, help: impl Into<String>) -> Self {
+    pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());
         self
     }
 
     /// Suggests the nearest of `known`, or lists all of them if none is near.
     #[must_use]
-    pub(crate) fn suggest<'a>(self, wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Self {
+    pub fn suggest<'a>(self, wrong: &str, known: impl IntoIterator<Item = &'a str>) -> Self {
         let known: Vec<&str> = known.into_iter().collect();
         match nearest(wrong, &known) {
             Some(near) => self.help(format!("did you mean `{near}`?")),
@@ -91,7 +91,7 @@ impl SceneError {
 
     /// Sets the place, unless the error already has one.
     #[must_use]
-    pub(crate) fn at(mut self, file: &str, text: &str, range: Range<usize>) -> Self {
+    pub fn at(mut self, file: &str, text: &str, range: Range<usize>) -> Self {
         self.place.get_or_insert_with(|| {
             Box::new(TextPlace {
                 file: file.to_owned(),
@@ -104,20 +104,20 @@ impl SceneError {
 
     /// Adds a rendered message of another component, such as a shader error.
     #[must_use]
-    pub(crate) fn detail(mut self, detail: impl Into<String>) -> Self {
+    pub fn detail(mut self, detail: impl Into<String>) -> Self {
         self.detail = Some(detail.into());
         self
     }
 
     /// Sets the path of the shader value that the error is about.
     #[must_use]
-    pub(crate) fn about(mut self, path: impl Into<String>) -> Self {
+    pub fn about(mut self, path: impl Into<String>) -> Self {
         self.subject = Some(path.into().into_boxed_str());
         self
     }
 
     /// Path of the shader value that the error is about.
-    pub(crate) fn subject(&self) -> Option<&str> {
+    pub fn subject(&self) -> Option<&str> {
         self.subject.as_deref()
     }
 
@@ -203,7 +203,7 @@ impl From<shader_text::limits::Exceeded> for SceneError {
 
 /// The known name nearest to a wrong one, if at most a third of its letters differ, or else one
 /// that contains it.
-pub(crate) fn nearest<'a>(wrong: &str, known: &[&'a str]) -> Option<&'a str> {
+pub fn nearest<'a>(wrong: &str, known: &[&'a str]) -> Option<&'a str> {
     known
         .iter()
         .map(|k| (distance(wrong, k), *k))

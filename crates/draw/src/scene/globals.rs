@@ -7,7 +7,7 @@ use super::Material;
 
 /// A bound global variable.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Global<'a> {
+pub struct Global<'a> {
     /// Name; empty for an unnamed GLSL block.
     pub name: &'a str,
     pub ty: Handle<Type>,
@@ -18,7 +18,7 @@ pub(super) struct Global<'a> {
 }
 
 /// The bound global variables of a program.
-pub(super) fn globals(program: &Program) -> impl Iterator<Item = Global<'_>> {
+pub fn globals(program: &Program) -> impl Iterator<Item = Global<'_>> {
     program
         .module()
         .global_variables

@@ -1,8 +1,6 @@
 //! Textures: generated patterns, image files, and their mip levels.
 
-pub(crate) mod blocks;
-pub mod decode;
-mod ktx;
+pub mod blocks;
 mod texels;
 
 use serde::Deserialize;
@@ -87,7 +85,7 @@ impl Default for Recipe {
 
 /// Largest side of a generated texture and largest number of cells. More cells than texels would
 /// not be visible.
-pub(super) const MAX_SIDE: u32 = 4096;
+pub const MAX_SIDE: u32 = 4096;
 
 impl Recipe {
     pub fn generate(&self) -> Image {

@@ -96,7 +96,7 @@ fn join(path: &[Segment<'_>], indexed: bool) -> String {
 }
 
 /// Columns and rows of a leaf type.
-pub(crate) fn leaf_shape(inner: &TypeInner) -> Option<(u32, u32, naga::Scalar)> {
+pub fn leaf_shape(inner: &TypeInner) -> Option<(u32, u32, naga::Scalar)> {
     Some(match *inner {
         TypeInner::Scalar(s) | TypeInner::Atomic(s) => (1, 1, s),
         TypeInner::Vector { size, scalar } => (1, size as u32, scalar),
@@ -110,7 +110,7 @@ pub(crate) fn leaf_shape(inner: &TypeInner) -> Option<(u32, u32, naga::Scalar)> 
 }
 
 /// Number of scalars in a type; a runtime-sized array counts `dynamic` elements.
-pub(crate) fn scalar_count(module: &Module, ty: Handle<Type>, dynamic: usize) -> usize {
+pub fn scalar_count(module: &Module, ty: Handle<Type>, dynamic: usize) -> usize {
     match &module.types[ty].inner {
         TypeInner::Array { base, size, .. } => {
             array_length(*size, dynamic) * scalar_count(module, *base, dynamic)
@@ -124,7 +124,7 @@ pub(crate) fn scalar_count(module: &Module, ty: Handle<Type>, dynamic: usize) ->
 }
 
 /// Element type and stride of the runtime-sized array that the type is or ends in.
-pub(crate) fn runtime_array(module: &Module, ty: Handle<Type>) -> Option<Handle<Type>> {
+pub fn runtime_array(module: &Module, ty: Handle<Type>) -> Option<Handle<Type>> {
     match &module.types[ty].inner {
         TypeInner::Array {
             base,
@@ -399,7 +399,7 @@ pub(crate) fn scalar_bytes(out: &mut [u8], kind: ScalarKind, n: f64) {
 }
 
 /// Every path into a variable that a value may name, without indices.
-pub(crate) fn paths(module: &Module, name: &str, ty: Handle<Type>) -> Vec<String> {
+pub fn paths(module: &Module, name: &str, ty: Handle<Type>) -> Vec<String> {
     let mut out = match name {
         "" => Vec::new(),
         name => vec![name.to_owned()],

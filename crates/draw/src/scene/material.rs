@@ -79,7 +79,7 @@ fn square(material: &Material, texture: &str) -> Result<(), SceneError> {
 
 /// The default image of a texture. Its name decides: a normal map, a mask, noise, or a coloured
 /// pattern.
-pub(super) fn default_texture(name: &str, dim: ImageDimension) -> Arc<Image> {
+pub fn default_texture(name: &str, dim: ImageDimension) -> Arc<Image> {
     static COLOR: LazyLock<Arc<Image>> = LazyLock::new(|| {
         Arc::new(
             Recipe {

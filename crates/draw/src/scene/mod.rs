@@ -1,58 +1,26 @@
 //! Scenes: which meshes to draw with which materials and values, and from which cameras.
 //!
-//! A scene file (TOML) or a bare shader becomes a [`Scene`]: plain data on the CPU, with every mesh
-//! generated or read and every texture decoded. [`bind`] turns one draw of it into the bytes that a
-//! GPU pass of a plan needs.
+//! A [`Scene`] is plain data on the CPU, with every mesh and every texture decoded. [`bind`] turns one draw of it into
+//! the bytes that a GPU pass of a plan needs.
 
-pub mod asset;
-mod discards;
-mod divisors;
-mod error;
-mod file;
-pub mod flow;
-mod globals;
-mod gltf_file;
-mod import;
-mod layout;
+pub mod error;
+pub mod globals;
+pub mod layout;
 mod light;
-mod light_entry;
-pub mod load;
-mod loader;
-mod loops;
-mod material;
-mod meshes;
-mod noise;
-mod place;
-mod plausible_numbers;
-mod range;
-mod range_entry;
-mod roles;
-mod scene_text;
-mod semantic;
+pub mod material;
+pub mod noise;
+pub mod range;
+pub mod semantic;
 mod setup;
-mod size;
-mod skin;
-mod stand_in;
-pub mod synthesise;
-mod value_path;
-mod variables;
-mod vertex_pulling;
+pub mod value_path;
 
 pub mod bind;
-pub mod camera;
 pub mod codes;
 pub mod image;
-pub mod mesh;
 
 pub use error::SceneError;
-pub use gltf_file::{Shading, load_gltf};
 pub use light::Light;
-pub use load::{load, load_with, load_within, read};
-pub use place::{Access, Outside};
 pub use semantic::Semantic;
-pub use stand_in::{StandIn, stand_in};
-pub use synthesise::synthesise;
-pub use variables::{Variable, Variables};
 
 use std::collections::BTreeMap;
 use std::sync::Arc;

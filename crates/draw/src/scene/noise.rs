@@ -1,7 +1,7 @@
 //! Deterministic pseudo-random numbers and tiling noise for generated textures and fields.
 
 /// A 32-bit integer hash (two rounds of multiply and xor-shift).
-pub(super) fn hash(mut x: u32) -> u32 {
+pub fn hash(mut x: u32) -> u32 {
     x ^= x >> 16;
     x = x.wrapping_mul(0x7feb_352d);
     x ^= x >> 15;
@@ -10,7 +10,7 @@ pub(super) fn hash(mut x: u32) -> u32 {
 }
 
 /// A number in `[0, 1)` for three integers.
-pub(super) fn random(x: u32, y: u32, seed: u32) -> f32 {
+pub fn random(x: u32, y: u32, seed: u32) -> f32 {
     let h = hash(x ^ hash(y ^ hash(seed)));
     (h >> 8) as f32 / (1 << 24) as f32
 }

@@ -156,7 +156,7 @@ const NAMES: &[(&str, Semantic)] = &[
 
 /// Normalises a name: removes case, underscores, and the usual prefixes of uniforms and attributes
 /// (`u_`, `a_`, `in_`, `i_`, `uViewProj`, `aPosition`, `inPosition`).
-pub(crate) fn normalise(name: &str) -> String {
+pub fn normalise(name: &str) -> String {
     let mut rest = name.trim_start_matches('_');
     for prefix in ["u_", "a_", "in_", "i_", "v_", "g_", "m_"] {
         if let Some(r) = rest.strip_prefix(prefix) {
@@ -203,7 +203,7 @@ impl Semantic {
 
     /// The meaning of a path, from its last name to its first: `camera.position` together, or its
     /// last name alone.
-    pub(crate) fn of_path<'n>(mut names: impl Iterator<Item = &'n str>) -> Option<Self> {
+    pub fn of_path<'n>(mut names: impl Iterator<Item = &'n str>) -> Option<Self> {
         let (own, around) = (names.next()?, names.next());
         around
             .and_then(|a| Self::from_name(&format!("{a}_{own}")))
@@ -211,7 +211,7 @@ impl Semantic {
     }
 
     /// The primary name.
-    pub(crate) fn name(self) -> &'static str {
+    pub fn name(self) -> &'static str {
         NAMES
             .iter()
             .find(|(_, s)| *s == self)

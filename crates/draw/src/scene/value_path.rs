@@ -94,7 +94,7 @@ pub(super) fn check_length<'a>(
 }
 
 /// `lights[1].color` without its indices.
-pub(super) fn without_indices(path: &str) -> String {
+pub fn without_indices(path: &str) -> String {
     let mut depth = 0;
     path.chars()
         .filter(|c| {

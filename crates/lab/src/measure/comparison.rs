@@ -12,7 +12,8 @@ use super::{
 };
 use preshade_compiler::command::agreed::Drawn;
 use preshade_draw::render::{self, Gpu, Rendered, ShaderForm};
-use preshade_draw::scene::{DrawOrder, Frame, Scene, StandIn, stand_in};
+use preshade_draw::scene::{DrawOrder, Frame, Scene};
+use preshade_scenes::{StandIn, stand_in};
 
 /// What the two are compared by.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -13,7 +13,8 @@ use preshade_plan::plan::Plan;
 use preshade_plan::state::Topology;
 use serde::{Deserialize, Serialize};
 
-use preshade_draw::scene::{Draw, DrawRange, Scene, Stream, mesh};
+use preshade_draw::scene::{Draw, DrawRange, Scene, Stream};
+use preshade_scenes::mesh;
 
 /// Edges that two draws share and divide differently.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]

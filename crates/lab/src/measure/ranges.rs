@@ -17,8 +17,8 @@ use preshade_plan::pass::{Numbers, Source, SourceRange};
 use super::originals;
 use super::vertices::{self, Vertices};
 use preshade_draw::scene::bind::{self, DrawBindings};
-use preshade_draw::scene::flow::StageFlow;
 use preshade_draw::scene::{Draw, Frame, Material, Scene, SceneError};
+use preshade_scenes::StageFlow;
 
 /// Steps of the interpreter over all vertices of a material.
 pub(crate) const MOST_STEPS: u64 = 400_000;

@@ -16,7 +16,7 @@ use preshade_plan::plan::BindingKind;
 ///
 /// # Errors
 /// As [`super::draw`].
-pub(in super::super) fn numbers(
+pub fn numbers(
     scene: &Scene,
     material: &Material,
     draw: &Draw,

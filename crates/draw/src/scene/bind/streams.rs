@@ -507,14 +507,14 @@ fn instances_held(draw: &Draw) -> usize {
 }
 
 /// The stream that an attribute or a buffer holds by its name.
-pub(in crate::scene) fn known_stream(name: &str) -> Option<&'static str> {
+pub fn known_stream(name: &str) -> Option<&'static str> {
     let normal = normalise(name);
     let morph = normal.starts_with("morph").then_some("morph");
     alias(&normal).or(morph)
 }
 
 /// Whether an attribute or a buffer holds data of instances, by its name.
-pub(in crate::scene) fn is_instance_data(name: &str) -> bool {
+pub fn is_instance_data(name: &str) -> bool {
     let normal = normalise(name);
     instance_part(&normal).is_some()
         || INSTANCE_BUFFERS.contains(&normal.as_str())
@@ -537,7 +537,7 @@ fn is_of_matrices(module: &naga::Module, element: Handle<Type>) -> bool {
     }
 }
 
-pub(in crate::scene) fn is_index_buffer(name: &str) -> bool {
+pub fn is_index_buffer(name: &str) -> bool {
     matches!(
         normalise(name).as_str(),
         "indices" | "indexbuffer" | "triangles" | "vertexindices"
@@ -634,7 +634,7 @@ fn instance_part(normal: &str) -> Option<AttributeSource> {
 
 /// The first attribute whose stream the material names wrongly: neither the draw nor its mesh has
 /// it, and it is not an optional stream.
-pub(in crate::scene) fn unknown_stream<'m>(
+pub fn unknown_stream<'m>(
     material: &'m Material,
     mesh: &Mesh,
     draw: &Draw,
@@ -675,7 +675,7 @@ fn synthesised_attribute(name: &str, component: usize) -> f64 {
 
 /// A component of a stream. As in WebGPU's vertex fetch, a missing fourth component is 1 and other
 /// missing components are 0.
-pub(in crate::scene) fn stream_component(stream: Option<&Stream>, i: usize, c: usize) -> f64 {
+pub fn stream_component(stream: Option<&Stream>, i: usize, c: usize) -> f64 {
     let missing = if c == 3 { 1.0 } else { 0.0 };
     match stream {
         Some(Stream::Float { components, data }) if c < *components as usize => data

@@ -6,7 +6,7 @@ use wgpu::{AstcChannel, TextureFormat};
 use super::super::Image;
 
 /// The format of decoded texels: 8 bits a channel. `None`: not a format that [`decode`] reads.
-pub(crate) fn decoded_format(format: TextureFormat) -> Option<TextureFormat> {
+pub fn decoded_format(format: TextureFormat) -> Option<TextureFormat> {
     use TextureFormat as F;
     match format {
         F::Etc2Rgb8Unorm | F::Etc2Rgb8A1Unorm | F::Etc2Rgba8Unorm => Some(F::Rgba8Unorm),
@@ -24,7 +24,7 @@ pub(crate) fn decoded_format(format: TextureFormat) -> Option<TextureFormat> {
 
 /// Decodes one layer of a level: rows of blocks without padding in, rows of texels out. `None`: the format is not
 /// one of [`decoded_format`], or there are too few bytes.
-pub(crate) fn decode(format: TextureFormat, size: [u32; 2], blocks: &[u8]) -> Option<Vec<u8>> {
+fn decode(format: TextureFormat, size: [u32; 2], blocks: &[u8]) -> Option<Vec<u8>> {
     use TextureFormat as F;
     use texture2ddecoder as of;
     let [width, height] = size.map(|side| side as usize);
@@ -60,7 +60,7 @@ pub(crate) fn decode(format: TextureFormat, size: [u32; 2], blocks: &[u8]) -> Op
 
 /// Decodes the layers of a level. Rows of blocks may have padding, as WebGPU's buffers of texels have. `None`: as
 /// [`decode`].
-pub(crate) fn decode_layers(
+pub fn decode_layers(
     format: TextureFormat,
     size: wgpu::Extent3d,
     bytes: &[u8],

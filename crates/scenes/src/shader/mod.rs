@@ -1,0 +1,10 @@
+//! What a shader's inputs are for, by its dataflow, and the scene of a bare shader.
+
+mod discards;
+mod divisors;
+pub(crate) mod flow;
+mod loops;
+pub(crate) mod roles;
+mod skin;
+pub(crate) mod synthesise;
+mod vertex_pulling;
