@@ -4,7 +4,6 @@ use preshade_plan::pass::AnyPass;
 use serde::Serialize;
 use serde_json::Value;
 
-/// One parameter of a pass.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Parameter {
     /// Name, as in `--pass PASS:NAME=VALUE`.
@@ -93,7 +92,6 @@ impl std::fmt::Display for Range {
 /// One word a parameter may be.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Choice {
-    /// The word.
     pub value: String,
     /// What it means.
     pub what: String,

@@ -106,6 +106,24 @@ pub fn apply(original: &Plan, recipe: &Recipe, facts: &Facts) -> (Plan, Vec<Skip
     (plans.remove(0), skipped)
 }
 
+impl Recipe {
+    /// Applies every step to a material on its own, for callers that need all of them. It ends at
+    /// the first refusal.
+    ///
+    /// # Errors
+    /// The first refusal. A step that would change other code than was recorded is refused as `stale`.
+    pub fn apply(&self, plan: &Plan, facts: &Facts) -> Applied {
+        self.steps.iter().try_fold(plan.clone(), |plan, step| {
+            let steps = vec![step.clone()];
+            let (plan, skipped) = apply(&plan, &Self { steps }, facts);
+            match skipped.into_iter().next() {
+                None => Ok(plan),
+                Some(first) => Err(first.refusal),
+            }
+        })
+    }
+}
+
 /// The latest step before which the refused step `at` of a recipe would be taken, along with all that
 /// were taken before it. `None`: the order is not to blame.
 pub fn earlier(

@@ -3,15 +3,14 @@
 use std::fmt;
 
 use preshade_passes::{PASSES, pass_named};
-use preshade_plan::pass::{AnyPass, Facts, Outcome, ParamError, Refusal, Refused, Site};
-use preshade_plan::plan::Plan;
+use preshade_plan::pass::{AnyPass, Facts, Outcome, ParamError, Refusal, Refused};
+use preshade_plan::plan::{Plan, Site};
 use preshade_plan::refusals;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use shader_text::refusals::RefusalInfo;
 
 use crate::parameters::{Parameter, parameters};
-use crate::pipeline::{self, Applied};
 use shader_text::nearest::nearest;
 
 /// One step: a pass, its parameters, and the code that it changes where the recipe pins that.
@@ -40,22 +39,17 @@ pub struct Recipe {
 #[derive(Debug, PartialEq, Eq, thiserror::Error)]
 #[non_exhaustive]
 pub enum RecipeError {
-    /// No pass has that name.
     #[error("there is no pass `{name}`{}; the passes are: {}", several_or(.name, .nearest), names())]
     UnknownPass {
-        /// As given.
         name: String,
-        /// The nearest name there is.
         nearest: Option<&'static str>,
     },
     /// A parameter names something that no material has.
     #[error("{pass}: {message}{}", suggestion(.nearest))]
     Misnamed {
-        /// Name of the pass.
         pass: String,
         /// What is wrong.
         message: String,
-        /// The nearest name there is.
         nearest: Option<String>,
     },
     /// `key=value` was expected.
@@ -73,11 +67,8 @@ pub enum RecipeError {
     #[error("{pass} has no parameter `{name}`{}; it has: {known} (see `preshade passes \
              {pass}`)", suggestion(.nearest))]
     UnknownParameter {
-        /// Name of the pass.
         pass: &'static str,
-        /// As given.
         name: String,
-        /// The nearest name there is.
         nearest: Option<String>,
         /// The names there are, separated by commas.
         known: String,
@@ -86,13 +77,10 @@ pub enum RecipeError {
     #[error("{pass}: `{name}` cannot be `{value}`{}; it is one of: {known} (see `preshade passes \
              {pass}`)", suggestion(.nearest))]
     UnknownValue {
-        /// Name of the pass.
         pass: &'static str,
         /// Name of the parameter.
         name: String,
-        /// As given.
         value: String,
-        /// The nearest word there is.
         nearest: Option<String>,
         /// The words there are, separated by commas.
         known: String,
@@ -100,25 +88,21 @@ pub enum RecipeError {
     /// The parameter is a number, and this is not.
     #[error("{pass}: `{name}` is {kind}, which `{value}` is not (see `preshade passes {pass}`)")]
     NotNumber {
-        /// Name of the pass.
         pass: &'static str,
         /// Name of the parameter.
         name: String,
         /// `a number` or `a whole number`.
         kind: &'static str,
-        /// As given.
         value: String,
     },
     /// The number is out of the parameter's bounds.
     #[error("{pass}: `{name}` is {range}, which {value} is not (see `preshade passes {pass}`)")]
     OutOfRange {
-        /// Name of the pass.
         pass: &'static str,
         /// Name of the parameter.
         name: String,
         /// The bounds, in words.
         range: String,
-        /// As given.
         value: String,
     },
     /// A parameter is given twice.
@@ -363,22 +347,6 @@ impl Recipe {
             });
         }
         Ok(())
-    }
-
-    /// Applies every step to a material on its own, for callers that need all of them. It ends at
-    /// the first refusal.
-    ///
-    /// # Errors
-    /// The first refusal. A step that would change other code than was recorded is refused as `stale`.
-    pub fn apply(&self, plan: &Plan, facts: &Facts) -> Applied {
-        self.steps.iter().try_fold(plan.clone(), |plan, step| {
-            let steps = vec![step.clone()];
-            let (plan, skipped) = pipeline::apply(&plan, &Self { steps }, facts);
-            match skipped.into_iter().next() {
-                None => Ok(plan),
-                Some(first) => Err(first.refusal),
-            }
-        })
     }
 }
 

@@ -29,7 +29,6 @@ pub struct Sweep {
 pub struct Axis {
     pub pass: String,
     pub parameter: String,
-    /// The kind of its values.
     pub kind: AxisKind,
 }
 
@@ -58,25 +57,16 @@ pub enum SweepError {
     Recipe(#[from] RecipeError),
     /// A range of a parameter that is not a whole number.
     #[error("{pass}: `{parameter}` takes no range: it is not a whole number")]
-    NotWhole {
-        /// Name of the pass.
-        pass: String,
-        /// Name of the parameter.
-        parameter: String,
-    },
+    NotWhole { pass: String, parameter: String },
     /// `8..1`, or an end that is not a number.
     #[error("`{text}` is not a range: write `1..8`, the smaller end first")]
-    Range {
-        /// As given.
-        text: String,
-    },
+    Range { text: String },
     /// Too many combinations.
     #[error(
         "`{text}` stands for {count} recipes; the most is {MOST}: shorten a range, or name one \
          word of a choice (form=shared)"
     )]
     TooMany {
-        /// As given.
         text: String,
         /// How many.
         count: usize,

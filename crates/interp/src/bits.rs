@@ -2,6 +2,8 @@
 
 use naga::MathFunction;
 
+use half::f16;
+
 use super::Stuck;
 use super::number::{Number, single, truncated};
 use super::value::{Scalar, Value};
@@ -32,7 +34,7 @@ pub(crate) fn call<F: Number>(
         M::Pack2x16snorm => pack(arguments, 16, &|v| snorm(v, 32767.0)),
         M::Pack2x16unorm => pack(arguments, 16, &|v| unorm(v, 65535.0)),
         M::Pack2x16float => pack(arguments, 16, &|v| match v {
-            Scalar::F32(v) => Ok(half_bits(single(v)?)),
+            Scalar::F32(v) => Ok(f16::from_f32(single(v)?).to_bits().into()),
             other => Err(Stuck::Type(format!("packing {other:?}"))),
         }),
         M::Pack4xI8 => pack(arguments, 8, &|v| Ok(signed(v)? as u32)),
@@ -47,7 +49,9 @@ pub(crate) fn call<F: Number>(
             normalized(f32::from(bits as i16), 32767.0)
         }),
         M::Unpack2x16unorm => unpack(arguments, 16, &|bits| normalized(bits as f32, 65535.0)),
-        M::Unpack2x16float => unpack(arguments, 16, &|bits| Ok(Scalar::F32(F::of(half(bits))))),
+        M::Unpack2x16float => unpack(arguments, 16, &|bits| {
+            Ok(Scalar::F32(F::of(f16::from_bits(bits as u16).into())))
+        }),
         M::Unpack4xI8 => unpack(arguments, 8, &|bits| Ok(Scalar::I32(i32::from(bits as i8)))),
         M::Unpack4xU8 => unpack(arguments, 8, &|bits| Ok(Scalar::U32(bits))),
         M::Dot4I8Packed => dot_of_bytes(arguments, |b| i32::from(b as i8)).map(Value::i32),
@@ -197,57 +201,4 @@ fn normalized<F: Number>(field: f32, of: f32) -> Result<Scalar<F>, Stuck> {
     let held = part.and_then(|part| F::call(MathFunction::Max, &[part, F::of(-1.0)]));
     held.map(Scalar::F32)
         .ok_or_else(|| Stuck::Unsupported("unpacking".to_owned()))
-}
-
-/// A 16-bit float (IEEE 754 binary16).
-pub(crate) fn half(bits: u32) -> f32 {
-    let sign = if bits & 0x8000 == 0 { 1.0 } else { -1.0 };
-    let (exponent, fraction) = ((bits >> 10) & 31, (bits & 1023) as f32 / 1024.0);
-    sign * match exponent {
-        0 => fraction * 2.0_f32.powi(-14),
-        31 if fraction == 0.0 => f32::INFINITY,
-        31 => f32::NAN,
-        e => (1.0 + fraction) * 2.0_f32.powi(e as i32 - 15),
-    }
-}
-
-/// The bits of the nearest 16-bit float, ties to even; infinity beyond the largest.
-pub(super) fn half_bits(value: f32) -> u32 {
-    let bits = value.to_bits();
-    let sign = (bits >> 16) & 0x8000;
-    if value.is_nan() {
-        return sign | 0x7e00;
-    }
-    let magnitude = value.abs();
-    // Steps of 2^-24 below 2^-14, 11 bits above.
-    if magnitude < 2.0_f32.powi(-14) {
-        return sign | (magnitude * 2.0_f32.powi(24)).round_ties_even() as u32;
-    }
-    if magnitude >= 65520.0 {
-        return sign | 0x7c00;
-    }
-    let bits = magnitude.to_bits();
-    let odd = (bits >> 13) & 1;
-    let rounded = (bits + 0xfff + odd) >> 13;
-    sign | (rounded - (112 << 10))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn halves_are_read_as_they_are_written() {
-        for bits in (0..=0x7c00).chain(0x8000..=0xfc00) {
-            assert_eq!(half_bits(half(bits)), bits, "{bits:x}");
-        }
-        // A tie goes to even, one bit more goes up.
-        assert_eq!(half_bits(1.0 + 2.0_f32.powi(-11)), 0x3c00);
-        assert_eq!(half_bits(1.0 + 3.0 * 2.0_f32.powi(-11)), 0x3c02);
-        assert_eq!(half_bits((1.0 + 2.0_f32.powi(-11)).next_up()), 0x3c01);
-        assert_eq!(half_bits(2.0_f32.powi(-25)), 0);
-        assert_eq!(half_bits(2.0_f32.powi(-25).next_up()), 1);
-        assert_eq!(half_bits(65519.0), 0x7bff);
-        assert_eq!(half_bits(-65520.0), 0xfc00);
-    }
 }

@@ -2,10 +2,13 @@
 
 use naga::{DerivativeAxis, DerivativeControl, Expression, GlobalVariable, Handle, SampleLevel};
 
+use super::expression_kind::kind;
 use super::machine::{Activation, Machine, part};
 use super::number::Number;
 use super::value::{self, Scalar, Value};
-use super::{Derivative, Lookup, Sampling, Stuck, flips, layout, math, notes, undefined};
+use super::{
+    Derivative, Lookup, Sampling, Stuck, constants, flips, layout, math, notes, undefined,
+};
 
 impl<'a, F: Number> Machine<'a, F> {
     /// The value of an operand.
@@ -199,10 +202,10 @@ impl<'a, F: Number> Machine<'a, F> {
             Expression::Constant(c) => {
                 let constant = &self.module.constants[*c];
                 self.room_for(constant.ty)?;
-                value::default_constant(self.module, constant.init)
+                constants::default_constant(self.module, constant.init)
             }
             Expression::Override(o) => match self.module.overrides[*o].init {
-                Some(init) => value::default_constant(self.module, init),
+                Some(init) => constants::default_constant(self.module, init),
                 None => Err(Stuck::Unsupported("an override without a value".to_owned())),
             },
             Expression::ZeroValue(ty) => {
@@ -453,30 +456,6 @@ fn is_unsigned<F>(value: &Value<F>) -> bool {
 /// A size at a level.
 fn halved<F: Number>(size: &Value<F>, level: usize) -> Result<Value<F>, Stuck> {
     Ok(Value::u32(((size.index()? >> level.min(31)) as u32).max(1)))
-}
-
-/// The name of an expression's kind.
-pub(crate) fn kind(expression: &Expression) -> &'static str {
-    match expression {
-        Expression::Compose { .. } => "Compose",
-        Expression::Access { .. } => "Access",
-        Expression::AccessIndex { .. } => "AccessIndex",
-        Expression::Splat { .. } => "Splat",
-        Expression::Swizzle { .. } => "Swizzle",
-        Expression::Load { .. } => "Load",
-        Expression::ImageSample { .. } => "ImageSample",
-        Expression::ImageLoad { .. } => "ImageLoad",
-        Expression::Unary { .. } => "Unary",
-        Expression::Binary { .. } => "Binary",
-        Expression::Select { .. } => "Select",
-        Expression::Derivative { .. } => "Derivative",
-        Expression::Relational { .. } => "Relational",
-        Expression::Math { .. } => "Math",
-        Expression::As { .. } => "As",
-        Expression::ImageQuery { .. } => "the size of a texture (ImageQuery)",
-        Expression::AtomicResult { .. } => "AtomicResult",
-        _ => "expression",
-    }
 }
 
 /// The value of an evaluated expression.

@@ -19,7 +19,9 @@ use naga::{Function, Module};
 pub mod accuracy;
 mod bits;
 pub mod bound;
+mod constants;
 mod expression;
+mod expression_kind;
 mod flips;
 pub mod interval;
 mod layout;
@@ -34,11 +36,12 @@ mod shadow;
 mod undefined;
 mod value;
 
+pub use constants::{OverrideValue, constant, default_constant};
 pub use layout::{RUNTIME_ELEMENTS, from_bytes, place, scalars};
 pub use number::Number;
 pub use shadow::{Shadowed, ulps};
 pub use undefined::Undefined;
-pub use value::{OverrideValue, Scalar, Value, constant, default_constant};
+pub use value::{Scalar, Value};
 
 use machine::Machine;
 

@@ -8,10 +8,10 @@ use naga::{
     SwitchValue,
 };
 
-use super::expression::kind;
+use super::expression_kind::kind;
 use super::number::Number;
-use super::value::{self, Scalar, Value};
-use super::{Environment, RunResult, Stuck, Traced, Undefined, layout, notes};
+use super::value::{Scalar, Value};
+use super::{Environment, RunResult, Stuck, Traced, Undefined, constants, layout, notes};
 
 /// Most scalars in private and local memory. Each takes many bytes, and is copied with its
 /// composite.
@@ -191,7 +191,7 @@ impl<'a, F: Number> Machine<'a, F> {
             }
         }
         match global.init.filter(|_| global.binding.is_none()) {
-            Some(init) => Ok(Some(Cow::Owned(value::default_constant(module, init)?))),
+            Some(init) => Ok(Some(Cow::Owned(constants::default_constant(module, init)?))),
             // For types without values.
             None => Ok(Value::zero(module, global.ty).ok().map(Cow::Owned)),
         }

@@ -2,10 +2,11 @@
 
 use std::fmt::Debug;
 
+use half::f16;
 use naga::{BinaryOperator, MathFunction};
 
+use super::Stuck;
 use super::scalar::Scalar;
-use super::{Stuck, bits};
 
 /// A float of the interpreter: `f32`, `f64`, or a representation of several numbers.
 ///
@@ -172,7 +173,7 @@ macro_rules! float {
                     }
                     (M::Mix, [a, b, t]) => a * (1.0 - t) + b * t,
                     (M::Fma, [a, b, c]) => a.mul_add(*b, *c),
-                    (M::QuantizeToF16, [v]) => Self::from(bits::half(bits::half_bits(*v as f32))),
+                    (M::QuantizeToF16, [v]) => f16::from_f32(*v as f32).into(),
                     (M::SmoothStep, [low, high, v]) => {
                         let t = ((v - low) / (high - low)).clamp(0.0, 1.0);
                         t * t * (3.0 - 2.0 * t)

@@ -1,10 +1,10 @@
 //! Values of the interpreter.
 
-use naga::{Expression, Handle, Literal, Module, ScalarKind, Type, TypeInner};
+use naga::{Handle, Literal, Module, ScalarKind, Type, TypeInner};
 
+use super::Stuck;
 use super::number::Number;
 pub use super::scalar::Scalar;
-use super::{Stuck, math};
 
 /// A function of scalars, of one component each.
 pub(crate) type ScalarFunction<'f, F> = dyn FnMut(&[Scalar<F>]) -> Result<Scalar<F>, Stuck> + 'f;
@@ -294,69 +294,6 @@ fn zero_scalar<F: Number>(kind: ScalarKind, width: u8) -> Result<Scalar<F>, Stuc
         (ScalarKind::Bool, _) => Scalar::Bool(false),
         other => return Err(Stuck::Unsupported(format!("a zero of {other:?}"))),
     })
-}
-
-/// Returns an override's value, if it has one.
-pub type OverrideValue<'a, F> = dyn Fn(Handle<naga::Override>) -> Option<Value<F>> + 'a;
-
-/// Evaluates a constant expression of the module's own arena, with the values of `overrides`.
-///
-/// # Errors
-///
-/// On something unsupported, or an override without a value.
-pub fn constant<F: Number>(
-    module: &Module,
-    e: Handle<Expression>,
-    overrides: &OverrideValue<'_, F>,
-) -> Result<Value<F>, Stuck> {
-    let of = |e: &Handle<Expression>| constant(module, *e, overrides);
-    match &module.global_expressions[e] {
-        Expression::Literal(l) => Value::literal(l),
-        Expression::Constant(c) => of(&module.constants[*c].init),
-        Expression::Override(o) => overrides(*o)
-            .ok_or_else(|| Stuck::Unsupported("an override without a value".to_owned())),
-        Expression::ZeroValue(ty) => Value::zero(module, *ty),
-        Expression::Splat { size, value } => Ok(Value::Composite(vec![of(value)?; *size as usize])),
-        Expression::Compose { ty, components } => {
-            let parts = components.iter().map(of).collect::<Result<Vec<_>, _>>()?;
-            Ok(compose(module, *ty, parts))
-        }
-        Expression::Unary { op, expr } => math::unary(*op, &of(expr)?),
-        Expression::Binary { op, left, right } => math::binary(*op, &of(left)?, &of(right)?),
-        Expression::Select {
-            condition,
-            accept,
-            reject,
-        } => match of(condition)? {
-            Value::Scalar(Scalar::Bool(true)) => of(accept),
-            Value::Scalar(Scalar::Bool(false)) => of(reject),
-            _ => Err(Stuck::Unsupported(
-                "a constant selection by components".to_owned(),
-            )),
-        },
-        Expression::As {
-            expr,
-            kind,
-            convert,
-        } => math::cast(*kind, *convert, &of(expr)?),
-        other => Err(Stuck::Unsupported(format!("the constant {other:?}"))),
-    }
-}
-
-/// Evaluates a constant expression, with the overrides' defaults.
-///
-/// # Errors
-///
-/// Those of [`constant`].
-pub fn default_constant<F: Number>(
-    module: &Module,
-    e: Handle<Expression>,
-) -> Result<Value<F>, Stuck> {
-    let default = |o: Handle<naga::Override>| {
-        let init = module.overrides[o].init?;
-        default_constant(module, init).ok()
-    };
-    constant(module, e, &default)
 }
 
 /// Composes a value: a vector may be given in pieces.

@@ -63,7 +63,6 @@ impl Copies {
 pub struct Copying<'a> {
     /// The function that is copied.
     pub original: &'a Function,
-    /// The copies so far.
     pub copies: Copies,
     /// The function that is written.
     pub writer: FunctionWriter,

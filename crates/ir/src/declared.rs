@@ -379,7 +379,6 @@ impl Located {
 /// Who chose a location.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Chosen {
-    /// The author, in the text.
     ByAuthor,
     /// We did: the author's host queries or sets it by name.
     ByUs,

@@ -32,7 +32,6 @@ pub const MOST_DRAWS: usize = (1 << 16) - 2;
 pub struct Entry {
     /// Number of instances of the draws before it.
     pub first_id: u32,
-    /// Number of instances.
     pub instances: u32,
     /// `firstInstance` of the author's draw.
     pub first_instance: u32,

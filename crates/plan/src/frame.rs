@@ -128,7 +128,6 @@ pub enum FrameError {
     )]
     MixedTargets {
         material: String,
-        /// Role of the pass.
         role: &'static str,
     },
     /// Passes share a render pass and an attachment, and only some of them clear it.
@@ -139,7 +138,6 @@ pub enum FrameError {
     LoadMismatch {
         /// Material that loads.
         material: String,
-        /// Role of its pass.
         role: &'static str,
         /// Attachment and aspect.
         attachment: String,
@@ -150,7 +148,6 @@ pub enum FrameError {
          are not the same"
     )]
     OnceMismatch {
-        /// Role of the pass.
         role: &'static str,
         /// First material.
         first: String,
@@ -165,7 +162,6 @@ pub enum FrameError {
     Discarded {
         /// Material that discards.
         material: String,
-        /// Role of its pass.
         role: &'static str,
         /// Attachment and aspect.
         attachment: String,

@@ -2,6 +2,7 @@
 //! Nothing here depends on a transform.
 
 pub mod budget;
+mod build;
 pub mod channels;
 pub mod contract;
 pub mod draw_table;

@@ -2,12 +2,11 @@
 
 use std::collections::BTreeMap;
 
-use naga::{Binding, BuiltIn, Module, ShaderStage};
+use naga::{AddressSpace, Binding, BuiltIn, Module, ShaderStage};
 
 use crate::geometry::Geometry;
 use crate::plan::{BindingKind, BindingLayout, BindingUse, ComputePass, GpuPass};
 use crate::program::Program;
-use crate::reflect;
 use crate::state::Topology;
 use naga_edit::interface::{self, Io};
 
@@ -51,13 +50,31 @@ pub(crate) fn of_compute(pass: &ComputePass, program: &Program) -> BTreeMap<Stri
         _ => side,
     };
     let stages = [(ShaderStage::Compute, pass.entry_point.as_str())];
-    let immediates = reflect::immediate_size(program, &stages);
+    let immediates = immediate_size(program, &stages);
     needed.extend([
         ("maxImmediateSize", immediates.into()),
         ("maxComputeInvocationsPerWorkgroup", invocations),
         ("maxComputeWorkgroupSizeX", pass.workgroup.into()),
     ]);
     above(needed)
+}
+
+/// Bytes of immediate data that entry points read; 0 if none.
+pub fn immediate_size(program: &Program, stages: &[(ShaderStage, &str)]) -> u32 {
+    let module = program.module();
+    let entries = stages.iter();
+    let entries = entries.filter_map(|(stage, name)| program.entry_point(*stage, name));
+    entries
+        .flat_map(|(index, _)| {
+            let info = program.info().get_entry_point(index);
+            let globals = module.global_variables.iter();
+            globals.filter(move |(handle, global)| {
+                global.space == AddressSpace::Immediate && !info[*handle].is_empty()
+            })
+        })
+        .map(|(_, global)| module.types[global.ty].inner.size(module.to_ctx()))
+        .max()
+        .unwrap_or(0)
 }
 
 fn above(needed: BTreeMap<&'static str, u64>) -> BTreeMap<String, u64> {
@@ -87,7 +104,7 @@ fn needed(pass: &GpuPass, program: &Program) -> BTreeMap<&'static str, u64> {
         ("maxColorAttachments", pass.targets.len() as u64),
         (
             "maxImmediateSize",
-            reflect::immediate_size(program, &reflect::stages(pass)).into(),
+            immediate_size(program, &pass.stages()).into(),
         ),
         ("maxInterStageShaderVariables", inter_stage(pass, program)),
         ("maxVertexAttributes", locations.max().unwrap_or(0)),

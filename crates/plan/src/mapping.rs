@@ -159,7 +159,6 @@ pub struct Place {
     pub global: Handle<GlobalVariable>,
     /// Indices of members and elements, outermost first.
     pub steps: Vec<usize>,
-    /// The type of the part.
     pub ty: Handle<Type>,
 }
 

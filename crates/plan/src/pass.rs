@@ -7,7 +7,7 @@ use serde::{Deserialize, Serialize, de::DeserializeOwned};
 use crate::budget::{Difference, or_infinite, unmeasured};
 use crate::contract::Assumption;
 use crate::guard::{Assumed, Guard};
-use crate::plan::{Plan, Role};
+use crate::plan::{Change, Plan};
 use crate::program::Program;
 use crate::rasterizer::Rasterizer;
 use crate::{refusals, shared_binding};
@@ -98,36 +98,9 @@ pub enum Use {
     },
 }
 
-/// The code that a pass changes. The name is stable: it holds no arena handle.
-#[derive(
-    Clone, Debug, PartialEq, Eq, Hash, PartialOrd, Ord, Serialize, Deserialize, JsonSchema,
-)]
-pub struct Site {
-    /// Role of the GPU pass.
-    pub role: Role,
-    /// Entry point.
-    pub entry_point: String,
-    /// Hash of the canonical slice, 16 hex digits.
-    pub slice: String,
-}
-
-/// One change that a pass made.
-#[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct Change {
-    /// The code it changed.
-    pub key: Site,
-    /// A description for people.
-    pub what: String,
-    /// Position in the author's source.
-    pub location: Option<Location>,
-    /// Static cost of the slice and of the stage that it was cut from.
-    pub cost: SiteCost,
-}
-
 /// A pass applied.
 #[derive(Clone, Debug)]
 pub struct Outcome {
-    /// The new plan.
     pub plan: Plan,
     pub change: Change,
     /// Candidates that the pass did not take, the most expensive first.
@@ -193,15 +166,6 @@ pub struct Left {
     pub cost: f64,
     /// Where it is in the author's source.
     pub location: Option<Location>,
-}
-
-/// Static cost estimate of a change, in the units of `preshade_passes::graph`'s cost model.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
-pub struct SiteCost {
-    /// Cost of the slice.
-    pub slice: f64,
-    /// Cost of the stage it comes from.
-    pub whole: f64,
 }
 
 /// A pass does not apply. A normal outcome, not an error.
@@ -449,7 +413,6 @@ impl Numbers {
         }
     }
 
-    /// These and those.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
         let least = match (self.least, other.least) {
@@ -575,7 +538,6 @@ pub trait Pass {
     /// Its parameters, with defaults.
     type Params: Serialize + DeserializeOwned + JsonSchema + Default;
 
-    /// What it is.
     const INFO: PassInfo;
 
     /// Its own refusals; those of shared analyses are in `preshade_passes::analysis::refusals`.
@@ -623,7 +585,6 @@ pub struct Expected {
 pub struct Misnamed {
     /// What is wrong, in words.
     pub message: String,
-    /// The name, as given.
     pub name: String,
     /// The names there are; empty where the name is not what is wrong.
     pub known: Vec<String>,
@@ -633,7 +594,6 @@ pub struct Misnamed {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{pass}: {message}")]
 pub struct ParamError {
-    /// Name of the pass.
     pub pass: String,
     /// What does not fit, with what would.
     pub message: String,
@@ -642,7 +602,6 @@ pub struct ParamError {
 /// A [`Pass`] with its parameter type erased to JSON: what a recipe, a command line or a build
 /// script holds.
 pub trait AnyPass: Sync {
-    /// What it is.
     fn info(&self) -> &'static PassInfo;
     fn refusals(&self) -> &'static [RefusalInfo];
     fn examples(&self) -> &'static [Example];
@@ -673,7 +632,6 @@ pub trait AnyPass: Sync {
 pub struct Erased<P>(pub std::marker::PhantomData<fn() -> P>);
 
 impl<P: Pass + 'static> Erased<P> {
-    /// The pass as a value.
     pub const NEW: Self = Self(std::marker::PhantomData);
 
     fn params(params: &serde_json::Value) -> Result<P::Params, ParamError> {

@@ -264,7 +264,7 @@ pub fn bindings(
 /// another source than the author keeps it, and so does an attribute.
 pub fn fill(pass: &mut GpuPass, program: &Program) {
     let module = program.module();
-    let bindings = bindings(program, &stages(pass), &pass.bindings);
+    let bindings = bindings(program, &pass.stages(), &pass.bindings);
     pass.bindings = bindings;
     // The caller has already added the feature of the depth format.
     let depth = pass.features.iter().find(|f| *f == DEPTH32FLOAT_STENCIL8);
@@ -295,32 +295,6 @@ pub fn fill(pass: &mut GpuPass, program: &Program) {
 
 /// The feature of the depth format of that name.
 pub(crate) const DEPTH32FLOAT_STENCIL8: &str = "depth32float-stencil8";
-
-/// The entry points that a pass draws with.
-pub fn stages(pass: &GpuPass) -> Vec<(ShaderStage, &str)> {
-    let fragment = pass.fragment.as_deref();
-    let vertex = (ShaderStage::Vertex, pass.vertex.as_str());
-    let fragment = fragment.map(|name| (ShaderStage::Fragment, name));
-    std::iter::once(vertex).chain(fragment).collect()
-}
-
-/// Bytes of immediate data that entry points read; 0 if none.
-pub fn immediate_size(program: &Program, stages: &[(ShaderStage, &str)]) -> u32 {
-    let module = program.module();
-    let entries = stages.iter();
-    let entries = entries.filter_map(|(stage, name)| program.entry_point(*stage, name));
-    entries
-        .flat_map(|(index, _)| {
-            let info = program.info().get_entry_point(index);
-            let globals = module.global_variables.iter();
-            globals.filter(move |(handle, global)| {
-                global.space == AddressSpace::Immediate && !info[*handle].is_empty()
-            })
-        })
-        .map(|(_, global)| module.types[global.ty].inner.size(module.to_ctx()))
-        .max()
-        .unwrap_or(0)
-}
 
 /// Fills a compute pass's bindings, features and limits from the entry point it names, as [`fill`] does.
 pub fn fill_compute(pass: &mut ComputePass, program: &Program) {

@@ -72,7 +72,6 @@ impl<'m> Part<'m> {
         }
     }
 
-    /// Whether it has no parts.
     pub fn is_empty(&self) -> bool {
         self.len() == 0
     }

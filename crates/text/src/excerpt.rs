@@ -13,7 +13,6 @@ const MORE: &str = "\u{2026}";
 
 /// A line that was cut.
 struct Cut {
-    /// The whole line.
     line: Range<usize>,
     /// The part of it that is shown.
     shown: Range<usize>,

@@ -184,7 +184,6 @@ impl Default for Limits {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("{what} would be {asked}; the limit `{limit}` is {most}")]
 pub struct Exceeded {
-    /// Name of the limit.
     pub limit: &'static str,
     /// The thing that is too large.
     pub what: String,
@@ -308,7 +307,6 @@ impl Limits {
         lines.join("\n")
     }
 
-    /// The limit of that name.
     pub fn of(&self, limit: &'static str) -> u64 {
         let mut own = *self;
         let named = NAMED.iter().find(|n| n.name == limit);

@@ -9,7 +9,6 @@ use serde::{Deserialize, Serialize};
 pub struct SourceFile {
     /// The name to print in messages: a path as the user gave it, or `<stdin>`.
     pub name: String,
-    /// The whole text.
     pub text: String,
     /// Offset in bytes of the file's first byte in the map's address space.
     pub base: u32,
@@ -32,9 +31,7 @@ pub struct SourceMap {
 /// old ones, or conflict with them.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Searched {
-    /// The folders, in order.
     pub folders: Vec<String>,
-    /// What it searched for.
     pub wanted: Wanted,
     /// The matches in order, a word each.
     pub found: Vec<String>,

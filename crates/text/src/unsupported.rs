@@ -117,7 +117,6 @@ const ABSENT: &[Absent] = &[
 ];
 
 impl Absent {
-    /// The kind of word.
     pub fn word(&self) -> Word {
         self.word
     }

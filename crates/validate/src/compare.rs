@@ -9,7 +9,6 @@ use preshade_plan::state::DepthDirection;
 /// The promise about a variant's colours.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Colors {
-    /// The same bits.
     Bits,
     /// Equal numbers: 0 is -0.
     Numbers,
@@ -24,7 +23,6 @@ pub(crate) enum Colors {
 /// The permitted differences between the discards of variant and original.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) enum Discards {
-    /// None.
     Same,
     /// Another pass has discarded these fragments already, and this one compares for EQUAL.
     LeftToEqual,
@@ -44,14 +42,12 @@ pub(crate) enum Discards {
 pub(crate) enum Depths {
     /// The same bits.
     Same,
-    /// No nearer.
     NotNearer(DepthDirection),
 }
 
 /// The promise about positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Positions {
-    /// The same bits.
     Bits,
     /// Equal numbers: 0 is -0.
     Numbers,

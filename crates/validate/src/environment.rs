@@ -6,6 +6,7 @@ use std::sync::Arc;
 
 use naga::{BuiltIn, Handle, Module, ScalarKind, Type, TypeInner};
 
+use super::arithmetic::{plus, times};
 use super::inputs::{Inputs, Random};
 use super::made_up_draw::Drawn;
 use super::stage::{At, POSITION, Ran, Slot, Stage, VaryingKind, interpolated};
@@ -17,7 +18,6 @@ use naga_interp::{
     Derivative, Environment, Lookup, Number, Scalar, Stuck, Traced, Value, place, scalars,
 };
 
-/// Both stages of a pass.
 #[derive(Clone, Copy, Debug)]
 pub struct PassStages<'p> {
     pub vertex: Stage<'p>,
@@ -165,7 +165,6 @@ impl<'a> World<'a, f32> {
     }
 }
 
-/// The kind of texels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Texels {
     /// Waves over the coordinates, which distinguish places best ([`Inputs::texel`]).
@@ -352,40 +351,14 @@ pub(super) fn taped<'a>(
     }
 }
 
-/// The derivatives of half of the fragments along x and y, per unit; the others have 0. A
-/// derivative is linear, and 0 for 0.
-pub fn slopes(inputs: &Inputs) -> [f32; 2] {
-    match inputs.seed.is_multiple_of(2) {
-        true => [0.0; 2],
-        false => [0.0625, -0.03125],
-    }
-}
-
 fn slope<F: Number>(inputs: &Inputs, derivative: Derivative<F>) -> F {
-    let [x, y] = slopes(inputs).map(|slope| times(derivative.of, slope));
+    let [x, y] = inputs.slopes().map(|slope| times(derivative.of, slope));
     let size = |slope: F| F::call(naga::MathFunction::Abs, &[slope]).unwrap_or(slope);
     match derivative.axis {
         naga::DerivativeAxis::X => x,
         naga::DerivativeAxis::Y => y,
         naga::DerivativeAxis::Width => plus(size(x), size(y)),
     }
-}
-
-/// Every number type supports addition.
-pub(super) fn plus<F: Number>(a: F, b: F) -> F {
-    F::binary(naga::BinaryOperator::Add, a, b).unwrap_or(a)
-}
-
-pub(super) fn product<F: Number>(a: F, b: F) -> F {
-    F::binary(naga::BinaryOperator::Multiply, a, b).unwrap_or(a)
-}
-
-pub(super) fn times<F: Number>(a: F, b: f32) -> F {
-    product(a, F::of(b))
-}
-
-pub(super) fn exp2<F: Number>(a: F) -> F {
-    F::call(naga::MathFunction::Exp2, &[a]).unwrap_or(a)
 }
 
 /// The depth of a fragment, and the depth that a prologue compares it with: equal, before and

@@ -9,7 +9,8 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Expression, Function, Module, SampleLevel};
 
-use super::environment::{PassStages, exp2, product, times};
+use super::arithmetic::{exp2, product, times};
+use super::environment::PassStages;
 use naga_interp::{Lookup, Number};
 use naga_operands::calls;
 
@@ -43,7 +44,6 @@ pub enum Reading {
     /// On the level, however the lookup names it: an implicit level is that of the coordinates'
     /// derivatives.
     Level,
-    /// Not at all.
     Ignored,
 }
 

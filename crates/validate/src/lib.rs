@@ -34,6 +34,7 @@ use preshade_plan::plan::{ComputePass, Plan, Role};
 use preshade_plan::program::Program;
 
 pub mod agree;
+mod arithmetic;
 #[cfg(test)]
 mod broken_slicer;
 pub mod compare;

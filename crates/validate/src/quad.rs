@@ -14,7 +14,7 @@ use naga::{
     SampleLevel, TypeInner,
 };
 
-use super::environment::exp2;
+use super::arithmetic::exp2;
 use super::inputs::{Inputs, Random};
 use super::made_up_draw::Drawn;
 use super::stage::{At, POSITION, Ran, Slot, Stage, VaryingKind, interpolated};

@@ -30,7 +30,6 @@ impl Random {
         self.0 = self.0.wrapping_add(STEP.wrapping_mul(count));
     }
 
-    /// A number below `n`.
     pub fn below(&mut self, n: usize) -> usize {
         (self.bits() % n.max(1) as u64) as usize
     }

@@ -33,7 +33,6 @@ pub(super) fn runs(plan: &Plan, pass: &ComputePass) -> bool {
     pass.geometry == Geometry::Vertices && plan.passes.iter().any(|p| p.role == Role::Resolve)
 }
 
-/// A pass and its stages.
 #[derive(Clone, Copy)]
 pub(super) struct Staged<'a> {
     pub(super) pass: &'a GpuPass,

@@ -47,7 +47,6 @@ impl fmt::Display for Slot {
     }
 }
 
-/// A stage of a program.
 #[derive(Clone, Copy, Debug)]
 pub struct Stage<'p> {
     pub program: &'p Program,
@@ -55,7 +54,6 @@ pub struct Stage<'p> {
     pub entry: usize,
 }
 
-/// The result of a stage.
 #[derive(Clone, Debug)]
 pub struct Ran<F = f32> {
     pub outputs: BTreeMap<Slot, Value<F>>,

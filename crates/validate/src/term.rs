@@ -26,7 +26,6 @@ pub(crate) struct Symbolic(u32);
 enum TermNode {
     /// Bits of an `f32`.
     Constant(u32),
-    /// An input, by name.
     Input(String),
     Negated(Symbolic),
     Binary(BinaryOperator, Symbolic, Symbolic),

@@ -695,7 +695,6 @@ pub(crate) fn rounded_in_slice(
 /// An operation and the provider of its operand, as a compiler sees them.
 type Pair = (u64, u64, bool, usize);
 
-/// The values of a stage.
 struct Looked<'g, 'p> {
     values: Values<'g, 'p>,
     /// A structural hash of each value.

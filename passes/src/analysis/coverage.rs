@@ -20,7 +20,6 @@ const DEPTH: u32 = 2;
 /// How a fragment stage decides coverage and depth.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Decides {
-    /// It may discard.
     pub discards: bool,
     /// It writes depth.
     pub depth: bool,

@@ -13,12 +13,12 @@ use crate::analysis::{effects, refusals};
 use crate::graph::effect::Effect;
 use crate::graph::{FunctionId, Graph};
 use crate::slice::Slice;
+use preshade_plan::channels;
 use preshade_plan::contract::Assumption;
 use preshade_plan::pass::{Facts, Refusal};
 use preshade_plan::plan::{ClearValue, GpuPass, Phase, Plan, Role};
 use preshade_plan::program::Program;
 use preshade_plan::state::{Blend, CompareFunction, DepthDirection, DepthState};
-use preshade_plan::{channels, reflect};
 use shader_text::refusals::RefusalInfo;
 
 /// The main pass of a material whose depth may be drawn first, with the properties that the
@@ -314,7 +314,7 @@ impl Examination {
 
 /// Whether a stage of a pass stores to memory.
 pub(crate) fn stores(graph: &Graph, program: &Program, pass: &GpuPass) -> bool {
-    let mut stages = reflect::stages(pass).into_iter();
+    let mut stages = pass.stages().into_iter();
     stages.any(|(stage, name)| {
         let entry = program.entry_point(stage, name);
         entry.is_some_and(|(index, _)| graph.writes_memory(FunctionId::EntryPoint(index)))

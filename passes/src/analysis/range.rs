@@ -28,7 +28,6 @@ const MOST_FOLLOWED: usize = 200_000;
 /// Most rounds within an iteration; the rest is treated the same.
 const MOST_ROUNDS: usize = 16;
 
-/// The range of every value.
 #[derive(Debug)]
 pub(crate) struct AllRanges {
     of: Vec<Interval>,

@@ -11,8 +11,8 @@ use crate::analysis::refusals;
 use crate::graph::{FunctionId, Graph};
 use crate::slice::{self, Criterion, OutputFilter, Slice};
 use preshade_plan::contract::{Assumption, Contract};
-use preshade_plan::pass::{Change, Left, Outcome, Refusal, Refused, Site, SiteCost};
-use preshade_plan::plan::{GpuPass, Plan, Role};
+use preshade_plan::pass::{Left, Outcome, Refusal, Refused};
+use preshade_plan::plan::{Change, GpuPass, Plan, Role, Site, SiteCost};
 use preshade_plan::program::Program;
 use preshade_plan::reflect;
 
@@ -75,7 +75,6 @@ pub(crate) fn whole(graph: &Graph<'_>, entry: usize) -> Slice {
 pub(crate) struct FragmentStage<'p> {
     /// The main pass.
     pub pass: &'p GpuPass,
-    /// The graph of its program.
     pub graph: Graph<'p>,
     /// Index of the entry point.
     pub entry: usize,

@@ -76,7 +76,6 @@ type NodeId = usize;
 const MAYBE: NodeId = 0;
 /// Control flow at the call of the function.
 const CALLED: NodeId = 1;
-/// The returned value.
 const RETURNED: NodeId = 2;
 /// Without dependences.
 const UNIFORM: NodeId = 3;

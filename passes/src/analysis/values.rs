@@ -51,7 +51,6 @@ pub enum Node {
     Input(usize),
     /// An expression, or the part of a struct expression at a path of members.
     Expression(ContextId, Handle<Expression>, Vec<u32>),
-    /// A version of a variable.
     Version(ContextId, VersionId),
     /// The condition under which a statement runs.
     Control(ContextId, StmtId),

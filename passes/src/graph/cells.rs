@@ -28,7 +28,6 @@ pub type Path = Vec<u32>;
 /// A unit of memory.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Cell {
-    /// The variable.
     pub root: Root,
     pub path: Path,
 }
@@ -43,7 +42,6 @@ impl Cell {
 /// The target of a pointer expression.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Place {
-    /// The variable.
     pub root: Root,
     /// The constant part of the access path.
     pub path: Path,

@@ -21,12 +21,10 @@ pub(crate) const MOST_GUARDED: u32 = 1024;
 /// Whether a loop ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Ends {
-    /// It does.
     #[default]
     Always,
     /// It does if [`uniform_bound`] is from 0 to [`MOST_GUARDED`].
     Guarded,
-    /// It may not.
     Unknown,
 }
 

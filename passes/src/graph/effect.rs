@@ -8,7 +8,6 @@ use serde::{Deserialize, Serialize};
 use super::cells::{self, Root};
 use super::{FunctionGraph, StmtId};
 
-/// One kind of effect.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Effect {

@@ -33,7 +33,6 @@ pub enum Origin {
     Initial,
     /// A statement that writes it.
     Written {
-        /// The statement.
         by: StmtId,
         /// The previous version, if the statement may keep it in part or whole.
         over: Option<VersionId>,

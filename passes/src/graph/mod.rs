@@ -48,7 +48,6 @@ pub enum FunctionId {
 /// The analyses of one function.
 #[derive(Debug)]
 pub struct FunctionGraph<'p> {
-    /// Which function.
     pub id: FunctionId,
     pub function: &'p Function,
     /// The validator's results for it, above all types of expressions.

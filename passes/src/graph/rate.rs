@@ -122,12 +122,10 @@ impl Stages {
         vertex: true,
         fragment: true,
     };
-    /// A vertex stage only.
     pub const VERTEX: Self = Self {
         vertex: true,
         fragment: false,
     };
-    /// A fragment stage only.
     pub const FRAGMENT: Self = Self {
         vertex: false,
         fragment: true,

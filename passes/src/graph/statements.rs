@@ -74,7 +74,6 @@ impl<'p> Statements<'p> {
         }
     }
 
-    /// Number of statements.
     pub fn len(&self) -> usize {
         self.nodes.len()
     }
@@ -84,7 +83,6 @@ impl<'p> Statements<'p> {
         self.nodes.is_empty()
     }
 
-    /// The statement of that number.
     pub fn get(&self, id: StmtId) -> StatementNode<'p> {
         self.nodes[id.index()]
     }

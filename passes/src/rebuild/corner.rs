@@ -15,7 +15,6 @@ use crate::rebuild::snippet::{define, word};
 /// The author's vertex stage, as a function.
 pub(crate) struct Author<'a> {
     pub function: Handle<Function>,
-    /// Its result type.
     pub given: Handle<Type>,
     /// The entry point's arguments.
     pub inputs: &'a [FunctionArgument],

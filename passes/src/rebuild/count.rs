@@ -131,7 +131,6 @@ pub fn decides(program: &Program, pass: &GpuPass) -> bool {
 /// The position of a coverage decision in the result.
 #[derive(Clone, Copy)]
 enum Part {
-    /// It is the whole result.
     Whole,
     Member(u32),
 }

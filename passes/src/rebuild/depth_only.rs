@@ -15,8 +15,8 @@ use crate::slice::{self, Criterion, OutputFilter, Slice};
 use naga_edit::returns;
 use naga_edit::writer::FunctionWriter;
 use preshade_plan::contract::{Assumption, Contract};
-use preshade_plan::pass::{Change, Outcome, Refusal, Site, SiteCost};
-use preshade_plan::plan::{Plan, Role, Step};
+use preshade_plan::pass::{Outcome, Refusal};
+use preshade_plan::plan::{Change, Plan, Role, Site, SiteCost, Step};
 
 /// The vertex stage of a depth-only pass.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]

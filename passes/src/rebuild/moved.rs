@@ -13,16 +13,14 @@ use crate::analysis::values::{ValueId, Values};
 use crate::slice::Termination;
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::guard::Guard;
-use preshade_plan::pass::{Change, Left, Outcome, Refusal, Refused, Site, SiteCost};
-use preshade_plan::plan::{GpuPass, ORIGINAL, Plan, Role};
+use preshade_plan::pass::{Left, Outcome, Refusal, Refused};
+use preshade_plan::plan::{Change, GpuPass, ORIGINAL, Plan, Role, Site, SiteCost};
 
 /// The values that leave a fragment stage.
 pub(crate) struct MovedValues<'v, 'g, 'p> {
-    /// All values of the stage.
     pub values: &'v Values<'g, 'p>,
     /// Those that leave it, in the order in which they are given.
     pub ids: Vec<ValueId>,
-    /// The same with names.
     pub wanted: Vec<Wanted>,
     /// Values that stay, and why.
     pub left: Vec<Left>,
@@ -49,7 +47,6 @@ impl<'v, 'g, 'p> MovedValues<'v, 'g, 'p> {
         }
     }
 
-    /// Their names in a message.
     pub fn names(&self) -> String {
         let names = self.wanted.iter().map(|w| format!("`{}`", w.name));
         names.collect::<Vec<_>>().join(", ")

@@ -168,7 +168,6 @@ pub(crate) struct Extracted {
 pub(crate) struct Names {
     /// The function's name, and the suffix of its parts.
     pub function: &'static str,
-    /// The struct.
     pub values: &'static str,
 }
 

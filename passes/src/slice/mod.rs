@@ -44,7 +44,6 @@ pub enum Criterion {
 /// Chooses outputs of an entry point.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum OutputFilter {
-    /// All of them.
     All,
     /// The clip-space position.
     Position,

@@ -54,7 +54,6 @@ use shader_text::refusals::RefusalInfo;
 mod near_plane;
 pub mod refusals;
 
-/// The pass.
 pub struct DepthPrepass;
 
 /// How the main pass finds the nearest fragment.

@@ -45,10 +45,8 @@ use crate::rebuild::{place, quad};
 use crate::slice::{self, Criterion, Slice};
 use naga_edit::returns;
 use preshade_plan::contract::Contract;
-use preshade_plan::pass::{
-    Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
-};
-use preshade_plan::plan::Plan;
+use preshade_plan::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
+use preshade_plan::plan::{Plan, SiteCost};
 use shader_text::refusals::{RefusalInfo, refusals};
 
 refusals! {
@@ -75,7 +73,6 @@ refusals! {
         "Count its iterations by constants: `for i < 32`.";
 }
 
-/// The pass.
 pub(crate) struct EarlyAlpha;
 
 /// Parameters.

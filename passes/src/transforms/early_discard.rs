@@ -73,7 +73,6 @@ use prologue::{DepthRange, Prologue};
 /// Name of the depth attachment that the prologue reads if the main pass has its own.
 pub(crate) const PREPASS_DEPTH: &str = "prepass-depth";
 
-/// The pass.
 pub struct EarlyDiscard;
 
 /// The depth attachment of the main pass.

@@ -56,7 +56,6 @@ mod values;
 use text::Layout;
 use values::{CarriedValues, NotHalved};
 
-/// The pass.
 pub struct HalfRate;
 
 /// The values of a pixel that is like none of its neighbours.

@@ -44,10 +44,9 @@ use crate::rebuild::{outline, place};
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::pass::{
-    Change, Example, Expected, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost,
-    Use,
+    Example, Expected, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Use,
 };
-use preshade_plan::plan::{GpuPass, HOIST, Plan};
+use preshade_plan::plan::{Change, GpuPass, HOIST, Plan, SiteCost};
 use preshade_plan::program::Program;
 use preshade_plan::{reflect, self_test};
 use shader_text::refusals::RefusalInfo;
@@ -77,7 +76,6 @@ use movable::{Class, Judged, NotHoisted, Precision};
 use outline::Failed;
 use values::Values;
 
-/// The pass.
 pub struct Hoist;
 
 impl Pass for Hoist {
@@ -415,7 +413,7 @@ impl<'v, 'g, 'p> HoistedValues<'v, 'g, 'p> {
             &hoisted,
             &outputs,
         )?;
-        let module = place::retain(&module, &reflect::stages(material.pass));
+        let module = place::retain(&module, &material.pass.stages());
         material.program.with_module(module).map_err(Failed::from)
     }
 

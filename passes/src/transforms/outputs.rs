@@ -100,7 +100,6 @@ const NOTHING_DROPPED: &str = "`view=drop` left nothing out: no discard reads a 
 /// The start of the names of attachments.
 pub(crate) const ATTACHMENT: &str = "outputs-";
 
-/// The pass.
 pub struct Outputs;
 
 impl Pass for Outputs {

@@ -49,11 +49,11 @@ use crate::slice::Termination;
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::geometry::Geometry;
 use preshade_plan::pass::{
-    Change, Example, Facts, Left, MaterialTexture, Outcome, Pass, PassInfo, Refusal, Refused,
-    SiteCost, Use,
+    Example, Facts, Left, MaterialTexture, Outcome, Pass, PassInfo, Refusal, Refused, Use,
 };
 use preshade_plan::plan::{
-    BindingKind, BindingSource, BindingUse, ComputePass, DrawBuffer, GeometryPart, Plan,
+    BindingKind, BindingSource, BindingUse, Change, ComputePass, DrawBuffer, GeometryPart, Plan,
+    SiteCost,
 };
 use preshade_plan::program::Program;
 use preshade_plan::reflect;
@@ -63,7 +63,6 @@ mod values;
 
 use values::{Class, Judged, NotOncePerDraw, StoredValues, Terms};
 
-/// The pass.
 pub struct Preamble;
 
 /// The weakest contract for a moved value.
@@ -254,7 +253,7 @@ impl<'v, 'g, 'p> DrawConstants<'v, 'g, 'p> {
         let loops = Termination::under(self.moved.guard.as_ref());
         let main = self.moved.remainder(&module, loops, read)?;
         Ok(Built {
-            main: program.with_module(place::retain(&main, &reflect::stages(pass)))?,
+            main: program.with_module(place::retain(&main, &pass.stages()))?,
             compute: program.with_module(compute)?,
             entry,
             at: [group, binding],
@@ -428,7 +427,6 @@ impl Stored {
         })
     }
 
-    /// Reads the values.
     fn read(
         &self,
         build: &mut CodeBuilder<'_>,

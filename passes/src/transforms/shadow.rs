@@ -32,7 +32,6 @@ use shader_text::refusals::RefusalInfo;
 /// Name of the depth attachment that the shadow pass writes.
 pub(crate) const SHADOW_DEPTH: &str = "shadow-depth";
 
-/// The pass.
 pub struct Shadow;
 
 /// Parameters.

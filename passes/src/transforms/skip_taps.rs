@@ -41,10 +41,8 @@ use crate::analysis::{contraction, refusals as shared};
 use crate::graph::Graph;
 use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::contract::{Assumption, Contract, Turned};
-use preshade_plan::pass::{
-    Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
-};
-use preshade_plan::plan::{GpuPass, Plan};
+use preshade_plan::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};
+use preshade_plan::plan::{GpuPass, Plan, SiteCost};
 use preshade_plan::program::Program;
 use shader_text::refusals::RefusalInfo;
 
@@ -54,7 +52,6 @@ pub mod refusals;
 
 use find::{Term, Terms};
 
-/// The pass.
 pub struct SkipTaps;
 
 /// Parameters.

@@ -47,10 +47,9 @@ use naga_interp::overrides;
 use preshade_plan::contract::{Assumption, Contract, Surface, Turned};
 use preshade_plan::guard::Guard;
 use preshade_plan::pass::{
-    Change, Example, Expected, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Site,
-    SiteCost, Use,
+    Example, Expected, Facts, Misnamed, Outcome, Pass, PassInfo, Refusal, Refused, Use,
 };
-use preshade_plan::plan::{GpuPass, ORIGINAL, Plan, Role};
+use preshade_plan::plan::{Change, GpuPass, ORIGINAL, Plan, Role, Site, SiteCost};
 use preshade_plan::program::Program;
 use preshade_plan::{reflect, self_test};
 use shader_text::refusals::RefusalInfo;
@@ -81,7 +80,6 @@ use decision::Placed;
 use fold::{FoldedStage, Folder};
 use known::{AbstractValue, Scalar};
 
-/// The pass.
 pub struct Specialize;
 
 impl Pass for Specialize {
@@ -448,7 +446,6 @@ struct Folded {
     /// Float operations that were removed.
     roundings: BTreeSet<(FunctionId, Handle<Expression>)>,
     stages: Vec<(&'static str, decision::Record)>,
-    /// The record of each function.
     records: Vec<decision::Record>,
 }
 
@@ -472,7 +469,7 @@ fn folded(
     params: &Params,
 ) -> Folded {
     let (program, module) = (graph.program(), graph.module());
-    let entries = reflect::stages(pass).into_iter();
+    let entries = pass.stages().into_iter();
     let entries = entries.filter(|_| params.fold == Fold::Rounding);
     let entries = entries.filter_map(|(stage, name)| program.entry_point(stage, name));
     let values = entries.map(|(entry, _)| Values::new(graph, entry));

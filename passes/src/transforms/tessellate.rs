@@ -36,12 +36,11 @@ use crate::rebuild::place;
 use preshade_plan::contract::Contract;
 use preshade_plan::geometry::{Form, Geometry, Subdivision};
 use preshade_plan::pass::{
-    Change, Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Site, SiteCost,
-    Use,
+    Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use,
 };
 use preshade_plan::plan::{
-    BindingKind, BindingSource, BindingUse, ComputePass, GeometryPart, GpuPass, Plan, Step,
-    VertexBuffer, When,
+    BindingKind, BindingSource, BindingUse, Change, ComputePass, GeometryPart, GpuPass, Plan, Site,
+    SiteCost, Step, VertexBuffer, When,
 };
 use preshade_plan::program::Program;
 use preshade_plan::state::Topology;
@@ -65,7 +64,6 @@ use split::{Origin, Outputs, Split};
 use stored::{Evaluation, Stored};
 use text::{Order, Place, Points, Text};
 
-/// The pass.
 pub struct Tessellate;
 
 /// Parameters.
@@ -362,7 +360,7 @@ impl DividedMaterial<'_> {
                     order: Order::ByPosition,
                 },
             )?;
-            return self.program(&module, &reflect::stages(self.pass));
+            return self.program(&module, &self.pass.stages());
         }
         let functions = self.functions(&Text {
             attributes: &self.pass.attributes,
@@ -376,10 +374,7 @@ impl DividedMaterial<'_> {
             points: None,
             order: Order::ByPosition,
         })?;
-        self.program(
-            &build::pulled(&functions, self.vertex),
-            &reflect::stages(self.pass),
-        )
+        self.program(&build::pulled(&functions, self.vertex), &self.pass.stages())
     }
 
     /// Adds the compute pass to `plan`. The main program reads its result.
@@ -397,7 +392,7 @@ impl DividedMaterial<'_> {
         let compute = self.program(&compute, &[(ShaderStage::Compute, &entry)])?;
         self.add_compute(plan, (compute, entry), subdivision, &layout);
         let main = stored::loaded(self.program.module().clone(), self.vertex, slots, &layout)?;
-        self.program(&main, &reflect::stages(self.pass))
+        self.program(&main, &self.pass.stages())
     }
 
     /// Adds the compute pass at load to `plan`. The main program reads its result.
@@ -413,7 +408,7 @@ impl DividedMaterial<'_> {
         let functions = self.recorded(slots, subdivision, points, Order::ByPosition)?;
         let origins = self.origins()?;
         let main = fixed::read(&functions, self.vertex, &origins, &layout)?;
-        self.program(&main, &reflect::stages(self.pass))
+        self.program(&main, &self.pass.stages())
     }
 
     /// The program that computes only the hoisted values, its entry point, and the storage layout.

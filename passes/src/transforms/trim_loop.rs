@@ -39,13 +39,10 @@ use crate::graph::{FunctionId, Graph, StmtId};
 use crate::rebuild::place::{Replacement, Rewrite, rewritten};
 use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::contract::Contract;
-use preshade_plan::pass::{
-    Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
-};
-use preshade_plan::plan::{GpuPass, Plan};
+use preshade_plan::pass::{Example, Facts, Left, Outcome, Pass, PassInfo, Refusal, Refused, Use};
+use preshade_plan::plan::{GpuPass, Plan, SiteCost};
 use shader_text::refusals::RefusalInfo;
 
-/// The pass.
 pub struct TrimLoop;
 
 pub mod refusals;

@@ -33,11 +33,11 @@ use preshade_plan::budget::Budget;
 use preshade_plan::contract::{Assumption, Contract, Surface, Turned};
 use preshade_plan::draw_table::IDS;
 use preshade_plan::pass::{
-    Change, Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, SiteCost, Use,
+    Example, Expected, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use,
 };
-use preshade_plan::plan::{Attachment, GpuPass, Plan, Role};
+use preshade_plan::plan::{Attachment, Change, GpuPass, Plan, Role, SiteCost};
 use preshade_plan::rasterizer::Rasterizer;
-use preshade_plan::{reflect, self_test};
+use preshade_plan::self_test;
 use shader_text::refusals::RefusalInfo;
 
 mod binding_sources;
@@ -63,7 +63,6 @@ use gradients::Shaded;
 use lists::Lists;
 pub use params::{Ids, Params, Select, ShadingForm, Vertices, Words};
 
-/// The pass.
 pub(crate) struct VisibilityBuffer;
 
 impl Pass for VisibilityBuffer {
@@ -214,7 +213,7 @@ fn alone(plan: &Plan) -> Plan {
     else {
         return plan;
     };
-    let mut module = place::retain(program.module(), &reflect::stages(&pass));
+    let mut module = place::retain(program.module(), &pass.stages());
     names::without_ours(&mut module);
     // Removing items keeps a program valid.
     if let Ok(program) = program.with_module(module) {

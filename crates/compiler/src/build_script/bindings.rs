@@ -5,19 +5,19 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use preshade_plan::plan::{BindingLayout, BindingSource, BindingUse, HostValue, Plan};
 
-use super::generate::json;
+use super::emitted::json;
 use super::wgpu_words as words;
 
 /// Properties of the author's resources that no shader states, by group and binding.
 #[derive(Clone, Debug, Default)]
-pub(super) struct Said {
+pub(super) struct BindingSettings {
     /// Buffers that are bound at a dynamic offset.
     pub dynamic: BTreeSet<(u32, u32)>,
     /// Unfilterable textures, and non-filtering samplers.
     pub unfilterable: BTreeSet<(u32, u32)>,
 }
 
-impl Said {
+impl BindingSettings {
     /// `wgpu::BindingType` of a binding, as Rust.
     fn binding_type(&self, binding: &BindingUse) -> String {
         let at = (binding.group, binding.binding);
@@ -64,7 +64,7 @@ impl Said {
 /// The author's resources by group and binding, as all passes of all plans together use them.
 pub(super) struct Shared<'s> {
     resources: BTreeMap<(u32, u32), Resource>,
-    said: &'s Said,
+    said: &'s BindingSettings,
 }
 
 struct Resource {
@@ -126,7 +126,7 @@ impl<'s> Shared<'s> {
     /// A setting names a binding that does not exist.
     pub(super) fn of<'p>(
         plans: impl Iterator<Item = &'p Plan>,
-        said: &'s Said,
+        said: &'s BindingSettings,
     ) -> Result<Self, String> {
         let mut used: BTreeMap<(u32, u32), BindingUse> = BTreeMap::new();
         let mut all: BTreeMap<(u32, u32), Resource> = BTreeMap::new();

@@ -7,7 +7,7 @@ use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::pass::{Facts, Refusal};
 use preshade_plan::plan::Plan;
 
-use super::generate::Drawn;
+use super::emitted::EmittedPlan;
 use super::stamp::Trace;
 use super::{Asked, BuildConfig, BuildError};
 use crate::emit::{self, Target};
@@ -27,7 +27,6 @@ pub(super) const BY_DEFAULT: [(&str, &str); 3] = [
 
 /// A lock file, as far as it can be read.
 pub(super) enum Keeping {
-    /// There is none.
     Nothing,
     /// This version's.
     Own(Lock),
@@ -43,7 +42,7 @@ pub(super) fn choose(
     sources: &[front::Source],
     keeping: &Keeping,
     trace: &mut Trace,
-) -> Result<Vec<Drawn>, BuildError> {
+) -> Result<Vec<EmittedPlan>, BuildError> {
     let Asked {
         own,
         named,
@@ -155,12 +154,12 @@ pub(super) fn made(
     plans: Vec<(String, (Plan, Vec<String>))>,
     sources: &[front::Source],
     warnings: &mut Vec<String>,
-) -> Result<Vec<Drawn>, BuildError> {
-    let mut all: Vec<Drawn> = Vec::new();
+) -> Result<Vec<EmittedPlan>, BuildError> {
+    let mut all: Vec<EmittedPlan> = Vec::new();
     for (name, (plan, left_out)) in plans {
         let made = emitted(builder, &name, &plan, sources, warnings);
         let drawn = match (made, all.first()) {
-            (Ok(files), _) => Drawn {
+            (Ok(files), _) => EmittedPlan {
                 name,
                 plan,
                 files,
@@ -169,7 +168,7 @@ pub(super) fn made(
             (Err(error), None) => return Err(error),
             // Only a failure of the original fails the build.
             (Err(error), Some(original)) => {
-                let mut drawn = Drawn {
+                let mut drawn = EmittedPlan {
                     name,
                     left_out,
                     ..original.clone()
@@ -185,8 +184,8 @@ pub(super) fn made(
 
 /// Replaces a variant that cannot be made by the original, with a warning.
 pub(super) fn give_up(
-    variant: &mut Drawn,
-    original: &Drawn,
+    variant: &mut EmittedPlan,
+    original: &EmittedPlan,
     why: &str,
     sources: &[front::Source],
     warnings: &mut Vec<String>,

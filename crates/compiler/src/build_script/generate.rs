@@ -5,11 +5,11 @@ use std::fmt::Write;
 
 use preshade_plan::guard::{self, Place};
 use preshade_plan::overrides::Constant;
-use preshade_plan::plan::{BindingSource, BindingUse, Plan};
+use preshade_plan::plan::Plan;
 
-use super::bindings::{Said, Shared};
+use super::bindings::{BindingSettings, Shared};
+use super::emitted::{EmittedPlan, included, json};
 use super::{passes, wgpu_words as words};
-use shader_text::files::File;
 
 /// The code that a host calls: `host.rs`, which is compiled with this crate's tests.
 const HOST: &str = include_str!("host.rs");
@@ -89,18 +89,6 @@ const LINTS: [&str; 38] = [
     "clippy::std_instead_of_core",
 ];
 
-/// One plan of a material, with its emitted files.
-#[derive(Clone)]
-pub(super) struct Drawn {
-    /// Name of its module, and of the folder of its files.
-    pub name: String,
-    pub plan: Plan,
-    /// Its files, named as in `plan.json`.
-    pub files: Vec<File>,
-    /// The reasons of the skipped steps.
-    pub left_out: Vec<String>,
-}
-
 /// The host's settings for the module.
 pub(super) struct Module<'b> {
     /// Path of the types, if they are not in the module.
@@ -108,7 +96,7 @@ pub(super) struct Module<'b> {
     /// Path of wgpu, if it is not the crate `wgpu`.
     pub wgpu: Option<&'b str>,
     /// Settings of the author's resources.
-    pub said: &'b Said,
+    pub said: &'b BindingSettings,
 }
 
 /// A path relative to the including module, made relative to the module inside that holds
@@ -138,7 +126,7 @@ pub(super) struct Wordless {
 /// Something cannot be expressed.
 pub(super) fn material(
     name: &str,
-    drawn: &[Drawn],
+    drawn: &[EmittedPlan],
     module: &Module<'_>,
 ) -> Result<String, Wordless> {
     let nowhere = |why| Wordless { of: None, why };
@@ -197,65 +185,7 @@ pub(super) fn material(
     ))
 }
 
-/// A pipeline-overridable constant of a shader.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-pub(super) struct Override {
-    /// Its number, or its name if it has none.
-    pub key: String,
-    /// It has no default.
-    pub is_needed: bool,
-}
-
-impl Drawn {
-    /// Replaces the variant by the original. `why` becomes a reason of `LEFT_OUT`.
-    pub(super) fn give_up(&mut self, original: &Self, why: String) {
-        self.plan = original.plan.clone();
-        self.files.clone_from(&original.files);
-        self.left_out.push(why);
-    }
-
-    /// The overrides that remain in the WGSL of each program.
-    pub fn overrides(&self) -> Result<BTreeMap<&str, Vec<Override>>, String> {
-        let mut out = BTreeMap::new();
-        for (key, program) in &self.plan.programs {
-            if program.module().overrides.is_empty() {
-                continue;
-            }
-            let name = format!("{}.{key}.wgsl", self.plan.material);
-            let file = self.files.iter().find(|f| f.name == name);
-            let text = file.map(|f| String::from_utf8_lossy(&f.bytes));
-            // The emitter has read it back before.
-            let module = text
-                .map(|text| naga::front::wgsl::parse_str(&crate::wgsl::subgroups::without(&text)));
-            let Some(Ok(module)) = module else {
-                return Err(format!("{name} cannot be read"));
-            };
-            let of = |o: &naga::Override| Override {
-                key: o
-                    .id
-                    .map(|id| id.to_string())
-                    .or(o.name.clone())
-                    .unwrap_or_default(),
-                is_needed: o.init.is_none(),
-            };
-            let all: Vec<Override> = module.overrides.iter().map(|(_, o)| of(o)).collect();
-            out.insert(key.as_str(), all);
-        }
-        Ok(out)
-    }
-}
-
-/// Whether the plan works with any sample count: no step depends on it, and no pass reads an
-/// attachment that another pass wrote.
-pub(super) fn samples_are_free(plan: &Plan) -> bool {
-    let known = ["depth-prepass", "shadow"];
-    let own = |b: &BindingUse| b.source == BindingSource::Author;
-    plan.steps.iter().all(|s| known.contains(&s.pass.as_str()))
-        && plan.compute.is_empty()
-        && plan.passes.iter().flat_map(|p| &p.bindings).all(own)
-}
-
-fn interleaved(drawn: &[Drawn]) -> String {
+fn interleaved(drawn: &[EmittedPlan]) -> String {
     let passes = drawn.iter().flat_map(|d| &d.plan.passes);
     let mut all: BTreeMap<u32, (&'static str, u64)> = BTreeMap::new();
     for attribute in passes.flat_map(|p| &p.attributes) {
@@ -279,11 +209,6 @@ fn interleaved(drawn: &[Drawn]) -> String {
     )
 }
 
-/// Serialises plain data, which cannot fail.
-pub(super) fn json(value: &impl serde::Serialize) -> String {
-    serde_json::to_string(value).unwrap_or_default()
-}
-
 /// A plan's assumptions about overrides, which are the original's.
 fn constants<'p>(plan: &'p Plan, original: Option<&Plan>) -> Vec<Constant<'p>> {
     let programs = original.iter().flat_map(|o| o.programs.values());
@@ -298,7 +223,7 @@ fn constants<'p>(plan: &'p Plan, original: Option<&Plan>) -> Vec<Constant<'p>> {
 /// values that the plan was made for.
 fn variant(
     material: &str,
-    drawn: &Drawn,
+    drawn: &EmittedPlan,
     shared: &Shared<'_>,
     keys: &BTreeSet<String>,
     constants: &[Constant<'_>],
@@ -403,11 +328,6 @@ fn variant(
     }
     text.push_str("}\n");
     Ok(text)
-}
-
-pub(super) fn included(kind: &str, folder: &str, file: &str) -> String {
-    let path = format!("{folder}{file}");
-    format!("include_{kind}!({path:?})")
 }
 
 /// The part of each plan's module that checks its guard.

@@ -49,6 +49,7 @@
 
 mod bindings;
 mod choose;
+mod emitted;
 mod error;
 mod generate;
 #[cfg(test)]
@@ -65,10 +66,10 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 use std::sync::{Mutex, PoisonError};
 
-use bindings::Said;
+use bindings::BindingSettings;
 use choose::Keeping;
+use emitted::EmittedPlan;
 pub use error::BuildError;
-use generate::Drawn;
 use preshade_plan::state::MaterialState;
 use stamp::Trace;
 
@@ -106,11 +107,10 @@ pub struct BuildConfig {
     lock: Option<PathBuf>,
     types: Option<String>,
     wgpu: Option<String>,
-    said: Said,
+    said: BindingSettings,
     out_dir: Option<PathBuf>,
 }
 
-/// The result of a build.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Built {
     /// The module's file, in the folder for output.
@@ -491,7 +491,7 @@ struct MadeModule {
 /// The module's text. A variant that it cannot express is reported and replaced by the original.
 fn worded(
     name: &str,
-    drawn: &mut [Drawn],
+    drawn: &mut [EmittedPlan],
     module: &generate::Module<'_>,
     sources: &[front::Source],
     warnings: &mut Vec<String>,

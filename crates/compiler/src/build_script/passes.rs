@@ -7,16 +7,16 @@ use preshade_plan::plan::{
     SelfTestDraw,
 };
 use preshade_plan::program::Program;
-use preshade_plan::reflect;
+use preshade_plan::{limits, reflect};
 use preshade_plan::state::{AttachmentOps, DepthState, LoadOp};
 
 use super::bindings::{PassKind, Shared};
-use super::generate::{Drawn, Override, included, json, samples_are_free};
+use super::emitted::{EmittedPlan, Override, included, json, samples_are_free};
 use super::wgpu_words as words;
 
 /// The items of a plan's passes, with their documentation.
 pub(super) fn items(
-    drawn: &Drawn,
+    drawn: &EmittedPlan,
     folder: &str,
     visible: &str,
     shared: &Shared<'_>,
@@ -104,7 +104,7 @@ fn raster(
 ) -> Result<String, String> {
     let program = plan.program(pass);
     no_arrays(program, &pass.bindings)?;
-    let immediates = program.map_or(0, |p| reflect::immediate_size(p, &reflect::stages(pass)));
+    let immediates = program.map_or(0, |p| limits::immediate_size(p, &pass.stages()));
     let free = !pass.phase.is_of_frame() || samples_are_free(plan);
     let depth = pass.depth.as_ref().map(|d| depth(plan, pass, d));
     let depth = depth.transpose()?.flatten();
@@ -241,7 +241,7 @@ fn compute(
     let program = plan.programs.get(&pass.program);
     no_arrays(program, &pass.bindings)?;
     let stages = [(naga::ShaderStage::Compute, pass.entry_point.as_str())];
-    let immediates = program.map_or(0, |p| reflect::immediate_size(p, &stages));
+    let immediates = program.map_or(0, |p| limits::immediate_size(p, &stages));
     Ok(format!(
         "Compute {{ wgsl: {wgsl}, entry_point: {:?}, workgroup: {}, geometry: {:?}, when: {:?}, \
          groups: {}, features: {}, raise_limits: {}, immediate_size: {immediates}, {} }}",

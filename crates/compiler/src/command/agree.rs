@@ -10,14 +10,11 @@ use serde::Serialize;
 
 use shader_text::nearest::unknown;
 
-/// A value of `--fail-on`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FailOn {
     /// Every finding.
     All,
-    /// None.
     Nothing,
-    /// Those of a class.
     Class(Class),
 }
 
@@ -71,9 +68,7 @@ pub fn breaks(fail_on: Option<&[FailOn]>, class: Class, relation: Relation) -> b
 /// The static cost of each stage, in operations.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Cost {
-    /// The vertex stage.
     pub vertex: Option<f64>,
-    /// The fragment stage.
     pub fragment: Option<f64>,
 }
 
@@ -100,7 +95,6 @@ impl Cost {
 
 /// A program that was read again.
 pub struct Side {
-    /// The program.
     pub plan: Plan,
     /// Its files, for messages.
     pub name: String,

@@ -35,7 +35,6 @@ impl Drawn for Undrawn {
 /// A finding to accept.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Waiver {
-    /// Name of the pair.
     pub pair: String,
     /// The class of the finding.
     pub class: Class,
@@ -55,7 +54,6 @@ struct Judged {
     waived: Option<String>,
 }
 
-/// The result of a pair.
 #[derive(Serialize)]
 pub struct Pair<D = Undrawn> {
     pub name: String,
@@ -72,7 +70,6 @@ pub struct Pair<D = Undrawn> {
     drawn: Vec<D>,
 }
 
-/// The result of all pairs.
 #[derive(Serialize)]
 pub struct Report<D = Undrawn> {
     schema: &'static str,

@@ -8,8 +8,8 @@ use preshade_passes::transforms::specialize::effects::{self, CalledFor, Effect};
 use preshade_passes::transforms::specialize::{Specialize, as_drawn};
 use preshade_passes::{PASSES, pass_named};
 use preshade_plan::guard::Assumed;
-use preshade_plan::pass::{Change, Facts, Frequency, Left, Outcome, Pass, Refusal};
-use preshade_plan::plan::Plan;
+use preshade_plan::pass::{Facts, Frequency, Left, Outcome, Pass, Refusal};
+use preshade_plan::plan::{Change, Plan};
 use serde::Serialize;
 use shader_text::source::Location;
 
@@ -36,7 +36,6 @@ impl From<Vec<Explained>> for Explanation {
 /// An effect of a material, over its draws.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct EffectUse {
-    /// Name of the material.
     pub material: String,
     /// The kind of effect, or the author's identifier.
     pub name: String,
@@ -89,7 +88,6 @@ impl EffectUse {
 /// A material and what each pass does to it.
 #[derive(Serialize)]
 pub struct Explained {
-    /// Name of the material.
     pub material: String,
     /// The stages of its main pass.
     pub stages: Vec<StageCost>,
@@ -128,7 +126,6 @@ pub struct PassExplained {
     pub summary: &'static str,
     /// When it costs more than it saves.
     pub hurts: &'static str,
-    /// Where it is from.
     pub source: &'static str,
     /// The change that it makes; at most one.
     pub sites: Vec<Change>,
@@ -160,7 +157,6 @@ pub struct VersionExplained {
     pub saved: Option<Saved>,
 }
 
-/// A pass with a budget.
 #[derive(Serialize)]
 pub struct WithinBudget {
     /// The recipe step.
@@ -220,7 +216,6 @@ impl Saved {
         Some(Self { ops, ..saved })
     }
 
-    /// The share of the stage.
     pub fn share(&self) -> f64 {
         self.ops / self.of.max(1.0)
     }
@@ -245,7 +240,6 @@ impl fmt::Display for Saved {
 /// Which plan each pass is explained on.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Order {
-    /// The original.
     Apart,
     /// The plan that the passes before it made.
     Chained,
@@ -450,8 +444,8 @@ fn stages(plan: &Plan, facts: &Facts) -> Vec<StageCost> {
 
 #[cfg(test)]
 mod tests {
-    use preshade_plan::pass::{Site, SiteCost};
     use preshade_plan::plan::Role;
+    use preshade_plan::plan::{Site, SiteCost};
 
     use super::*;
     use crate::command::explained;

@@ -1,12 +1,11 @@
 //! What `explain` found, in ten lines or in full.
 
-use preshade_plan::pass::{Bound, Frequency, Left, Refusal, SiteCost};
-use preshade_plan::plan::Plan;
+use preshade_plan::pass::{Bound, Frequency, Left, Refusal};
+use preshade_plan::plan::{Plan, SiteCost};
 
 use super::explain::{EffectUse, Explained, PassExplained, Saved, VersionExplained, WORTH_A_LOOK};
 use super::refusal;
 
-/// Most passes to list.
 const MOST_PASSES: usize = 4;
 /// Most effects, and most values, on their lines.
 const MOST_NAMED: usize = 3;

@@ -18,7 +18,6 @@ use shader_text::files::File;
 /// The result for one material.
 #[derive(Serialize)]
 pub struct Rewritten {
-    /// Name of the material.
     pub material: String,
     /// The applied steps.
     pub recipe: String,
@@ -76,7 +75,6 @@ impl Rewritten {
 /// Results of running original and variant on an adapter.
 #[derive(Serialize)]
 pub struct OnAdapter {
-    /// Name of the adapter.
     pub adapter: String,
     pub checks: Vec<Check>,
 }
@@ -90,13 +88,11 @@ pub struct Written {
     pub content: Content,
 }
 
-/// Where the content is.
 #[derive(Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Content {
     /// In this file.
     Path(PathBuf),
-    /// Here.
     Text(String),
 }
 

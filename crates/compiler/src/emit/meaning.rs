@@ -10,7 +10,6 @@ use naga::ShaderStage;
 use naga_edit::declared::Depth;
 use preshade_plan::plan::{GpuPass, Plan};
 use preshade_plan::program::Program;
-use preshade_plan::reflect;
 use preshade_plan::state::MaterialState;
 use preshade_validate::Effort;
 use preshade_validate::agree::{self, Class, Outcome, Relation};
@@ -96,7 +95,7 @@ impl Texts<'_> {
             let mut all = self.emitted.iter();
             all.position(|(_, stages)| stages.iter().any(|(k, _)| *k == key))
         };
-        let mut files: Vec<usize> = reflect::stages(pass).into_iter().filter_map(at).collect();
+        let mut files: Vec<usize> = pass.stages().into_iter().filter_map(at).collect();
         files.dedup();
         let is_unread = |i: &usize| self.emitted[*i].1.iter().any(|(_, s)| s.unread.is_some());
         (!files.iter().any(is_unread)).then_some(files)
@@ -199,7 +198,6 @@ impl Texts<'_> {
         }
     }
 
-    /// The texts as a program.
     fn read(&self, pass: &GpuPass, texts: &[(&str, &[u8])]) -> Result<front::Parsed, Failed> {
         let sources = texts.iter().map(|(name, bytes)| {
             front::Source::from_bytes(*name, bytes.to_vec())

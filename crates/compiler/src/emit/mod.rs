@@ -583,7 +583,6 @@ fn weaker_form(plan: &Plan, target: Target) -> Option<WeakerPromise> {
 /// The result of reading a written file back.
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 enum ReadBack {
-    /// It is the stage.
     Same,
     /// The reader lacks this, so only the names or numbers of the interface were compared.
     Unread(String),

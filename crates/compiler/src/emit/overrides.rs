@@ -112,7 +112,6 @@ impl Settled {
             .collect()
     }
 
-    /// The value of an override.
     fn literal(&self, of: &Override) -> Option<Literal> {
         let mut constants = self.module.constants.iter().map(|(_, c)| c);
         let constant = constants.find(|c| c.name.is_some() && c.name == of.name)?;

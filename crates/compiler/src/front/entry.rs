@@ -186,7 +186,6 @@ pub(super) fn names(module: &Module) -> Vec<(ShaderStage, String)> {
     entries.map(|e| (e.stage, e.name.clone())).collect()
 }
 
-/// A bound variable.
 pub struct Bound {
     at: naga::ResourceBinding,
     name: String,

@@ -73,17 +73,13 @@ pub enum Mismatch {
     },
     /// A file was edited.
     #[error("{file} was edited after preshade.lock was written")]
-    Source {
-        /// Name of the file.
-        file: String,
-    },
+    Source { file: String },
     /// A definition was added, removed or changed.
     #[error("preshade.lock was written with other definitions ({names})")]
     Defines {
         /// Names that differ.
         names: String,
     },
-    /// Another entry point.
     #[error("preshade.lock was written for other entry points")]
     EntryPoints,
     /// Another pipeline state.

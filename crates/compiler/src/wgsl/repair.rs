@@ -273,7 +273,6 @@ fn host_names<'a>(module: &'a Module, text: &'a str) -> impl Iterator<Item = (&'
         .filter(|(written, wanted)| written != wanted && !wanted.is_empty())
 }
 
-/// Every name in the module.
 fn names(module: &Module) -> FastHashSet<&str> {
     let mut names: FastHashSet<&str> = FastHashSet::default();
     for (_, ty) in module.types.iter() {

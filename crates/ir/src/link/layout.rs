@@ -12,7 +12,6 @@ pub struct Member {
     pub of: Span,
     /// The member's name.
     pub name: String,
-    /// The message for it.
     pub text: String,
 }
 

@@ -15,7 +15,6 @@ use preshade_plan::mapping::Mapping;
 /// The first location of attributes without a partner.
 const OWN_LOCATION: u32 = 4096;
 
-/// Which attribute is which.
 #[derive(Default)]
 pub(super) struct Attributes {
     /// New locations by those of the second program.

@@ -28,11 +28,9 @@ pub(super) enum Cast {
 pub(super) struct Rule {
     /// Their buffer's group and binding in the renamed program.
     pub(super) to: (u32, u32),
-    /// The part of it.
     pub(super) to_steps: Vec<usize>,
     /// Our buffer.
     pub(super) from: (u32, u32),
-    /// The part of it.
     pub(super) from_steps: Vec<usize>,
     /// Matrices that it is multiplied by, from left to right.
     pub(super) times: Vec<((u32, u32), Vec<usize>)>,

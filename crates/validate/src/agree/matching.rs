@@ -109,7 +109,6 @@ pub(super) struct Matcher<'a> {
     pub(super) products: Vec<Product>,
     /// Named parts of our buffers.
     pub(super) leaves: Vec<Leaf>,
-    /// New bindings of their variables.
     pub(super) bindings: BTreeMap<Handle<GlobalVariable>, ResourceBinding>,
     pub(super) rules: Vec<Rule>,
     partners: Vec<Partner>,

@@ -70,7 +70,6 @@ pub enum Relation {
 }
 
 impl Relation {
-    /// All of them.
     pub const ALL: [Self; 7] = [
         Self::Same,
         Self::Prepass,
@@ -162,7 +161,6 @@ pub enum Class {
 }
 
 impl Class {
-    /// All of them.
     pub const ALL: [Self; 15] = [
         Self::Position,
         Self::KeepsHidden,

@@ -22,7 +22,6 @@ use naga_operands::calls;
 use preshade_passes::analysis::view::names;
 use preshade_plan::mapping::{self, Equation, Path, Place};
 
-/// A part of a variable.
 type Leaf = (Handle<GlobalVariable>, Vec<usize>);
 
 /// Factors from left to right: matrices of buffers, and `None` for anything else.
@@ -358,7 +357,6 @@ struct Chains<'m> {
     function: &'m Function,
     info: &'m naga::valid::FunctionInfo,
     known: BTreeMap<Handle<Expression>, Chain>,
-    /// What variables hold.
     stored: BTreeMap<Variable, Chain>,
     all: &'m mut Vec<Chain>,
 }

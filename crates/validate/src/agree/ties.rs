@@ -69,7 +69,6 @@ pub(super) struct Solved {
     is_lead: bool,
 }
 
-/// What is solved.
 #[derive(Clone, Copy)]
 enum Step<'t> {
     Decision(&'t Decision),

@@ -382,7 +382,6 @@ fn called(
 
 /// How the operands of two comparisons correspond.
 pub(super) enum Pairing {
-    /// One value, two thresholds.
     Thresholds {
         name: String,
         value: String,

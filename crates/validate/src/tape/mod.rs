@@ -106,7 +106,6 @@ pub(super) struct Plain {
 }
 
 impl Plain {
-    /// Whether it is an equality.
     pub(super) fn is_equality(&self) -> bool {
         matches!(self.op, BinaryOperator::Equal | BinaryOperator::NotEqual)
     }
@@ -304,7 +303,6 @@ impl Decision {
         holds([a, b]) != holds(own)
     }
 
-    /// Whether it is an equality.
     pub(super) fn is_equality(&self) -> bool {
         matches!(
             self.op,

@@ -19,7 +19,6 @@ enum Own {
     Power,
     /// 0 or 1, or one of two values.
     Choice,
-    /// Another one.
     Other,
 }
 

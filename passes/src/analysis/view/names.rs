@@ -24,13 +24,11 @@ const MATRIX: &[&str] = &[
     "screen",
 ];
 
-/// Words for a place.
 const PLACE: &[&str] = &[
     "pos", "position", "origin", "location", "loc", "place", "point", "from", "world", "space",
     "ws",
 ];
 
-/// Words for a direction.
 const DIRECTION: &[&str] = &[
     "dir",
     "direction",
@@ -51,7 +49,6 @@ const DIRECTION: &[&str] = &[
 /// What the depths of a view depend on.
 const RANGE: &[&str] = &["near", "far", "fov", "fovx", "fovy", "aspect"];
 
-/// Words beside those of [`RANGE`].
 const BESIDE_RANGE: &[&str] = &[
     "plane",
     "planes",
@@ -71,7 +68,6 @@ const BESIDE_RANGE: &[&str] = &[
 /// The size of the picture, and offsets in it.
 const PICTURE: &[&str] = &["screen", "viewport", "resolution", "jitter"];
 
-/// Words beside those of [`PICTURE`].
 const BESIDE_PICTURE: &[&str] = &[
     "size",
     "dim",

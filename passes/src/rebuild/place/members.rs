@@ -8,9 +8,7 @@ use naga_edit::copy::CopyFunction;
 
 /// The copy of a struct member.
 pub(super) enum MemberCopy {
-    /// A value.
     Whole(Handle<Expression>),
-    /// A member of a value.
     Member(Handle<Expression>, u32),
 }
 

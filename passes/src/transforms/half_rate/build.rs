@@ -92,7 +92,7 @@ impl HalvedValues<'_, '_, '_> {
         };
         let main = self.moved.remainder(&module, loops, read)?;
         Ok(Built {
-            main: program.with_module(place::retain(&main, &reflect::stages(pass)))?,
+            main: program.with_module(place::retain(&main, &pass.stages()))?,
             half: program.with_module(half)?,
             entry,
             at,
@@ -205,7 +205,6 @@ struct Called {
     part: Part,
 }
 
-/// How to call it.
 struct Part {
     function: Handle<Function>,
     arguments: Vec<Vec<Binding>>,

@@ -4,9 +4,10 @@ use super::build::Built;
 use super::{Edges, HalfRate, HalvedValues, Params, values};
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::Contract;
-use preshade_plan::pass::{Change, Outcome, Pass, SiteCost};
+use preshade_plan::pass::{Outcome, Pass};
 use preshade_plan::plan::{
-    Attachment, BindingKind, BindingSource, BindingUse, Draws, GpuPass, Phase, Plan, Role,
+    Attachment, BindingKind, BindingSource, BindingUse, Change, Draws, GpuPass, Phase, Plan, Role,
+    SiteCost,
 };
 use preshade_plan::reflect;
 use preshade_plan::state::ColorTarget;

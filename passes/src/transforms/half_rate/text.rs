@@ -54,7 +54,6 @@ impl Layout {
         }
     }
 
-    /// Number of targets.
     pub fn targets(&self) -> usize {
         words(self.values.iter().sum(), self.guides.iter().copied()).div_ceil(4) as usize
     }
@@ -310,7 +309,6 @@ fn float(width: u8) -> String {
     }
 }
 
-/// The components of a value.
 fn components(name: &str, width: u8) -> impl Iterator<Item = String> {
     (0..usize::from(width)).map(move |i| match width {
         1 => name.to_owned(),

@@ -20,7 +20,6 @@ pub(super) enum Advice {
     Jumps,
     /// A larger error limit; some values were measured.
     Error,
-    /// A new choice of values.
     Choice,
     /// Nothing: no value pays under all relaxations together.
     Nothing,

@@ -53,7 +53,6 @@ impl Form {
     }
 }
 
-/// The form of every value.
 pub(crate) fn forms(values: &Values<'_, '_>) -> Vec<Form> {
     // Fixed point from the bottom: a cycle first ignores itself.
     let mut forms: Vec<Option<Form>> = vec![None; values.values.len()];

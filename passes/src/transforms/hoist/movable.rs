@@ -216,7 +216,6 @@ pub(crate) type Verdict = Result<Carriage, NotHoisted>;
 /// The verdicts of a fragment stage's values.
 #[derive(Clone, Debug)]
 pub struct Judged {
-    /// By value.
     pub verdicts: Vec<Verdict>,
     /// Rounding error of the outputs if values move.
     pub roundings: Arc<Roundings>,

@@ -7,9 +7,9 @@ use naga::{Expression, Module, ShaderStage};
 
 use crate::rebuild::place;
 use naga_interp::overrides;
+use preshade_plan::limits;
 use preshade_plan::plan::GpuPass;
 use preshade_plan::program::Program;
-use preshade_plan::reflect;
 
 /// The note for the host; `None` if the vertex stage reads nothing new.
 pub(crate) fn note(before: (&GpuPass, &Program), after: (&GpuPass, &Program)) -> Option<String> {
@@ -24,7 +24,7 @@ pub(crate) fn note(before: (&GpuPass, &Program), after: (&GpuPass, &Program)) ->
         .map(|b| format!("binding {} of group {}, `{}`", b.binding, b.group, b.name))
         .collect();
     let immediates =
-        |(pass, program): (&GpuPass, &Program)| reflect::immediate_size(program, &[vertex(pass)]);
+        |(pass, program): (&GpuPass, &Program)| limits::immediate_size(program, &[vertex(pass)]);
     let bytes = immediates(after);
     let has_more = bytes > immediates(before);
 

@@ -151,7 +151,6 @@ pub fn alone(plan: &Plan, id: &str) -> Result<Plan, Box<Refusal>> {
 pub struct Computed {
     /// The author's module with one more function.
     pub module: naga::Module,
-    /// The new function.
     pub function: naga::Handle<naga::Function>,
     /// Locations of the varyings for each argument, or for each member of a struct argument.
     pub arguments: Vec<Vec<u32>>,

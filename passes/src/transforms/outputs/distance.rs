@@ -27,7 +27,6 @@ pub(crate) fn distance(
     }))
 }
 
-/// Where the surface is.
 pub(crate) fn surface(
     opaque: &Opaque<'_>,
     params: &Params,

@@ -32,7 +32,6 @@ pub mod without_jitter;
 pub(crate) struct Wanted {
     /// Name of its output.
     pub name: String,
-    /// What it shows.
     pub shows: Shows,
     /// Whether its target holds floats of 32 bits, in place of 16.
     pub full: bool,
@@ -99,7 +98,6 @@ pub(crate) struct Distance {
     pub range: Option<Member>,
 }
 
-/// Where a surface is.
 #[derive(Clone, Debug)]
 pub(crate) enum Surface {
     /// A vector of three or four of the fragment stage.
@@ -183,7 +181,6 @@ struct Varyings {
     clip: Option<Varying>,
     /// That of the previous frame.
     previous: Option<Varying>,
-    /// Number of the instance.
     instance: Option<Varying>,
     /// Position in the world.
     world: Option<Varying>,

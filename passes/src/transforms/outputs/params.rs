@@ -207,7 +207,6 @@ pub enum Asked {
     Distance,
     /// Numbers of draw and instance.
     Id,
-    /// A value by its name.
     Named(String),
 }
 

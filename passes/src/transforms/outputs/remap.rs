@@ -29,7 +29,6 @@ pub(crate) enum Unmapped {
     /// The program reads something that the other view lacks.
     #[error("the slice reads `{read}`, which the other view lacks; it has {}", .has.join(", "))]
     Lacks {
-        /// What it reads.
         read: String,
         /// What the other view has.
         has: Vec<String>,
@@ -50,7 +49,6 @@ const NOWHERE: u32 = u32::MAX / 2;
 pub(crate) struct Pair {
     /// The author's.
     pub ours: Place,
-    /// The other.
     pub theirs: Place,
 }
 

@@ -33,7 +33,6 @@ impl World {
 pub(crate) enum NoWorld {
     /// No product with a matrix of the view leads to the position.
     None,
-    /// Several do.
     Several,
     /// One leads to it on some ways only.
     NotAlways,

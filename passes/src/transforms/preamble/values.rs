@@ -104,7 +104,6 @@ impl std::fmt::Display for NotOncePerDraw {
 /// The verdicts on a stage's values.
 #[derive(Clone, Debug)]
 pub struct Judged {
-    /// By value.
     pub verdicts: Vec<Result<Class, NotOncePerDraw>>,
     roundings: Roundings,
     most: f64,

@@ -98,7 +98,6 @@ impl Terms {
     }
 }
 
-/// The terms of these functions.
 pub(crate) fn terms(
     graph: &Graph<'_>,
     pass: &GpuPass,
@@ -161,7 +160,6 @@ struct Weighed {
 enum User {
     /// An expression. A call's arguments are read by its result.
     Expression(Handle<Expression>),
-    /// Another statement.
     Statement(StmtId),
 }
 

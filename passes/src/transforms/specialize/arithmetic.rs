@@ -169,7 +169,6 @@ pub(crate) fn converted(kind: ScalarKind, operand: &AbstractValue) -> AbstractVa
     })
 }
 
-/// `all` and `any`.
 pub(crate) fn relational(fun: RelationalFunction, argument: &AbstractValue) -> AbstractValue {
     let op = match fun {
         RelationalFunction::All => BinaryOperator::LogicalAnd,

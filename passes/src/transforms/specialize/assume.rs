@@ -35,7 +35,6 @@ pub(crate) enum Unfit {
     /// Not of the form `name=value+name=value`.
     #[error("`{0}` is not `name=number`")]
     Syntax(String),
-    /// The name is unknown.
     #[error("no scalar of a uniform and no override is named `{0}`")]
     Unknown(String),
     /// Several scalars have the name.
@@ -58,7 +57,6 @@ pub(crate) enum Unfit {
          it from a uniform buffer or a specialisation constant"
     )]
     Immediate(String),
-    /// The name has two values.
     #[error("`{0}` is given twice")]
     Twice(String),
 }
@@ -210,7 +208,6 @@ impl Assumptions {
         })
     }
 
-    /// The guard for these assumptions.
     pub fn guard(&self, used: &BTreeSet<usize>) -> Guard {
         let values = used.iter().filter_map(|i| self.values.get(*i)).cloned();
         Guard {

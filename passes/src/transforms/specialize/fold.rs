@@ -77,7 +77,6 @@ pub(super) struct FoldFrame<'p> {
     pub running: Sources,
     /// Whether anything was folded.
     pub changed: bool,
-    /// The record so far.
     pub record: Record,
     /// Enclosing decisions, by index in the record.
     pub within: Vec<usize>,

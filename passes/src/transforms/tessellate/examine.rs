@@ -14,9 +14,9 @@ use crate::graph::Graph;
 use naga_edit::interface;
 use preshade_plan::contract::Contract;
 use preshade_plan::geometry::{Form, Subdivision};
-use preshade_plan::pass::{Facts, Pass, Refusal, Refused, Site};
+use preshade_plan::pass::{Facts, Pass, Refusal, Refused};
 use preshade_plan::pattern::MAX_LEVEL;
-use preshade_plan::plan::{BindingKind, GpuPass, HOIST, Plan, Role, Step};
+use preshade_plan::plan::{BindingKind, GpuPass, HOIST, Plan, Role, Site, Step};
 use preshade_plan::program::Program;
 use preshade_plan::reflect;
 

@@ -136,7 +136,6 @@ pub(crate) fn read(
 pub(crate) struct Read {
     pub group: u32,
     pub binding: u32,
-    /// The variable.
     pub name: String,
     /// Member of a uniform struct; `None` for the whole variable.
     pub member: Option<String>,

@@ -12,7 +12,6 @@ use naga_edit::writer::emit_existing;
 pub(crate) struct Split {
     /// The author's stage, from vertex inputs to `given`.
     pub author: Handle<Function>,
-    /// Its result type.
     pub given: Handle<Type>,
     /// The rest of the stage as a function of the author's result, not yet in the module.
     pub rest: Function,
@@ -91,7 +90,6 @@ pub(crate) fn split(module: &Module, entry: usize) -> Option<Split> {
 pub enum Origin {
     /// The author's stage: the output with that index, or the whole result.
     Author(Option<u32>),
-    /// A hoisted value.
     Hoisted,
 }
 

@@ -18,7 +18,6 @@ use crate::rebuild::snippet::{Linked, ours, word};
 /// A member of a vertex stage's result in the buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 struct Member {
-    /// Its index in the result.
     index: u32,
     ty: Handle<Type>,
     /// Offset in words.

@@ -166,7 +166,6 @@ impl SplitMaterial<'_> {
         }
     }
 
-    /// The resolve stage.
     fn resolved(
         &self,
         shaded: &Shaded<'_, '_>,

@@ -169,7 +169,6 @@ fn too_large(why: TooLarge) -> Failed {
     Failed::Refused(&shared::TOO_LARGE, why.to_string(), Span::UNDEFINED)
 }
 
-/// The levels so far.
 struct Levels {
     levels: Vec<Level>,
     /// Locations of gradients that may differ between pixels of a quad: derivatives (coarse ones too,

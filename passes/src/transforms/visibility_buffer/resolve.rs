@@ -57,13 +57,11 @@ pub(crate) struct Resolve<'a> {
     pub facing: Facing,
     /// How it skips the pixels of other draws.
     pub select: Select,
-    /// Where it runs.
     pub runs: Runs,
     /// Allowed storage formats of attributes.
     pub formats: Formats,
     /// Words per id.
     pub words: Words,
-    /// Where corners are.
     pub corners: Corners,
     /// The lists it uses.
     pub lists: Lists,
@@ -71,7 +69,6 @@ pub(crate) struct Resolve<'a> {
     pub vertices: Vertices,
 }
 
-/// Where the resolve runs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Runs {
     /// In the fragment stage of a full-screen pass.
@@ -137,9 +134,7 @@ pub(crate) fn shaded(graph: &Graph<'_>, colors: &Slice) -> Result<Program, Strin
 /// The fragment stage as functions.
 struct Shaders {
     module: Module,
-    /// The result of the stage.
     result: Option<FunctionResult>,
-    /// The stage itself.
     shade: Shader,
     /// The functions of the gradients.
     levels: Vec<(Level, Shader)>,

@@ -23,7 +23,6 @@ use naga_edit::interface::Io;
 
 /// Name of the compute entry point.
 pub(crate) const ENTRY: &str = "cs_vertices";
-/// Name of the buffer.
 pub(crate) const BUFFER: &str = "visibility-vertices";
 /// Workgroup size.
 pub(crate) const WORKGROUP: u32 = 64;

@@ -60,7 +60,6 @@ pub(super) enum Word {
 /// A uniform outside of blocks.
 #[derive(Clone, Debug)]
 pub(super) struct Uniform {
-    /// Its name in the text.
     pub name: String,
     /// Its marker; `None` if it has no data.
     pub mark: Option<String>,
@@ -130,7 +129,6 @@ pub(super) struct LocatedName {
     pub whole: Option<(String, String)>,
 }
 
-/// Names by stage.
 #[derive(Debug, Default)]
 pub(super) struct Taken {
     pub all: HashSet<String>,

@@ -414,7 +414,6 @@ impl<'a> Rebuild<'a> {
         Ok(())
     }
 
-    /// A part of a place.
     fn step(&mut self, of: UniformPlace, index: Index) -> Result<UniformPlace, String> {
         let (own, wanted) = (self.types[of.own].clone(), self.types[of.wanted].clone());
         let pointer = match (of.at, index) {

@@ -56,7 +56,6 @@ pub(super) fn split(combined: &str) -> [String; 2] {
 /// A parameter of a function, by its position.
 type Parameter<'t> = (&'t str, usize);
 
-/// A word of the text.
 struct Word<'t> {
     word: &'t str,
     range: Range<usize>,

@@ -24,7 +24,6 @@ pub(super) enum Dialect {
 /// A form of naga's text that we do not expect.
 pub(super) struct Unexpected(pub String);
 
-/// A part of the text.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum TextItem<'a> {
     /// `#version`, `#extension`, `precision`.

@@ -60,7 +60,6 @@ pub(super) fn split(program: &Program) -> Result<Option<TextureCopies>, Insepara
     }
 }
 
-/// A binding, with an order.
 type BindingKey = (u32, u32);
 
 /// The samplers of each texture in all stages.

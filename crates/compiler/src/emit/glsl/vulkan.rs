@@ -128,7 +128,6 @@ fn words(text: &str) -> impl Iterator<Item = (&str, std::ops::Range<usize>)> {
         .map(|(_, range)| (&text[range.clone()], range))
 }
 
-/// Replaces whole words.
 fn replaced(text: &str, with: &HashMap<&str, String>) -> String {
     let mut out = String::with_capacity(text.len());
     let mut copied = 0;

@@ -36,7 +36,6 @@ enum Part {
 
 #[derive(Default)]
 struct Rows {
-    /// By struct and member.
     members: HashMap<(u32, u32), Turned>,
     /// Operands of types.
     types: HashMap<u32, Instruction>,

@@ -25,7 +25,6 @@ const KEYWORDS: [&str; 12] = [
 /// The operators so far of one expression, outside of inner brackets.
 #[derive(Clone, Default)]
 struct Before<'t> {
-    /// Any of them.
     any: Option<&'t str>,
     bits: Option<&'t str>,
     logic: Option<&'t str>,

@@ -695,7 +695,6 @@ fn initial(
 /// A number is missing.
 pub(crate) fn words(harness: &Harness, draw: &Draw<'_>) -> Result<Vec<u32>, String> {
     use naga_interp::Value;
-    use preshade_validate::environment::slopes;
     let mut words = Vec::new();
     let missing = |what: &str| format!("there are no numbers for {what}");
     for given in &harness.given {
@@ -718,7 +717,7 @@ pub(crate) fn words(harness: &Harness, draw: &Draw<'_>) -> Result<Vec<u32>, Stri
                     Value::vector(&scales),
                 ]))
             }
-            Given::Slopes => Some(Value::vector(&slopes(draw.inputs))),
+            Given::Slopes => Some(Value::vector(&draw.inputs.slopes())),
             Given::Weights(kind) => Some(Value::vector(&draw.inputs.weights(*kind))),
         };
         let value = value.ok_or_else(|| missing(&format!("{given:?}")))?;

@@ -11,7 +11,6 @@ use crate::graph::{FunctionGraph, StmtId};
 enum Part {
     /// A condition of the author's.
     Author {
-        /// What it reads.
         reads: Reads,
         /// Whether it was the author's only where something of the viewer's was so, as
         /// `alpha < 0.5` in `near && alpha < 0.5`.

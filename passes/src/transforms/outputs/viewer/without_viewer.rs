@@ -7,7 +7,6 @@ use naga::{BinaryOperator, Expression, Handle, Literal, MathFunction, TypeInner}
 
 use super::{At, Changes, Instead, Reads, Stage};
 
-/// What a value is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
     /// To read a texture.
