@@ -14,7 +14,7 @@ use std::time::Instant;
 use preshade_compiler::emit::{self, Options, Target};
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
-use preshade_passes::graph::Graph;
+use preshade_dataflow::graph::Graph;
 use preshade_passes::transforms::hoist::movable::Finite;
 use preshade_passes::transforms::hoist::{self, Candidates, Hoist, HoistStages};
 use preshade_plan::pass::{Facts, Pass, Refusal};

@@ -1,7 +1,7 @@
 //! `preshade graph`: the dataflow graph, as dot or JSON.
 
 use preshade_compiler::recipe::Recipe;
-use preshade_passes::graph::Graph;
+use preshade_dataflow::graph::Graph;
 
 use crate::input::ShaderArgs;
 use crate::{Ending, Failure, output};

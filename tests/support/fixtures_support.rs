@@ -4,9 +4,9 @@
 use std::path::{Path, PathBuf};
 
 use preshade_compiler::front::{self, Parsed, Source};
+use preshade_dataflow::graph::counted::Ends;
+use preshade_dataflow::graph::{FunctionId, Graph};
 use preshade_passes::examples;
-use preshade_passes::graph::counted::Ends;
-use preshade_passes::graph::{FunctionId, Graph};
 use preshade_plan::pass::Use;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;

@@ -729,7 +729,7 @@ pub struct Change {
     pub cost: SiteCost,
 }
 
-/// Static cost estimate of a change, in the units of `preshade_passes::graph`'s cost model.
+/// Static cost estimate of a change, in the units of `preshade_dataflow::graph`'s cost model.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 pub struct SiteCost {
     /// Cost of the slice.

@@ -7,7 +7,7 @@ use naga::{AddressSpace, GlobalVariable, Handle, Module, ShaderStage, Span};
 
 use super::static_frame::replace;
 use naga_edit::link;
-use preshade_passes::graph::FunctionId;
+use preshade_dataflow::graph::FunctionId;
 use preshade_passes::rebuild::place::{self, Rewrite};
 use preshade_passes::rebuild::snippet::NOWHERE;
 use preshade_plan::geometry::Geometry;

@@ -6,9 +6,9 @@ use super::inputs::{self, Inputs};
 use super::promise::Pair;
 use super::stage::Stage;
 use super::term;
-use preshade_passes::graph::{FunctionId, Graph};
+use preshade_dataflow::graph::{FunctionId, Graph};
+use preshade_dataflow::slice::{self, Criterion, OutputFilter};
 use preshade_passes::rebuild::place::{self, PositionInvariance};
-use preshade_passes::slice::{self, Criterion, OutputFilter};
 use preshade_plan::guard::Place as Assumed;
 use preshade_plan::program::Program;
 

@@ -42,7 +42,7 @@ pub enum Verdict {
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Proof {
-    /// The deciding slices have the same canonical form ([`preshade_passes::slice`]).
+    /// The deciding slices have the same canonical form ([`preshade_dataflow::slice`]).
     Slices {
         /// Inputs on which both were also run in full and agreed, because a fault of the slicer
         /// could affect both slices. At least 1.

@@ -8,8 +8,8 @@ use naga::{
     ScalarKind, Statement, TypeInner,
 };
 
-use crate::graph::counted::{Counted, integer};
-use crate::graph::{FunctionGraph, Graph, StmtId};
+use preshade_dataflow::graph::counted::{Counted, integer};
+use preshade_dataflow::graph::{FunctionGraph, Graph, StmtId};
 use preshade_plan::program::Program;
 
 /// The checks without which a program may do anything.

@@ -34,10 +34,10 @@ use naga::{
 use crate::analysis::operations::discontinuity;
 use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::values::{ContextId, Node, TooLarge, ValueId, Values};
-use crate::graph::memory::Origin;
-use crate::graph::rate::Rate;
-use crate::graph::{FunctionGraph, FunctionId, Graph, control};
-use crate::slice::{Need, Slice};
+use preshade_dataflow::graph::memory::Origin;
+use preshade_dataflow::graph::rate::Rate;
+use preshade_dataflow::graph::{FunctionGraph, FunctionId, Graph, control};
+use preshade_dataflow::slice::{Need, Slice};
 use preshade_plan::contract::Surface;
 use preshade_plan::plan::GpuPass;
 use preshade_plan::program::Program;

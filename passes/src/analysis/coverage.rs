@@ -5,8 +5,8 @@
 use naga::{Binding, BuiltIn, EarlyDepthTest, ShaderStage, TypeInner};
 use naga_edit::interface;
 
-use crate::graph::{FunctionId, Graph};
-use crate::slice::{self, Criterion, OutputFilter, Slice};
+use preshade_dataflow::graph::{FunctionId, Graph};
+use preshade_dataflow::slice::{self, Criterion, OutputFilter, Slice};
 use preshade_plan::plan::GpuPass;
 use preshade_plan::program::Program;
 use preshade_plan::state::ColorTarget;

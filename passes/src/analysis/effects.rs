@@ -2,8 +2,8 @@
 
 use naga::{Span, Statement};
 
-use crate::graph::effect::{self, Effect};
-use crate::graph::{FunctionId, Graph, StmtId};
+use preshade_dataflow::graph::effect::{self, Effect};
+use preshade_dataflow::graph::{FunctionId, Graph, StmtId};
 
 /// Effects that read neighbours in the quad.
 const DERIVATIVES: [Effect; 2] = [Effect::Derivative, Effect::ImplicitLod];

@@ -7,9 +7,9 @@ use naga::Statement;
 
 use crate::analysis::reach::with_users;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
-use crate::graph::counted::{self, Ends};
-use crate::graph::memory::Origin;
-use crate::graph::{FunctionId, StmtId};
+use preshade_dataflow::graph::counted::{self, Ends};
+use preshade_dataflow::graph::memory::Origin;
+use preshade_dataflow::graph::{FunctionId, StmtId};
 use preshade_plan::guard::{Assumed, Bounds, Guard};
 
 /// For each value, whether it may differ between iterations of an enclosing loop, including loops
@@ -101,7 +101,7 @@ impl LoopEnds {
     /// The guard under which the loops of some values end, if they need one. It bounds every loop of the stage that it
     /// can: then [`Termination::Guarded`] may drop them.
     ///
-    /// [`Termination::Guarded`]: crate::slice::Termination::Guarded
+    /// [`Termination::Guarded`]: preshade_dataflow::slice::Termination::Guarded
     pub fn guard(&self, values: &Values<'_, '_>, ids: &[ValueId]) -> Option<Guard> {
         if ids.iter().all(|id| self.of[*id] == Ends::Always) {
             return None;

@@ -8,7 +8,7 @@
 //! before their neighbours are drawn, so the neighbours must write depth.
 
 use crate::analysis::{opaque, refusals};
-use crate::graph::Graph;
+use preshade_dataflow::graph::Graph;
 use preshade_plan::channels::{self, Channels};
 use preshade_plan::pass::Refusal;
 use preshade_plan::plan::{BindingSource, GpuPass, Phase, Plan, Role};

@@ -13,13 +13,13 @@ use naga::{
 
 use crate::analysis::values::cycle::{Merges, UNCOUNTED_ITERATIONS, operands_first};
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
-use crate::graph::cells::Root;
-use crate::graph::memory::{Origin, VersionId};
-use crate::graph::rate::Rate;
 use naga_edit::interface;
 use naga_interp::Number;
 use naga_interp::accuracy::Accuracy;
 use naga_interp::interval::{Arithmetic, Interval};
+use preshade_dataflow::graph::cells::Root;
+use preshade_dataflow::graph::memory::{Origin, VersionId};
+use preshade_dataflow::graph::rate::Rate;
 use preshade_plan::pass::{Source, SourceRange};
 
 /// Most values times iterations to follow around one loop; beyond that, ranges are assumed

@@ -8,8 +8,8 @@ use serde::Serialize;
 
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::refusals;
-use crate::graph::{FunctionId, Graph};
-use crate::slice::{self, Criterion, OutputFilter, Slice};
+use preshade_dataflow::graph::{FunctionId, Graph};
+use preshade_dataflow::slice::{self, Criterion, OutputFilter, Slice};
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::pass::{Left, Outcome, Refusal, Refused};
 use preshade_plan::plan::{Change, GpuPass, Plan, Role, Site, SiteCost};

@@ -23,11 +23,11 @@ use crate::analysis::range::terms;
 use crate::analysis::reach::with_users;
 use crate::analysis::refusals;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
-use crate::graph::Graph;
-use crate::graph::cells::Root;
-use crate::graph::memory::{Origin, VersionId};
-use crate::graph::rate::Rate;
 use naga_interp::interval::{Arithmetic, Interval};
+use preshade_dataflow::graph::Graph;
+use preshade_dataflow::graph::cells::Root;
+use preshade_dataflow::graph::memory::{Origin, VersionId};
+use preshade_dataflow::graph::rate::Rate;
 use preshade_plan::pass::{self, Facts, Refusal, Source, SourceRange};
 use preshade_plan::plan::Plan;
 

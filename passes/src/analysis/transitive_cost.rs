@@ -10,7 +10,7 @@ use crate::analysis::named::{name, span};
 use crate::analysis::reach::with_operands;
 use crate::analysis::users::Users;
 use crate::analysis::values::{Node, ValueId, Values};
-use crate::graph::cost;
+use preshade_dataflow::graph::cost;
 use preshade_plan::pass::Left;
 
 /// The cost of values and all their dependences, each counted once, and the inputs among the
@@ -293,7 +293,7 @@ mod tests {
     use std::fmt::Write;
 
     use super::*;
-    use crate::graph::Graph;
+    use preshade_dataflow::graph::Graph;
     use preshade_plan::program::Program;
     use shader_text::source::Language;
 

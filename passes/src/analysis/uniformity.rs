@@ -14,7 +14,7 @@ use naga::{
     Module, SampleLevel, ShaderStage, Span, Statement, StorageAccess, SwitchCase, TypeInner,
 };
 
-use crate::graph::FunctionId;
+use preshade_dataflow::graph::FunctionId;
 
 /// Why uniform control flow is needed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]

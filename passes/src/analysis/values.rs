@@ -16,10 +16,10 @@ use rustc_hash::FxHashMap;
 
 use crate::analysis::refusals;
 use crate::analysis::users::Users;
-use crate::graph::memory::VersionId;
-use crate::graph::rate::{Fact, Rate};
-use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 use naga_edit::interface::{self, Io};
+use preshade_dataflow::graph::memory::VersionId;
+use preshade_dataflow::graph::rate::{Fact, Rate};
+use preshade_dataflow::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 use preshade_plan::pass::Refusal;
 
 pub(crate) mod cycle;
@@ -61,7 +61,7 @@ pub struct Value {
     /// Its identity.
     pub node: Node,
     pub operands: Vec<ValueId>,
-    /// Cost per fragment without operands, in the units of [`crate::graph::cost`].
+    /// Cost per fragment without operands, in the units of [`preshade_dataflow::graph::cost`].
     pub cost: f64,
     /// Its rate, and the stages that can compute it.
     pub fact: Fact,

@@ -9,7 +9,7 @@ use naga::{
 };
 
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
-use crate::graph::Graph;
+use preshade_dataflow::graph::Graph;
 use preshade_plan::program::Program;
 
 pub mod names;

@@ -15,7 +15,7 @@ use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, Stateme
 use crate::analysis::hazard;
 use crate::analysis::range::AllRanges;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
-use crate::graph::FunctionId;
+use preshade_dataflow::graph::FunctionId;
 use preshade_plan::pass::{Facts, MaterialTexture};
 
 /// Why a term with a weight of 0 must stay.

@@ -11,10 +11,10 @@ use naga::{
     Scalar, ScalarKind, ShaderStage, Span, Statement, StorageAccess, Type, TypeInner,
 };
 
-use crate::graph::counted::{self, Ends};
-use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 use naga_edit::variable;
 use naga_edit::writer::FunctionWriter;
+use preshade_dataflow::graph::counted::{self, Ends};
+use preshade_dataflow::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 use preshade_plan::program::Program;
 use preshade_plan::uniforms::UniformScalar;
 use shader_text::source::Invalid;

@@ -11,10 +11,10 @@ use naga::{
 use naga_edit::interface;
 
 use crate::analysis::coverage;
-use crate::graph::Graph;
 use crate::rebuild::color;
 use crate::rebuild::place::{self, PositionInvariance};
 use naga_edit::writer::FunctionWriter;
+use preshade_dataflow::graph::Graph;
 use preshade_plan::plan::{GpuPass, Plan};
 use preshade_plan::program::Program;
 use shader_text::source::Invalid;

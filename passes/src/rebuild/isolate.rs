@@ -6,7 +6,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use naga::{Expression, Function, Handle, Module, Statement};
 
 use crate::analysis::values::{ContextId, Values};
-use crate::graph::{FunctionId, StmtId};
+use preshade_dataflow::graph::{FunctionId, StmtId};
 
 /// The module with copies of the functions of `contexts` and of their callers; calls on the way use
 /// the copies. The walk starts at the entry point `entry`, which has the same statements and

@@ -10,7 +10,7 @@ use super::remainder::{self, Given};
 use crate::analysis::loops::LoopEnds;
 use crate::analysis::named::span;
 use crate::analysis::values::{ValueId, Values};
-use crate::slice::Termination;
+use preshade_dataflow::slice::Termination;
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::guard::Guard;
 use preshade_plan::pass::{Left, Outcome, Refusal, Refused};

@@ -15,13 +15,13 @@ use naga::{
 
 use crate::analysis::values::{ContextId, ValueId, Values};
 use crate::analysis::{named, refusals};
-use crate::graph::{FunctionId, Graph};
 use crate::rebuild::color::location;
 use crate::rebuild::insert_after::after;
 use crate::rebuild::isolate::isolate;
 use crate::rebuild::place::{self, PositionInvariance};
-use crate::slice::{self, Criterion, OutputFilter};
 use naga_edit::returns;
+use preshade_dataflow::graph::{FunctionId, Graph};
+use preshade_dataflow::slice::{self, Criterion, OutputFilter};
 use preshade_plan::pass::Refusal;
 use preshade_plan::program::Program;
 

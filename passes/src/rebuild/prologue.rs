@@ -7,10 +7,10 @@ use naga::{
     Type,
 };
 
-use crate::graph::Graph;
 use crate::rebuild::place::{self, CodeBuilder, PositionInvariance};
-use crate::slice::Slice;
 use naga_edit::interface;
+use preshade_dataflow::graph::Graph;
+use preshade_dataflow::slice::Slice;
 
 /// A function made of a slice of a stage.
 #[derive(Clone, Debug)]

@@ -6,9 +6,9 @@ use naga::{
 };
 
 use crate::analysis::effects;
-use crate::graph::effect::{self, Effect};
-use crate::graph::{FunctionId, Graph};
 use crate::rebuild::snippet::{InjectError, link_snippet};
+use preshade_dataflow::graph::effect::{self, Effect};
+use preshade_dataflow::graph::{FunctionId, Graph};
 use preshade_plan::plan::Plan;
 
 /// Name of the function that compares with a pre-pass's depth; with a vote if its quad votes.

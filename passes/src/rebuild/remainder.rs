@@ -6,11 +6,11 @@ use std::collections::BTreeMap;
 use naga::{Expression, Handle, Module};
 
 use crate::analysis::values::{ContextId, Values};
-use crate::graph::{FunctionId, Graph};
 use crate::rebuild::isolate::{self, isolate};
 use crate::rebuild::outline::{Failed, Wanted};
 use crate::rebuild::place::{self, CodeBuilder, PositionInvariance, Replacement, Rewrite};
-use crate::slice::{self, Criterion, OutputFilter, Termination};
+use preshade_dataflow::graph::{FunctionId, Graph};
+use preshade_dataflow::slice::{self, Criterion, OutputFilter, Termination};
 use preshade_plan::program::Program;
 
 /// The values that a stage is given, by index of the wanted ones.

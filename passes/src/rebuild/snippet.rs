@@ -8,9 +8,9 @@ use naga::{
     TypeInner,
 };
 
-use crate::graph::FunctionId;
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use naga_edit::link;
+use preshade_dataflow::graph::FunctionId;
 
 /// A source offset beyond every file: our own text has no place in the author's.
 pub const NOWHERE: u32 = u32::MAX / 2;

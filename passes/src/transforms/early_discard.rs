@@ -48,8 +48,8 @@ use crate::analysis::opaque::{self, Opaque};
 use crate::analysis::refusals as shared;
 use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
 use crate::rebuild::depth_pass::{self, PrepassProgram};
-use crate::slice::{self, Criterion, OutputFilter};
 use naga_edit::declared::CombinedSampler;
+use preshade_dataflow::slice::{self, Criterion, OutputFilter};
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::pass::{

@@ -38,9 +38,9 @@ use naga::ShaderStage;
 
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::{refusals as shared, rounding, transitive_cost, values};
-use crate::graph::Graph;
 use crate::rebuild::moved::MovedValues;
 use crate::rebuild::{outline, place};
+use preshade_dataflow::graph::Graph;
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::pass::{

@@ -54,7 +54,7 @@ use crate::analysis::view::{self, Said};
 use crate::rebuild::depth_only::{self, Placed, VertexStage};
 use crate::rebuild::depth_pass;
 use crate::rebuild::place::PositionInvariance;
-use crate::slice::OutputFilter;
+use preshade_dataflow::slice::OutputFilter;
 use preshade_plan::contract::Contract;
 use preshade_plan::limits;
 use preshade_plan::pass::{

@@ -40,12 +40,12 @@ use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::simplify::{self, FragmentStage};
 use crate::analysis::values::{ValueId, Values};
 use crate::analysis::{refusals as shared, rounding, transitive_cost};
-use crate::graph::FunctionId;
 use crate::rebuild::moved::MovedValues;
 use crate::rebuild::outline::{self, Extracted, Failed, Names, Wanted};
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::remainder::Given;
-use crate::slice::Termination;
+use preshade_dataflow::graph::FunctionId;
+use preshade_dataflow::slice::Termination;
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::geometry::Geometry;
 use preshade_plan::pass::{

@@ -38,7 +38,7 @@ use serde::{Deserialize, Serialize};
 use crate::analysis::simplify::{self, FragmentStage, Simplified};
 use crate::analysis::zero::Seen;
 use crate::analysis::{contraction, refusals as shared};
-use crate::graph::Graph;
+use preshade_dataflow::graph::Graph;
 use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::contract::{Assumption, Contract, Turned};
 use preshade_plan::pass::{Example, Facts, Outcome, Pass, PassInfo, Refusal, Refused, Use};

@@ -39,11 +39,11 @@ use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::values::Values;
 use crate::analysis::zero::{self, Zeros};
 use crate::analysis::{contraction, refusals as shared};
-use crate::graph::{FunctionId, Graph};
-use crate::slice::{self, Criterion, OutputFilter};
 use naga_edit::interface;
 use naga_interp::accuracy::Accuracy;
 use naga_interp::overrides;
+use preshade_dataflow::graph::{FunctionId, Graph};
+use preshade_dataflow::slice::{self, Criterion, OutputFilter};
 use preshade_plan::contract::{Assumption, Contract, Surface, Turned};
 use preshade_plan::guard::Guard;
 use preshade_plan::pass::{

@@ -25,10 +25,10 @@
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::Opaque;
 use crate::analysis::{refusals as shared, subnormal};
-use crate::graph::Graph;
 use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
 use crate::rebuild::{depth_pass, place};
-use crate::slice::{self, Criterion, OutputFilter, Slice};
+use preshade_dataflow::graph::Graph;
+use preshade_dataflow::slice::{self, Criterion, OutputFilter, Slice};
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::{Assumption, Contract, Surface, Turned};
 use preshade_plan::draw_table::IDS;

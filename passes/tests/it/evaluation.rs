@@ -6,9 +6,9 @@ use std::collections::BTreeMap;
 use naga::{Binding, BuiltIn, Function, Module, ShaderStage, TypeInner};
 use naga_edit::interface;
 use naga_interp::{Environment, RunResult, Scalar, Stuck, Value};
-use preshade_passes::graph::Graph;
+use preshade_dataflow::graph::Graph;
+use preshade_dataflow::slice::{self, Criterion, OutputFilter, Termination};
 use preshade_passes::rebuild::place::{self, PositionInvariance};
-use preshade_passes::slice::{self, Criterion, OutputFilter, Termination};
 use preshade_plan::program::Program;
 use proptest::prelude::*;
 

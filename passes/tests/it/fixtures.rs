@@ -6,9 +6,9 @@ use std::collections::BTreeMap;
 use naga::{Module, ScalarKind, Type, TypeInner};
 use naga_edit::interface;
 use naga_interp::{Environment, Lookup, RunResult, Scalar, Stuck, Value};
-use preshade_passes::graph::{FunctionId, Graph};
+use preshade_dataflow::graph::{FunctionId, Graph};
+use preshade_dataflow::slice::{self, Criterion, OutputFilter, Termination};
 use preshade_passes::rebuild::place::{self, PositionInvariance};
-use preshade_passes::slice::{self, Criterion, OutputFilter, Termination};
 use preshade_plan::program::Program;
 
 use crate::common;

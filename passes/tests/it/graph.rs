@@ -1,8 +1,8 @@
 //! Rates, effects, control dependence, cost and the printed graph.
 
 use naga::{Expression, ShaderStage, Statement};
-use preshade_passes::graph::counted::{self, Ends};
-use preshade_passes::graph::{FunctionId, Graph, text};
+use preshade_dataflow::graph::counted::{self, Ends};
+use preshade_dataflow::graph::{FunctionId, Graph, text};
 
 use crate::common;
 

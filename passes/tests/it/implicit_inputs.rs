@@ -2,7 +2,7 @@
 //! inputs.
 
 use naga::ShaderStage;
-use preshade_passes::graph::{FunctionId, Graph};
+use preshade_dataflow::graph::{FunctionId, Graph};
 use preshade_passes::transforms::depth_prepass::{self, DepthPrepass};
 use preshade_passes::transforms::early_discard::{self, EarlyDiscard, MainAttachment};
 use preshade_passes::transforms::hoist::{self, Allow, Hoist};

@@ -2,9 +2,9 @@
 
 use naga::ShaderStage;
 use naga_edit::interface;
-use preshade_passes::graph::{self, FunctionId, Graph};
+use preshade_dataflow::graph::{self, FunctionId, Graph};
+use preshade_dataflow::slice::{self, Criterion, OutputFilter, Termination};
 use preshade_passes::rebuild::place::{self, PositionInvariance};
-use preshade_passes::slice::{self, Criterion, OutputFilter, Termination};
 use preshade_plan::program::Program;
 
 use crate::common;

@@ -7,8 +7,8 @@ use preshade_plan::plan::{
     SelfTestDraw,
 };
 use preshade_plan::program::Program;
-use preshade_plan::{limits, reflect};
 use preshade_plan::state::{AttachmentOps, DepthState, LoadOp};
+use preshade_plan::{limits, reflect};
 
 use super::bindings::{PassKind, Shared};
 use super::emitted::{EmittedPlan, Override, included, json, samples_are_free};

@@ -2,7 +2,7 @@
 
 use naga::ShaderStage;
 use naga_edit::declared::Depth;
-use preshade_passes::graph::Graph;
+use preshade_dataflow::graph::Graph;
 use preshade_plan::plan::Plan;
 use preshade_validate::Effort;
 use preshade_validate::agree::{self, Agreement, Class, Mismatch, Question, Relation};

@@ -2,8 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use preshade_dataflow::graph::{FunctionId, Graph};
 use preshade_passes::PASSES;
-use preshade_passes::graph::{FunctionId, Graph};
 use preshade_plan::contract::Contract;
 use preshade_plan::pass::{AnyPass, Facts, Refusal};
 use preshade_plan::plan::{GpuPass, Plan};

@@ -11,7 +11,7 @@ use std::sync::Arc;
 use naga::{Module, TypeInner};
 use naga_edit::interface;
 use naga_interp::{Scalar, Value};
-use preshade_passes::graph::Graph;
+use preshade_dataflow::graph::Graph;
 use preshade_plan::pass::{Numbers, Source, SourceRange};
 
 use super::originals;

@@ -8,8 +8,8 @@ use naga::{
     MathFunction, Module, ScalarKind, Statement, Type, TypeInner,
 };
 use naga_edit::interface::Io;
+use preshade_dataflow::graph::Graph;
 use preshade_passes::analysis::values::{ContextId, Node, ValueId, Values};
-use preshade_passes::graph::Graph;
 
 use preshade_draw::scene::layout::{leaf_shape, runtime_array};
 use preshade_draw::scene::{Semantic, bind};

@@ -8,8 +8,8 @@ use naga::{
     ShaderStage, TypeInner,
 };
 use naga_edit::interface::Io;
+use preshade_dataflow::graph::Graph;
 use preshade_passes::analysis::values::ValueId;
-use preshade_passes::graph::Graph;
 
 use super::flow::{BufferRead, MOST_INDIRECT, Nearest, StageFlow, location};
 use super::vertex_pulling::Pulled;

@@ -1,8 +1,8 @@
 //! Depth tests that come before the fragment stage.
 
 use super::{Class, Finding, Relation};
+use preshade_dataflow::graph::Graph;
 use preshade_passes::analysis::coverage;
-use preshade_passes::graph::Graph;
 use preshade_plan::plan::GpuPass;
 use preshade_plan::program::Program;
 

@@ -23,9 +23,9 @@ use crate::stage::{Ran, Slot};
 use crate::term::{self, Symbolic};
 use crate::{Effort, proof};
 use naga_interp::{Stuck, Undefined, Value};
-use preshade_passes::graph::effect::Effect;
-use preshade_passes::graph::{FunctionId, Graph};
-use preshade_passes::slice::{Criterion, OutputFilter};
+use preshade_dataflow::graph::effect::Effect;
+use preshade_dataflow::graph::{FunctionId, Graph};
+use preshade_dataflow::slice::{Criterion, OutputFilter};
 use preshade_plan::state::DepthDirection;
 use shader_text::source::Language;
 

@@ -17,8 +17,8 @@ use crate::levels::Reading;
 use crate::proof::{self, SLICE};
 use crate::stage::Stage;
 use crate::trial;
-use preshade_passes::graph::Graph;
-use preshade_passes::slice::{self, Criterion, OutputFilter};
+use preshade_dataflow::graph::Graph;
+use preshade_dataflow::slice::{self, Criterion, OutputFilter};
 use preshade_plan::program::Program;
 
 /// An input on which two programs differ.

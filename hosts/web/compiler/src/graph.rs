@@ -1,6 +1,6 @@
 //! `graph`.
 
-use preshade_passes::graph::{Graph, GraphData};
+use preshade_dataflow::graph::{Graph, GraphData};
 
 use crate::request::Drawn;
 use crate::{Answer, Failure};

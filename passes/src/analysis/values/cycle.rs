@@ -7,8 +7,8 @@ use petgraph::algo::kosaraju_scc;
 use petgraph::graph::DiGraph;
 
 use crate::analysis::values::{Node, Value, ValueId, Values};
-use crate::graph::counted;
-use crate::graph::memory::Origin;
+use preshade_dataflow::graph::counted;
+use preshade_dataflow::graph::memory::Origin;
 
 /// The strongly connected components, users before operands.
 pub(crate) fn cycles(values: &[Value]) -> Vec<Vec<ValueId>> {

@@ -3,10 +3,10 @@
 use naga::{AddressSpace, Expression, Handle, ShaderStage, Statement, TypeInner};
 
 use super::{ContextId, Node, ValueId, Values};
-use crate::graph::cells::{self, Root};
-use crate::graph::memory::{self, Origin, VersionId};
-use crate::graph::rate::{self, Fact, Rate, Stages};
-use crate::graph::{FunctionId, cost, effect};
+use preshade_dataflow::graph::cells::{self, Root};
+use preshade_dataflow::graph::memory::{self, Origin, VersionId};
+use preshade_dataflow::graph::rate::{self, Fact, Rate, Stages};
+use preshade_dataflow::graph::{FunctionId, cost, effect};
 
 impl Values<'_, '_> {
     /// Finds a value's operands, cost and fact.

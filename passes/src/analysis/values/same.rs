@@ -3,7 +3,7 @@
 use naga::{Expression, Handle};
 
 use super::{ContextId, Values};
-use crate::graph::cells;
+use preshade_dataflow::graph::cells;
 
 impl Values<'_, '_> {
     /// Whether two expressions are one value: the same one, or two loads of the same memory

@@ -9,11 +9,11 @@ use naga::{
 
 use super::interface::{self, Narrowed, Placement, Returned};
 use super::members::MemberCopy;
-use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
-use crate::slice::{Coverage, Part, Slice, components};
 use naga_edit::copy::{CopyFunction, Copying};
 use naga_edit::returns;
 use naga_edit::writer::FunctionWriter;
+use preshade_dataflow::graph::{FunctionGraph, FunctionId, Graph, StmtId};
+use preshade_dataflow::slice::{Coverage, Part, Slice, components};
 
 pub(crate) fn place(
     graph: &Graph<'_>,

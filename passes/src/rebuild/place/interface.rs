@@ -5,8 +5,8 @@ use naga::{
     Binding, FunctionArgument, FunctionResult, Handle, Module, StructMember, Type, TypeInner,
 };
 
-use crate::slice::Need;
 use naga_edit::interface;
+use preshade_dataflow::slice::Need;
 
 /// Whether a placed entry point's position is invariant.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

@@ -27,8 +27,8 @@ pub use rewrite::{
     Replacement, Replacements, Rewrite, function_mut, prologue, prologue_replacing, rewritten,
 };
 
-use crate::graph::Graph;
-use crate::slice::Slice;
+use preshade_dataflow::graph::Graph;
+use preshade_dataflow::slice::Slice;
 
 /// The module `onto` with a slice of one of its entry points as a new entry point `name` of the
 /// same stage. `onto` is the module of `graph`, or one on which other slices of it have been

@@ -9,9 +9,9 @@ use naga::{
 };
 
 use super::CodeBuilder;
-use crate::graph::FunctionId;
 use naga_edit::copy::{CopyFunction, Copying};
 use naga_edit::writer::FunctionWriter;
+use preshade_dataflow::graph::FunctionId;
 
 /// The replacement of an author's expression behind a prologue.
 #[derive(Clone, Copy, Debug)]

@@ -32,9 +32,9 @@ use naga::{
 };
 
 use crate::analysis::effects;
-use crate::graph::effect::{self, Effect};
-use crate::graph::{FunctionId, Graph};
 use crate::rebuild::place::{CodeBuilder, Replacement, Replacements};
+use preshade_dataflow::graph::effect::{self, Effect};
+use preshade_dataflow::graph::{FunctionId, Graph};
 
 /// The expressions of an entry point that take derivatives, in arena order, if all of them can be
 /// evaluated first.

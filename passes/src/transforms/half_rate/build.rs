@@ -6,13 +6,13 @@ use naga::{
 };
 
 use super::{Edges, HalvedValues, derivatives, text};
-use crate::graph::FunctionId;
 use crate::rebuild::color;
 use crate::rebuild::outline::{self, Extracted, Failed, Names};
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::remainder::Given;
 use crate::rebuild::snippet::{Linked, ours};
-use crate::slice::Termination;
+use preshade_dataflow::graph::FunctionId;
+use preshade_dataflow::slice::Termination;
 use preshade_plan::program::Program;
 use preshade_plan::reflect;
 

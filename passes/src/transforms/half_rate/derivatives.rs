@@ -4,8 +4,8 @@ use naga::{
     Expression, Handle, ImageClass, ImageDimension, Literal, Module, SampleLevel, TypeInner,
 };
 
-use crate::graph::FunctionId;
 use crate::rebuild::place::{self, Replacement, Rewrite};
+use preshade_dataflow::graph::FunctionId;
 
 /// The half-rate module with the derivatives and implicit levels of neighbouring pixels, and whether
 /// there are any.

@@ -19,8 +19,8 @@ use crate::analysis::named;
 use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::transitive_cost::{below, is_cheap};
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
-use crate::graph::StmtId;
-use crate::graph::rate::Rate;
+use preshade_dataflow::graph::StmtId;
+use preshade_dataflow::graph::rate::Rate;
 
 /// Most numbers to carry.
 pub(crate) const MOST_CARRIED: u8 = 4;
@@ -29,7 +29,7 @@ pub(crate) const MOST_CARRIED: u8 = 4;
 /// (`maxColorAttachmentBytesPerSample`).
 pub(crate) const MOST_WORDS: u32 = 8;
 
-/// Cost of a carried number for each pixel, in the units of [`crate::graph::cost`]: it is unpacked and
+/// Cost of a carried number for each pixel, in the units of [`preshade_dataflow::graph::cost`]: it is unpacked and
 /// weighted four times.
 const READ: f64 = 12.0;
 

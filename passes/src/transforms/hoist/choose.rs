@@ -10,9 +10,9 @@ use crate::analysis::cut::{self, Cut, Item};
 use crate::analysis::reach::with_operands;
 use crate::analysis::transitive_cost::below;
 use crate::analysis::values::{Node, ValueId, Values};
-use crate::graph::rate::Interpolated;
+use preshade_dataflow::graph::rate::Interpolated;
 
-/// Cost of interpolating a component per fragment, in the units of [`crate::graph::cost`]. NVIDIA
+/// Cost of interpolating a component per fragment, in the units of [`preshade_dataflow::graph::cost`]. NVIDIA
 /// interpolates at a quarter of the multiply-add rate; others need two multiply-adds and a load.
 pub(crate) const SMOOTH_PRICE: f64 = 4.0;
 /// Cost of reading a flat component per fragment.

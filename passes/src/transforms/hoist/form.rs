@@ -3,7 +3,7 @@
 use naga::{BinaryOperator, Expression, Handle, MathFunction};
 
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
-use crate::graph::rate::{Interpolated, Rate};
+use preshade_dataflow::graph::rate::{Interpolated, Rate};
 
 /// How a value depends on varyings.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

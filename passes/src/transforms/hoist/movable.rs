@@ -15,8 +15,8 @@ use crate::analysis::reach::with_operands;
 use crate::analysis::rounding::Roundings;
 use crate::analysis::values::{Node, ValueId, Values};
 use crate::analysis::{contraction, hazard, operations, subnormal, transitive_cost};
-use crate::graph::effect;
-use crate::graph::rate::{At, Interpolated, Rate};
+use preshade_dataflow::graph::effect;
+use preshade_dataflow::graph::rate::{At, Interpolated, Rate};
 use preshade_plan::pass::SourceRange;
 
 /// How a value may move, from the strongest contract to the weakest.

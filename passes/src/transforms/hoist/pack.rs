@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use naga::ScalarKind;
 
 use super::movable::Carriage;
-use crate::graph::rate::{At, Interpolated};
+use preshade_dataflow::graph::rate::{At, Interpolated};
 
 /// A value to assign.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

@@ -10,12 +10,12 @@ use naga::{
 
 use super::pack::{self, VaryingSlot};
 use crate::analysis::named;
-use crate::graph::rate::{At, Interpolated};
 use crate::rebuild::moved::MovedValues;
 use crate::rebuild::outline::{Failed, Wanted};
 use crate::rebuild::place::CodeBuilder;
-use crate::slice::Termination;
 use naga_edit::interface;
+use preshade_dataflow::graph::rate::{At, Interpolated};
+use preshade_dataflow::slice::Termination;
 
 /// The remaining fragment stage in its module.
 #[derive(Clone, Debug)]

@@ -6,8 +6,8 @@ use super::candidates::{self, Candidate};
 use super::movable::{self, Class, Precision, Verdict};
 use super::{Hoist, HoistMaterial, HoistedValues, Params, choose, refusals, refuse};
 use crate::analysis::values::{ValueId, Values};
-use crate::graph::Graph;
 use crate::rebuild::outline;
+use preshade_dataflow::graph::Graph;
 use preshade_plan::pass::{Facts, Pass, Refusal};
 use preshade_plan::plan::Plan;
 

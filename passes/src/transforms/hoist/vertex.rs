@@ -21,11 +21,11 @@ use naga::{
 
 use super::pack::VaryingSlot;
 use super::remainder::{slot_binding, slot_name, slot_type, width};
-use crate::graph::Graph;
 use crate::rebuild::outline::{self, Failed, Hoisted, Wanted};
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
-use crate::slice::{self, Criterion, OutputFilter};
 use naga_edit::interface;
+use preshade_dataflow::graph::Graph;
+use preshade_dataflow::slice::{self, Criterion, OutputFilter};
 use preshade_plan::program::Program;
 
 /// The outputs of the new vertex stage.
@@ -92,7 +92,7 @@ pub(crate) fn rebuild(
     let mut failed = None;
     let module = place::rewritten(
         &module,
-        crate::graph::FunctionId::EntryPoint(vertex),
+        preshade_dataflow::graph::FunctionId::EntryPoint(vertex),
         |build| {
             let Some(from_author) = build.call_with_inputs(author, &inputs) else {
                 failed = Some(Failed::Built("the vertex stage gives nothing".to_owned()));

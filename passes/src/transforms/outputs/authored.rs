@@ -4,8 +4,8 @@ use naga::{Expression, Function, GlobalVariable, Handle, LocalVariable, Module, 
 use naga_edit::interface;
 
 use crate::analysis::values::{ContextId, Values};
-use crate::graph::{FunctionId, Graph, StmtId, text};
 use naga_operands::calls;
+use preshade_dataflow::graph::{FunctionId, Graph, StmtId, text};
 use preshade_plan::program::Program;
 
 /// Members of members that are looked at.

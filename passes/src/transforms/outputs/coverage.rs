@@ -11,9 +11,9 @@ use naga::{
 use super::viewer::{self, Changes, Instead, Stage, Unclear};
 use crate::analysis::opaque::Opaque;
 use crate::analysis::values::ContextId;
-use crate::graph::{FunctionGraph, Graph, text};
 use crate::rebuild::isolate::isolate;
 use crate::rebuild::place::{self, Replacement, Rewrite};
+use preshade_dataflow::graph::{FunctionGraph, Graph, text};
 use preshade_plan::program::Program;
 
 /// A program without what depends on the viewer.

@@ -4,7 +4,7 @@ use naga::{Module, TypeInner};
 
 use super::{Asked, ColourTarget, Params, Precision, Viewer, list, names};
 use crate::analysis::opaque::Opaque;
-use crate::slice::{self, Criterion, OutputFilter};
+use preshade_dataflow::slice::{self, Criterion, OutputFilter};
 use preshade_plan::mapping::{Mapping, Unknown};
 use preshade_plan::pass::Misnamed;
 use preshade_plan::state::DepthFormat;

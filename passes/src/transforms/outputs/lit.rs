@@ -9,7 +9,7 @@ use naga::{
 use super::authored::{Authored, Place};
 use crate::analysis::reach::with_operands;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
-use crate::graph::Graph;
+use preshade_dataflow::graph::Graph;
 
 /// Every unit vector that a dot product multiplies with a vector of a buffer (a light's direction or
 /// position, the camera's place) and that no such vector takes part in. A value is found once,

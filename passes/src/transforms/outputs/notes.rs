@@ -3,8 +3,8 @@
 use super::extend::{Normal, Shows, Wanted};
 use super::{Params, distance};
 use crate::analysis::opaque::Opaque;
-use crate::slice::{self, Criterion, OutputFilter};
 use naga_edit::interface;
+use preshade_dataflow::slice::{self, Criterion, OutputFilter};
 
 /// Words in the names of attributes that place an instance.
 const PLACES: [&str; 5] = ["instance", "transform", "model", "matrix", "object"];

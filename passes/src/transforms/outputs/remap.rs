@@ -9,9 +9,9 @@ use naga::{
     Statement, TypeInner,
 };
 
-use crate::graph::FunctionId;
 use crate::rebuild::place::{self, CodeBuilder, Replacement, Replacements, Rewrite};
 use naga_edit::link;
+use preshade_dataflow::graph::FunctionId;
 use preshade_plan::mapping::{Mapping, Path, Place, Unknown, name_of};
 
 /// A program that reads another view's resources.

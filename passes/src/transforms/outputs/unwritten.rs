@@ -4,9 +4,9 @@ use naga::{AddressSpace, Binding, Expression};
 
 use crate::analysis::reach::with_operands;
 use crate::analysis::values::{Node, Value, ValueId, Values};
-use crate::graph::Graph;
-use crate::graph::cells::Root;
-use crate::graph::memory::Origin;
+use preshade_dataflow::graph::Graph;
+use preshade_dataflow::graph::cells::Root;
+use preshade_dataflow::graph::memory::Origin;
 
 /// Whether an entry point writes nothing to its output at `location`. Then it is 0 in each invocation. `false` if the
 /// entry point is too large, or has no such output.

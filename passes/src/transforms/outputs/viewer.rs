@@ -11,8 +11,8 @@ use naga::{Binding, BuiltIn, Expression, Handle};
 use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::analysis::view;
-use crate::graph::rate::Rate;
-use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
+use preshade_dataflow::graph::rate::Rate;
+use preshade_dataflow::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 
 mod conditions;
 mod kills;

@@ -7,8 +7,8 @@ use super::authored::Authored;
 use crate::analysis::reach::with_users;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use crate::analysis::view;
-use crate::graph::memory::Origin;
-use crate::graph::{Graph, text};
+use preshade_dataflow::graph::memory::Origin;
+use preshade_dataflow::graph::{Graph, text};
 
 /// A vector of four, and the matrices that turn it into the world, outermost first.
 #[derive(Clone, Debug, PartialEq)]

@@ -17,10 +17,10 @@ use crate::analysis::rounding::Roundings;
 use crate::analysis::subnormal;
 use crate::analysis::transitive_cost::{below, is_cheap};
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
-use crate::graph::rate::Rate;
+use preshade_dataflow::graph::rate::Rate;
 use preshade_plan::pass::SourceRange;
 
-/// Cost of reading a stored scalar, in the units of [`crate::graph::cost`]: a load, and a register that
+/// Cost of reading a stored scalar, in the units of [`preshade_dataflow::graph::cost`]: a load, and a register that
 /// it takes.
 const READ: f64 = 2.0;
 

@@ -8,9 +8,9 @@ use naga::{
 };
 
 use super::find::{Term, Weight};
-use crate::graph::{FunctionGraph, FunctionId, Graph};
 use naga_edit::copy::{CopyFunction, Copying};
 use naga_edit::writer::FunctionWriter;
+use preshade_dataflow::graph::{FunctionGraph, FunctionId, Graph};
 
 /// The module in which each term is computed only if its weight's magnitude exceeds `threshold`,
 /// and is 0 otherwise.

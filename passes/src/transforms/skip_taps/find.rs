@@ -12,10 +12,10 @@ use crate::analysis::coverage::Decides;
 use crate::analysis::refusals as shared;
 use crate::analysis::values::Values;
 use crate::analysis::zero::{Seen, Zeros};
-use crate::graph::cells::Root;
-use crate::graph::counted::Ends;
-use crate::graph::effect::Effect;
-use crate::graph::{FunctionGraph, FunctionId, Graph, Rate, StmtId};
+use preshade_dataflow::graph::cells::Root;
+use preshade_dataflow::graph::counted::Ends;
+use preshade_dataflow::graph::effect::Effect;
+use preshade_dataflow::graph::{FunctionGraph, FunctionId, Graph, Rate, StmtId};
 use preshade_plan::pass::{Facts, Left, Refused};
 use preshade_plan::plan::GpuPass;
 

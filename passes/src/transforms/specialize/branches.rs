@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 
 use super::decision::{Decision, DecisionKind};
 use super::{Params, assumptions, examine, folded};
-use crate::graph::{FunctionId, Graph, StmtId};
+use preshade_dataflow::graph::{FunctionId, Graph, StmtId};
 use preshade_plan::guard::Assumed;
 use preshade_plan::pass::{Facts, Refusal};
 use preshade_plan::plan::Plan;

@@ -5,7 +5,7 @@ use naga::{Block, Expression, Handle, Literal, Statement, SwitchCase, SwitchValu
 use super::decision::DecisionKind;
 use super::fold::{FoldFrame, Folder};
 use super::known::{AbstractValue, Sources};
-use crate::graph::StmtId;
+use preshade_dataflow::graph::StmtId;
 
 /// The target of a `break`.
 pub(super) enum Breaks {

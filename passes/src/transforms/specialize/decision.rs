@@ -8,8 +8,8 @@ use naga::{Block, Expression, Function, Handle, Statement};
 use super::control::{Breaks, taken};
 use super::fold::{FoldFrame, Folder};
 use super::known::{AbstractValue, Sources};
-use crate::graph::counted::Counted;
-use crate::graph::{FunctionId, Graph, Rate, StmtId};
+use preshade_dataflow::graph::counted::Counted;
+use preshade_dataflow::graph::{FunctionId, Graph, Rate, StmtId};
 
 /// The statement kind of a decision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

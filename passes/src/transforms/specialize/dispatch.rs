@@ -11,7 +11,7 @@ use naga::ShaderStage;
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
-use crate::graph::Graph;
+use preshade_dataflow::graph::Graph;
 use preshade_plan::guard::{Assumed, Guard, Place};
 use preshade_plan::plan::Plan;
 

@@ -13,7 +13,7 @@ use serde::{Deserialize, Serialize};
 use super::assume::Assumptions;
 use super::decision::{Decision, DecisionKind, Placed};
 use super::{Params, assumptions, examine, folded};
-use crate::graph::{FunctionId, Graph};
+use preshade_dataflow::graph::{FunctionId, Graph};
 use preshade_plan::guard::Assumed;
 use preshade_plan::pass::{Facts, Refusal};
 use preshade_plan::plan::Plan;

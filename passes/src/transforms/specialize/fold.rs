@@ -19,8 +19,8 @@ use super::decision::{Call, Noted, Record};
 use super::known::{AbstractValue, Sources};
 use super::params::Fold;
 use super::versions::Version;
-use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 use naga_edit::writer::{FunctionWriter, OpenEmit};
+use preshade_dataflow::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 
 /// Whether an expression of a function may be replaced by one of its operands, and the other, if there
 /// is one that is not 0, dropped.

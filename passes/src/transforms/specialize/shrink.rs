@@ -5,10 +5,10 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Binding, Module, ShaderStage};
 
-use crate::graph::{FunctionId, Graph};
 use crate::rebuild::place::{self, PositionInvariance};
-use crate::slice::{self, Criterion, OutputFilter, Termination};
 use naga_edit::interface;
+use preshade_dataflow::graph::{FunctionId, Graph};
+use preshade_dataflow::slice::{self, Criterion, OutputFilter, Termination};
 use preshade_plan::program::Program;
 use shader_text::source::Invalid;
 

@@ -6,7 +6,7 @@ use super::control::{Breaks, Ending, jumps};
 use super::decision::Record;
 use super::fold::{FoldFrame, Folder};
 use super::known::{AbstractValue, Sources};
-use crate::graph::StmtId;
+use preshade_dataflow::graph::StmtId;
 
 /// Most expressions that unrolling a loop may add.
 const MOST_ADDED: usize = 400;

@@ -4,7 +4,7 @@ use naga::{Function, Handle};
 
 use super::fold::Folder;
 use super::known::AbstractValue;
-use crate::graph::FunctionId;
+use preshade_dataflow::graph::FunctionId;
 
 /// Most versions of one function. Further calls use the version without known arguments.
 const MOST_VERSIONS: usize = 24;

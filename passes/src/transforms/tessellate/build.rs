@@ -15,10 +15,10 @@ use naga::{
 
 use super::split::{Carried, Outputs, Split};
 use super::text::{Order, Text};
-use crate::graph::FunctionId;
 use crate::rebuild::corner::Author;
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::snippet::{Linked, define, ours, word};
+use preshade_dataflow::graph::FunctionId;
 
 /// The functions, in their module.
 #[derive(Clone, Debug)]

@@ -19,10 +19,10 @@ use naga::{
 use super::build::{self, Functions, access, vertex_inputs};
 use super::split::Origin;
 use super::stored::{self, Evaluation, Stored};
-use crate::graph::{FunctionId, Graph};
 use crate::rebuild::place::{self, PositionInvariance, Rewrite};
 use crate::rebuild::snippet::{ours, word};
-use crate::slice::{self, Criterion, OutputFilter};
+use preshade_dataflow::graph::{FunctionId, Graph};
+use preshade_dataflow::slice::{self, Criterion, OutputFilter};
 use preshade_plan::plan::{BindingSource, BindingUse};
 use preshade_plan::program::Program;
 

@@ -17,8 +17,8 @@ use naga::{
 use super::split::{self, Carried, Outputs, Split};
 use super::{refusals, refuse};
 use crate::analysis::refusals as shared;
-use crate::graph::FunctionId;
 use crate::rebuild::place::{self, Rewrite};
+use preshade_dataflow::graph::FunctionId;
 use preshade_plan::pass::{Pass, Refusal};
 use preshade_plan::plan::{HOIST, Plan, Step};
 use preshade_plan::program::Program;

@@ -8,8 +8,8 @@ use naga::{
     LocalVariable, Module, Statement, TypeInner,
 };
 
-use crate::graph::counted::Counted;
-use crate::graph::{FunctionGraph, FunctionId, Graph, StmtId};
+use preshade_dataflow::graph::counted::Counted;
+use preshade_dataflow::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 
 /// The scene data that a loop reads by its counter, one item per iteration: `lights[i]`, the layer
 /// of a texture, a texel. `None` if it reads none, in the function or its callees.

@@ -9,7 +9,7 @@ use super::ids::Facing;
 use super::{refusals, refuse};
 use crate::analysis::opaque::Opaque;
 use crate::analysis::refusals as shared;
-use crate::slice::Slice;
+use preshade_dataflow::slice::Slice;
 use preshade_plan::pass::Refusal;
 use preshade_plan::plan::{GpuPass, Plan};
 use preshade_plan::state::{CullMode, DepthBias, Topology};

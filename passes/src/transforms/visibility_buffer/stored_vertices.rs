@@ -16,10 +16,10 @@ use naga::{
 
 use super::ids::new_entry;
 use super::resolve::width;
-use crate::graph::FunctionId;
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::snippet::{define, ours, word};
 use naga_edit::interface::Io;
+use preshade_dataflow::graph::FunctionId;
 
 /// Name of the compute entry point.
 pub(crate) const ENTRY: &str = "cs_vertices";

@@ -1,7 +1,7 @@
 //! Predicts the error and the work of a candidate without drawing, to leave out those that cannot
 //! be on the frontier.
 
-use preshade_passes::graph::Graph;
+use preshade_dataflow::graph::Graph;
 use preshade_plan::budget::Metric;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;

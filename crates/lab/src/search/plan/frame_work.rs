@@ -10,7 +10,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use naga::{Expression, ShaderStage};
 use naga_edit::interface;
-use preshade_passes::graph::{FunctionId, Graph};
+use preshade_dataflow::graph::{FunctionId, Graph};
 use preshade_passes::transforms::specialize::as_drawn;
 use preshade_plan::frame::{ColorAttachments, FrameError, FrameOps, FramePlan};
 use preshade_plan::geometry::Geometry;

@@ -4,11 +4,11 @@ use naga::{Expression, Function, GlobalVariable, Handle, LocalVariable, Span, St
 use naga_edit::interface;
 
 use super::{Extending, Failed};
-use crate::graph::{FunctionGraph, FunctionId};
 use crate::rebuild::insert_after::after;
 use crate::transforms::outputs::authored::{Authored, Place};
 use naga_edit::writer::FunctionWriter;
 use naga_edit::{returns, variable};
+use preshade_dataflow::graph::{FunctionGraph, FunctionId};
 
 /// Where the entry point finds a value as it returns.
 #[derive(Clone, Debug)]

@@ -8,13 +8,13 @@ use naga::{
 };
 
 use super::{Extending, Failed, Member, Velocity, pointer};
-use crate::graph::FunctionId;
 use crate::rebuild::place::{self, CodeBuilder, Rewrite};
 use crate::rebuild::prologue::Ahead;
-use crate::slice::{self, Criterion, OutputFilter, Slice};
 use crate::transforms::outputs::remap::{self, Pair};
 use naga_edit::variable::private;
 use naga_operands::calls;
+use preshade_dataflow::graph::FunctionId;
+use preshade_dataflow::slice::{self, Criterion, OutputFilter, Slice};
 use preshade_plan::mapping::name_of;
 use preshade_plan::plan::BindingSource;
 

@@ -5,9 +5,9 @@ use std::collections::BTreeSet;
 
 use super::{Distance, Extending, Face, Failed, Normal, Shows, Surface, Wanted};
 use crate::analysis::values::{ContextId, Values};
-use crate::graph::FunctionId;
 use crate::rebuild::isolate::isolate;
 use crate::transforms::outputs::authored::{Authored, Place, calls_of};
+use preshade_dataflow::graph::FunctionId;
 
 impl Extending<'_, '_> {
     /// The wanted values, in functions that only their own calls run.

@@ -3,9 +3,9 @@
 use naga::{GlobalVariable, Handle, Module};
 
 use super::Member;
-use crate::graph::FunctionId;
 use crate::transforms::outputs::remap::{self, Pair};
 use naga_edit::variable::private;
+use preshade_dataflow::graph::FunctionId;
 use preshade_plan::mapping::name_of;
 use preshade_plan::program::Program;
 use shader_text::source::Invalid;

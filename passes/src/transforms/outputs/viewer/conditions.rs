@@ -4,7 +4,7 @@ use naga::{BinaryOperator, Expression, Handle, Literal, LocalVariable, Statement
 
 use super::without_viewer::{self, Joined, Mode, Rest};
 use super::{At, Changes, Instead, Reads, Stage, Unclear};
-use crate::graph::{FunctionGraph, StmtId};
+use preshade_dataflow::graph::{FunctionGraph, StmtId};
 
 /// What remains of a condition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

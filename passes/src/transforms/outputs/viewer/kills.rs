@@ -4,7 +4,7 @@ use naga::{Block, Span, Statement};
 
 use super::{Reads, Stage};
 use crate::analysis::values::ContextId;
-use crate::graph::{FunctionId, StmtId};
+use preshade_dataflow::graph::{FunctionId, StmtId};
 
 /// How the discards of a block depend on conditions inside it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]

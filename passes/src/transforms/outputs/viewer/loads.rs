@@ -6,8 +6,8 @@ use naga::{Expression, Handle, Statement, TypeInner};
 
 use super::without_viewer::{Author, Joined, Mode, Rest, Search};
 use super::{At, Changes, Instead};
-use crate::graph::memory::{Origin, VersionId};
-use crate::graph::{Root, StmtId, cells};
+use preshade_dataflow::graph::memory::{Origin, VersionId};
+use preshade_dataflow::graph::{Root, StmtId, cells};
 
 /// A store that a load may see.
 #[derive(Clone, Copy, Debug)]

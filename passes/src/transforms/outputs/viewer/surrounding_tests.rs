@@ -7,7 +7,7 @@ use naga::{Scalar, Statement, TypeInner};
 use super::{At, Changes, Instead, Reads, Stage, Unclear};
 use crate::analysis::reach::with_operands;
 use crate::analysis::values::{ContextId, Node, ValueId};
-use crate::graph::StmtId;
+use preshade_dataflow::graph::StmtId;
 
 /// A condition that decides whether a statement runs.
 #[derive(Clone, Copy, Debug)]

@@ -58,7 +58,7 @@ impl Effect {
 pub type Effects = BTreeSet<Effect>;
 
 /// The effect of evaluating an expression.
-pub(crate) fn of_expression(expression: &Expression) -> Option<Effect> {
+pub fn of_expression(expression: &Expression) -> Option<Effect> {
     match expression {
         Expression::Derivative { .. } => Some(Effect::Derivative),
         Expression::ImageSample {
@@ -71,7 +71,7 @@ pub(crate) fn of_expression(expression: &Expression) -> Option<Effect> {
 }
 
 /// The effect of a statement, without its blocks and callees.
-pub(crate) fn of_statement(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<Effect> {
+pub fn of_statement(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<Effect> {
     match f.statements.get(id).statement {
         Statement::Kill => Some(Effect::Discard),
         Statement::Store { pointer, .. } => {

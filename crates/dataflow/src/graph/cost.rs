@@ -28,7 +28,7 @@ use naga::{
 use super::{FunctionGraph, StmtId, counted};
 
 /// Assumed trip count of a loop whose trip count is unknown.
-pub(crate) const DEFAULT_TRIPS: f64 = 8.0;
+pub const DEFAULT_TRIPS: f64 = 8.0;
 
 fn components(ty: &TypeInner) -> f64 {
     match ty {
@@ -39,7 +39,7 @@ fn components(ty: &TypeInner) -> f64 {
 }
 
 /// The cost of evaluating an expression once.
-pub(crate) fn of_expression(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>) -> f64 {
+pub fn of_expression(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>) -> f64 {
     let width = components(f.ty(module, e));
     match &f.function.expressions[e] {
         Expression::Load { pointer } => match f.ty(module, *pointer).pointer_space() {

@@ -159,7 +159,7 @@ impl Memory {
 }
 
 /// The caller's cells for a cell of a callee.
-pub(crate) fn in_caller(
+pub fn in_caller(
     module: &Module,
     caller: &Function,
     arguments: &[Handle<Expression>],

@@ -58,7 +58,7 @@ fn all(expression: &Expression) -> Vec<(Handle<Expression>, Need)> {
 }
 
 /// Number of components of a scalar or vector; `None` for other types.
-pub(crate) fn width(ty: &TypeInner) -> Option<u32> {
+pub fn width(ty: &TypeInner) -> Option<u32> {
     match ty {
         TypeInner::Scalar(_) => Some(1),
         TypeInner::Vector { size, .. } => Some(*size as u32),

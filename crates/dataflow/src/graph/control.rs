@@ -267,7 +267,7 @@ impl Wiring<'_, '_> {
 }
 
 /// The conditions that decide whether an iteration of a loop is its last one. None for another statement.
-pub(crate) fn exits(statement: &Statement) -> Vec<Handle<Expression>> {
+pub fn exits(statement: &Statement) -> Vec<Handle<Expression>> {
     fn add(block: &Block, found: &mut Vec<Handle<Expression>>) {
         for statement in block {
             match statement {

@@ -15,7 +15,7 @@ use crate::graph::{Cell, FunctionId, Graph, StmtId};
 use naga_edit::interface;
 use preshade_plan::guard::Guard;
 
-pub(crate) mod components;
+pub mod components;
 pub mod fault;
 mod function;
 mod hash;

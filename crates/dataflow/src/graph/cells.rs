@@ -69,11 +69,7 @@ pub(crate) fn is_written_space(module: &Module, global: Handle<GlobalVariable>) 
 }
 
 /// The target of a pointer (or a writable image); `None` for memory nobody writes.
-pub(crate) fn place(
-    module: &Module,
-    function: &Function,
-    pointer: Handle<Expression>,
-) -> Option<Place> {
+pub fn place(module: &Module, function: &Function, pointer: Handle<Expression>) -> Option<Place> {
     let mut steps = Vec::new();
     let mut at = pointer;
     let root = loop {

@@ -170,7 +170,7 @@ impl Fact {
 }
 
 /// The fact of an entry input with a binding.
-pub(crate) fn of_binding(stage: ShaderStage, binding: &Binding, ty: &TypeInner) -> Fact {
+pub fn of_binding(stage: ShaderStage, binding: &Binding, ty: &TypeInner) -> Fact {
     use BuiltIn as B;
     match (stage, binding) {
         (ShaderStage::Vertex, Binding::Location { .. }) => Fact::new(Rate::Vertex, Stages::VERTEX),

@@ -16,7 +16,7 @@ const MOST_TRIPS: u32 = 4096;
 
 /// Largest bound in a uniform buffer that a guard allows. A buffer of 64 KiB, the least that WebGPU promises, holds as
 /// many lights of 64 bytes.
-pub(crate) const MOST_GUARDED: u32 = 1024;
+pub const MOST_GUARDED: u32 = 1024;
 
 /// Whether a loop ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
@@ -30,7 +30,7 @@ pub enum Ends {
 
 /// A loop with a known trip count.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) struct Counted {
+pub struct Counted {
     /// The trip count.
     pub turns: u32,
     pub counter: Handle<LocalVariable>,
@@ -223,7 +223,7 @@ pub fn trips(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<u32> 
 }
 
 /// Whether the loop `id` ends.
-pub(crate) fn ends(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Ends {
+pub fn ends(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Ends {
     let Some(counted) = Counted::of_any_bound(module, f, id) else {
         return Ends::Unknown;
     };
@@ -246,11 +246,7 @@ pub(crate) fn ends(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Ends {
 }
 
 /// The number in a uniform buffer that bounds a counted loop, which ends if it is from 0 to [`MOST_GUARDED`].
-pub(crate) fn uniform_bound(
-    module: &Module,
-    f: &FunctionGraph<'_>,
-    id: StmtId,
-) -> Option<UniformScalar> {
+pub fn uniform_bound(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<UniformScalar> {
     let counted = Counted::of_any_bound(module, f, id)?;
     let is_bounded = || counted.until(i64::from(MOST_GUARDED)).is_some();
     if !counted.grows_with_bound() || !is_bounded() {
@@ -299,11 +295,7 @@ fn counter_version(
 }
 
 /// A constant of 32 bits.
-pub(crate) fn integer(
-    module: &Module,
-    f: &FunctionGraph<'_>,
-    e: Handle<Expression>,
-) -> Option<i64> {
+pub fn integer(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>) -> Option<i64> {
     let literal = |e: &Expression| match e {
         Expression::Literal(Literal::I32(v)) => Some(i64::from(*v)),
         Expression::Literal(Literal::U32(v)) => Some(i64::from(*v)),

@@ -12,7 +12,7 @@ use super::{FunctionGraph, StmtId};
 const DEPTH: usize = 3;
 
 /// An expression, by the author's name if it has one. The outermost is always written out.
-pub(crate) fn expression(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>) -> String {
+pub fn expression(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>) -> String {
     write(module, f, e, DEPTH)
 }
 
