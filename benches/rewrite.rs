@@ -87,8 +87,8 @@ fn hoist_grows() -> Result<(), Box<dyn std::error::Error>> {
         let state = MaterialState::default();
         let plan = Plan::original("m", parsed.program, &parsed.vertex, fragment, &state);
         let facts = Facts::default();
-        let exact = hoist::Params::default();
-        let budget = hoist::Params {
+        let exact = hoist::HoistParams::default();
+        let budget = hoist::HoistParams {
             budget: Some(0.01),
             finite: Finite::Assumed,
             ..exact.clone()

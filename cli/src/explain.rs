@@ -11,7 +11,7 @@ use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
 use preshade_draw::scene::Scene;
 use preshade_lab::measure::{self, Detail, Session};
-use preshade_passes::transforms::specialize::Params;
+use preshade_passes::transforms::specialize::SpecializeParams;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 
@@ -155,7 +155,7 @@ struct Groups {
 
 impl Groups {
     fn of(scene: &Scene) -> Result<Self, Failure> {
-        let scene = measure::grouped(scene, &Params::default(), measure::MOST_GROUPS)?;
+        let scene = measure::grouped(scene, &SpecializeParams::default(), measure::MOST_GROUPS)?;
         Ok(Self {
             plans: measure::originals(&scene),
             known: measure::known(&scene),

@@ -10,7 +10,7 @@ use preshade_draw::render::{self, AdapterChoice, Gpu, ShaderForm};
 use preshade_draw::scene::DrawOrder;
 use preshade_lab::search::explore::{self, Journal, Settings};
 use preshade_lab::{measure, report};
-use preshade_passes::transforms::specialize::Params;
+use preshade_passes::transforms::specialize::SpecializeParams;
 use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::contract::Verdict;
 use shader_text::files::File;
@@ -291,7 +291,7 @@ fn one(args: &ExploreArgs, shader: &ShaderArgs, out: Option<&Path>) -> Result<En
     let effects = measure::effects(&scene).unwrap_or_default();
     // Without a list of recipes, the search tries to specialise.
     scene = match sweeps.is_empty() {
-        true => measure::grouped(&scene, &Params::default(), measure::MOST_GROUPS)?,
+        true => measure::grouped(&scene, &SpecializeParams::default(), measure::MOST_GROUPS)?,
         false => grouped(scene, &sweeps)?,
     };
     let points = sweeps.into_iter().flat_map(|s| s.points);

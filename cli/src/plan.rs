@@ -538,7 +538,7 @@ pub fn grouped(args: &PlanArgs, scene: Scene) -> Result<Scene, Failure> {
         true => Ok(scene),
         false => Ok(measure::grouped(
             &scene,
-            &specialize::Params::default(),
+            &specialize::SpecializeParams::default(),
             measure::MOST_GROUPS,
         )?),
     }

@@ -139,11 +139,11 @@ fn a_value_that_is_not_finite_is_left_whatever_the_target_holds() {
         frequencies: found.clone(),
         ..Facts::default()
     };
-    let params = hoist::Params {
+    let params = hoist::HoistParams {
         budget: Some(1.0),
         threshold: Some(1.0),
         vertices_per_fragment: Some(0.01),
-        ..hoist::Params::default()
+        ..hoist::HoistParams::default()
     };
     let done = Hoist::run(&plans[0], &facts, &params).unwrap();
     let left = done.left.iter().find(|l| l.name.contains("spoiled"));

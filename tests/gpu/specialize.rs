@@ -12,7 +12,7 @@ use preshade_draw::scene::bind::{self, BufferBinding};
 use preshade_draw::scene::{Scene, Value};
 use preshade_lab::measure::record::VariantReport;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
-use preshade_passes::transforms::specialize::Params;
+use preshade_passes::transforms::specialize::SpecializeParams;
 use preshade_passes::transforms::specialize::dispatch::Dispatch;
 use preshade_plan::contract::Verdict;
 use preshade_plan::guard::Assumed;
@@ -84,7 +84,8 @@ fn drawn(scene: &Scene, plans: &[Plan]) -> Rendered {
 #[test]
 fn a_museum_takes_eight_versions_and_changes_no_pixel() {
     let whole = museum();
-    let scene = measure::grouped(&whole, &Params::default(), measure::MOST_GROUPS).unwrap();
+    let scene =
+        measure::grouped(&whole, &SpecializeParams::default(), measure::MOST_GROUPS).unwrap();
     assert_eq!(scene.materials.len(), 8);
     let rows = |s: &Scene| s.draws.iter().map(|d| d.name.clone()).collect::<Vec<_>>();
     assert_eq!(rows(&scene), rows(&whole));
@@ -107,7 +108,7 @@ fn a_museum_takes_eight_versions_and_changes_no_pixel() {
 #[test]
 fn a_draw_finds_its_version() {
     let mut scene = museum();
-    scene = measure::grouped(&scene, &Params::default(), measure::MOST_GROUPS).unwrap();
+    scene = measure::grouped(&scene, &SpecializeParams::default(), measure::MOST_GROUPS).unwrap();
     let frame = scene.cameras[0].frames[0];
     let (plans, originals) = (
         specialized(&scene, "specialize").plans,
@@ -158,7 +159,8 @@ fn other_passes_work_on_what_is_left() {
         .retain(|d| kinds.iter().any(|k| d.name.starts_with(k)));
     scene.cameras.truncate(1);
     scene.cameras[0].frames.truncate(1);
-    let scene = measure::grouped(&scene, &Params::default(), measure::MOST_GROUPS).unwrap();
+    let scene =
+        measure::grouped(&scene, &SpecializeParams::default(), measure::MOST_GROUPS).unwrap();
     assert_eq!(scene.materials.len(), 3);
     let bits = [
         "specialize,depth-prepass:form=equal",
@@ -239,7 +241,7 @@ fn initial_values_of_glsl_locals_stay() {
 #[test]
 fn at_most_so_many_versions_are_made() {
     let scene = museum();
-    let few = measure::grouped(&scene, &Params::default(), 3).unwrap();
+    let few = measure::grouped(&scene, &SpecializeParams::default(), 3).unwrap();
     assert_eq!(few.materials.len(), 3);
     let variant = specialized(&few, "specialize");
     let report = verified(&few, variant);
@@ -251,7 +253,12 @@ fn at_most_so_many_versions_are_made() {
 /// says so, and what is drawn is the original.
 #[test]
 fn a_violated_guard_takes_the_original() {
-    let clear = measure::grouped(&museum(), &Params::default(), measure::MOST_GROUPS).unwrap();
+    let clear = measure::grouped(
+        &museum(),
+        &SpecializeParams::default(),
+        measure::MOST_GROUPS,
+    )
+    .unwrap();
     let variant = specialized(&clear, "specialize");
     let mut foggy = clear.clone();
     for draw in &mut foggy.draws {
@@ -280,7 +287,12 @@ fn a_violated_guard_takes_the_original() {
 /// top.
 #[test]
 fn the_guard_travels_with_the_plan() {
-    let scene = measure::grouped(&museum(), &Params::default(), measure::MOST_GROUPS).unwrap();
+    let scene = measure::grouped(
+        &museum(),
+        &SpecializeParams::default(),
+        measure::MOST_GROUPS,
+    )
+    .unwrap();
     for recipe in ["specialize", "specialize,depth-prepass:form=equal"] {
         for plan in specialized(&scene, recipe).plans {
             let options = emit::Options::default();

@@ -70,7 +70,7 @@ pub enum PrepassForm {
 /// Parameters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct Params {
+pub struct DepthPrepassParams {
     /// How the main pass finds the nearest fragment.
     pub form: PrepassForm,
     /// Vertex stage of the pre-pass. Default: `sliced` for `biased`, `same` for `equal`.
@@ -108,7 +108,7 @@ const DEFAULT_SLOPE: f32 = 2.0;
 /// Largest useful constant bias: the whole range of a 24-bit depth.
 const MOST_BIAS: u32 = 1 << 24;
 
-impl Params {
+impl DepthPrepassParams {
     fn vertex(&self) -> VertexStage {
         self.vertex.unwrap_or(match self.form {
             PrepassForm::Biased => VertexStage::Sliced,
@@ -138,7 +138,7 @@ impl Params {
 }
 
 impl Pass for DepthPrepass {
-    type Params = Params;
+    type Params = DepthPrepassParams;
 
     const INFO: PassInfo = PassInfo {
         name: "depth-prepass",
@@ -200,7 +200,7 @@ impl Pass for DepthPrepass {
         },
     ];
 
-    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+    fn run(plan: &Plan, facts: &Facts, params: &DepthPrepassParams) -> Result<Outcome, Refused> {
         let opaque = check(plan, facts, params)?;
         let slice = depth_only::slice(&opaque, params.vertex(), &[]);
         let mut effects = vec![PassEffect::RejectsEarly, PassEffect::Slices];
@@ -219,7 +219,11 @@ impl Pass for DepthPrepass {
     }
 }
 
-fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a>, Vec<Refusal>> {
+fn check<'a>(
+    plan: &'a Plan,
+    facts: &Facts,
+    params: &DepthPrepassParams,
+) -> Result<Opaque<'a>, Vec<Refusal>> {
     let name = DepthPrepass::INFO.name;
     let opaque = Opaque::examine(plan, name)?;
     let mut refusals = Vec::new();
@@ -351,7 +355,7 @@ fn on_near_plane(opaque: &Opaque, facts: &Facts) -> Option<Refusal> {
     )))
 }
 
-fn what(params: &Params, opaque: &Opaque) -> String {
+fn what(params: &DepthPrepassParams, opaque: &Opaque) -> String {
     let vertex = match params.vertex() {
         VertexStage::Same => "the same vertex stage",
         VertexStage::Sliced => "the vertex stage sliced to position",
@@ -387,7 +391,7 @@ fn biased(
     plan: &Plan,
     opaque: &Opaque,
     slice: &DepthOnly,
-    params: &Params,
+    params: &DepthPrepassParams,
     mut given: Vec<Assumption>,
 ) -> Result<Plan, Box<Refusal>> {
     let format = plan
@@ -427,7 +431,7 @@ fn equal(
     plan: &Plan,
     opaque: &Opaque,
     slice: &DepthOnly,
-    (params, facts): (&Params, &Facts),
+    (params, facts): (&DepthPrepassParams, &Facts),
     mut given: Vec<Assumption>,
 ) -> Result<Plan, Box<Refusal>> {
     let name = DepthPrepass::INFO.name;
@@ -487,7 +491,12 @@ fn equal(
     Ok(next)
 }
 
-fn step(slice: &DepthOnly, opaque: &Opaque, params: &Params, mut given: Vec<Assumption>) -> Step {
+fn step(
+    slice: &DepthOnly,
+    opaque: &Opaque,
+    params: &DepthPrepassParams,
+    mut given: Vec<Assumption>,
+) -> Step {
     given.sort();
     let contract = Contract::Exact { given };
     slice.step(opaque, DepthPrepass::INFO.name, params, contract)

@@ -78,20 +78,20 @@ pub(crate) struct EarlyAlpha;
 /// Parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct Params {
+pub struct EarlyAlphaParams {
     /// Most that the test may cost, as a share of the other work ahead of the author's discard.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub share: f64,
 }
 
-impl Default for Params {
+impl Default for EarlyAlphaParams {
     fn default() -> Self {
         Self { share: 0.5 }
     }
 }
 
 impl Pass for EarlyAlpha {
-    type Params = Params;
+    type Params = EarlyAlphaParams;
 
     const INFO: PassInfo = PassInfo {
         name: "early-alpha",
@@ -132,7 +132,7 @@ impl Pass for EarlyAlpha {
         },
     ];
 
-    fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+    fn run(plan: &Plan, _facts: &Facts, params: &EarlyAlphaParams) -> Result<Outcome, Refused> {
         Ok(tested_early(plan, params)?.outcome(plan, Self::INFO.name, params))
     }
 }
@@ -142,7 +142,7 @@ fn refuse(code: &RefusalInfo, reason: impl Into<String>, remedy: &str) -> Box<Re
 }
 
 /// A material's main pass with its test first.
-fn tested_early(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
+fn tested_early(plan: &Plan, params: &EarlyAlphaParams) -> Result<Simplified, Refused> {
     let name = EarlyAlpha::INFO.name;
     let FragmentStage {
         pass,
@@ -205,7 +205,11 @@ struct Test {
 }
 
 impl Test {
-    fn of(graph: &Graph<'_>, fragment: usize, params: &Params) -> Result<Self, Box<Refusal>> {
+    fn of(
+        graph: &Graph<'_>,
+        fragment: usize,
+        params: &EarlyAlphaParams,
+    ) -> Result<Self, Box<Refusal>> {
         let id = FunctionId::EntryPoint(fragment);
         let sources = graph.program().sources();
         if !graph.may_discard(id) {
@@ -391,7 +395,7 @@ mod tests {
     }
 
     fn run(plan: &Plan) -> Result<Plan, String> {
-        let done = EarlyAlpha::run(plan, &Facts::default(), &Params::default());
+        let done = EarlyAlpha::run(plan, &Facts::default(), &EarlyAlphaParams::default());
         done.map(|done| done.plan).map_err(|r| r.first().code)
     }
 

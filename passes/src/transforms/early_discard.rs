@@ -20,7 +20,7 @@
 //! `verify` measures it.
 //!
 //! A fragment is dropped only if it is behind by more than two pipelines may differ. The tolerance
-//! follows from depth format, depth and slope ([`Params::tolerance`]). The article's fixed 0.0001
+//! follows from depth format, depth and slope ([`EarlyDiscardParams::tolerance`]). The article's fixed 0.0001
 //! is wrong near the far plane and under reversed Z, but it is an option.
 //!
 //! `texture=packed` adds a colour attachment, [`PREPASS_PACKED`], and binds it; the pre-pass then
@@ -125,7 +125,7 @@ pub enum Mode {
 /// Parameters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct Params {
+pub struct EarlyDiscardParams {
     /// Depth attachment of the main pass.
     pub attachment: MainAttachment,
     /// Type of the depth texture.
@@ -158,7 +158,7 @@ pub struct Params {
     pub vertex: Option<VertexStage>,
 }
 
-impl Params {
+impl EarlyDiscardParams {
     fn vertex(&self) -> VertexStage {
         self.vertex.unwrap_or(match self.attachment {
             MainAttachment::Own => VertexStage::Sliced,
@@ -180,7 +180,7 @@ impl Params {
 }
 
 impl Pass for EarlyDiscard {
-    type Params = Params;
+    type Params = EarlyDiscardParams;
 
     const INFO: PassInfo = PassInfo {
         name: "early-discard",
@@ -250,7 +250,7 @@ impl Pass for EarlyDiscard {
         },
     ];
 
-    fn expected(params: &Params) -> Expected {
+    fn expected(params: &EarlyDiscardParams) -> Expected {
         Expected {
             approximates_levels: true,
             is_diagnostic: params.mode == Mode::Invert,
@@ -258,7 +258,7 @@ impl Pass for EarlyDiscard {
         }
     }
 
-    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+    fn run(plan: &Plan, facts: &Facts, params: &EarlyDiscardParams) -> Result<Outcome, Refused> {
         let opaque = check(plan, facts, params)?;
         let slice = depth_only::slice(&opaque, params.vertex(), &[]);
         let mut effects = vec![
@@ -275,7 +275,11 @@ impl Pass for EarlyDiscard {
     }
 }
 
-fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a>, Vec<Refusal>> {
+fn check<'a>(
+    plan: &'a Plan,
+    facts: &Facts,
+    params: &EarlyDiscardParams,
+) -> Result<Opaque<'a>, Vec<Refusal>> {
     let name = EarlyDiscard::INFO.name;
     let opaque = Opaque::examine(plan, name)?;
     let mut refusals = Vec::new();
@@ -379,7 +383,7 @@ fn check<'a>(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Opaque<'a
 }
 
 /// Whether the author's depth bias could make a fragment behind its own depth.
-fn is_biased(opaque: &Opaque, params: &Params) -> bool {
+fn is_biased(opaque: &Opaque, params: &EarlyDiscardParams) -> bool {
     let bias = opaque.depth.bias;
     let biases = [bias.constant as f32, bias.slope_scale];
     let away = opaque.direction.away();
@@ -404,7 +408,7 @@ fn endless_depth(opaque: &Opaque) -> Option<Refusal> {
     Some(refusal.at(opaque.program.sources(), span))
 }
 
-fn what(params: &Params, opaque: &Opaque) -> String {
+fn what(params: &EarlyDiscardParams, opaque: &Opaque) -> String {
     let lanes = match params.quad {
         Quad::Vote => "when all four lanes of a quad are behind",
         Quad::Lane => "lane by lane",
@@ -427,7 +431,7 @@ fn transform(
     plan: &Plan,
     opaque: &Opaque,
     slice: &DepthOnly,
-    params: &Params,
+    params: &EarlyDiscardParams,
     mut given: Vec<Assumption>,
 ) -> Result<Plan, Box<Refusal>> {
     let name = EarlyDiscard::INFO.name;
@@ -515,7 +519,12 @@ fn is_clamped(opaque: &Opaque) -> bool {
 }
 
 /// The prologue for a plan and its parameters.
-fn prologue(plan: &Plan, opaque: &Opaque, params: &Params, binding: ResourceBinding) -> Prologue {
+fn prologue(
+    plan: &Plan,
+    opaque: &Opaque,
+    params: &EarlyDiscardParams,
+    binding: ResourceBinding,
+) -> Prologue {
     let (format, samples) = depth_target(plan, opaque);
     Prologue {
         texture: params.texture,
@@ -537,7 +546,7 @@ fn prologue(plan: &Plan, opaque: &Opaque, params: &Params, binding: ResourceBind
 fn bind_depth(
     next: &mut Plan,
     opaque: &Opaque,
-    params: &Params,
+    params: &EarlyDiscardParams,
     ResourceBinding { group, binding }: ResourceBinding,
     produced: &str,
 ) {
@@ -564,7 +573,13 @@ fn bind_depth(
 }
 
 /// Adds the attachments of the pre-pass that the plan lacks, and makes the bound one readable.
-fn add_attachments(next: &mut Plan, plan: &Plan, opaque: &Opaque, params: &Params, produced: &str) {
+fn add_attachments(
+    next: &mut Plan,
+    plan: &Plan,
+    opaque: &Opaque,
+    params: &EarlyDiscardParams,
+    produced: &str,
+) {
     if next.attachment(produced).is_none() {
         let (format, samples) = depth_target(plan, opaque);
         let depth = Attachment::depth(produced, format, opaque.direction, samples);
@@ -581,7 +596,11 @@ fn add_attachments(next: &mut Plan, plan: &Plan, opaque: &Opaque, params: &Param
 }
 
 /// The contract of the main pass under the assumptions `given`.
-fn contract(params: &Params, has_gradients: bool, mut given: Vec<Assumption>) -> Contract {
+fn contract(
+    params: &EarlyDiscardParams,
+    has_gradients: bool,
+    mut given: Vec<Assumption>,
+) -> Contract {
     given.sort();
     let max_abs = |budget, given| Contract::Approximate {
         budget: Budget::max_abs(budget),
@@ -602,7 +621,7 @@ const LAST_GROUP: u32 = 3;
 /// The requested binding if it is free, or else the first free one after the author's.
 fn free_binding(
     program: &Program,
-    params: &Params,
+    params: &EarlyDiscardParams,
     name: &str,
 ) -> Result<ResourceBinding, Box<Refusal>> {
     let (module, declared) = (program.module(), program.declared());

@@ -72,7 +72,7 @@ pub enum Edges {
 /// Parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct Params {
+pub struct HalfRateParams {
     /// Largest allowed picture error by `metric`, above 0 and at most 1.
     #[serde(skip_serializing_if = "Option::is_none")]
     #[schemars(range(max = 1.0), extend("exclusiveMinimum" = 0.0))]
@@ -90,7 +90,7 @@ pub struct Params {
     pub least: f64,
 }
 
-impl Default for Params {
+impl Default for HalfRateParams {
     fn default() -> Self {
         Self {
             budget: None,
@@ -103,7 +103,7 @@ impl Default for Params {
 }
 
 impl Pass for HalfRate {
-    type Params = Params;
+    type Params = HalfRateParams;
 
     const INFO: PassInfo = PassInfo {
         name: "half-rate",
@@ -148,7 +148,7 @@ impl Pass for HalfRate {
         },
     ];
 
-    fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+    fn run(plan: &Plan, _facts: &Facts, params: &HalfRateParams) -> Result<Outcome, Refused> {
         let stage = examine(plan)?;
         let values = Values::examine(&stage.graph, stage.entry, Self::INFO.name)?;
         let halved = HalvedValues::new(&stage, &values, params)?;
@@ -266,7 +266,7 @@ impl<'v, 'g, 'p> HalvedValues<'v, 'g, 'p> {
     fn new(
         stage: &'v FragmentStage<'p>,
         values: &'v Values<'g, 'p>,
-        params: &Params,
+        params: &HalfRateParams,
     ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
         let verdicts = values::judge(values);
         let named = |id: ValueId| values::guide_name(values, id);

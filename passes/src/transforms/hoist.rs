@@ -66,7 +66,7 @@ mod single;
 mod vertex;
 
 pub use candidates::{Candidate, MOST_CANDIDATES, candidates};
-pub use params::{Allow, Params};
+pub use params::{Allow, HoistParams};
 pub use rounding::{MOST as MOST_ROUNDING, STEEPEST_SRGB};
 pub use single::{Candidates, Computed, HoistStages, alone, computed};
 
@@ -79,7 +79,7 @@ use values::Values;
 pub struct Hoist;
 
 impl Pass for Hoist {
-    type Params = Params;
+    type Params = HoistParams;
 
     const INFO: PassInfo = PassInfo {
         name: HOIST,
@@ -171,7 +171,7 @@ impl Pass for Hoist {
         },
     ];
 
-    fn expected(_params: &Params) -> Expected {
+    fn expected(_params: &HoistParams) -> Expected {
         Expected {
             replaces_varyings: true,
             interpolates: true,
@@ -179,7 +179,7 @@ impl Pass for Hoist {
         }
     }
 
-    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+    fn run(plan: &Plan, facts: &Facts, params: &HoistParams) -> Result<Outcome, Refused> {
         let material = HoistMaterial::examine(plan, params)?;
         let graph = Graph::build(material.program);
         let values = material.values(&graph)?;
@@ -210,7 +210,7 @@ struct HoistMaterial<'a> {
 }
 
 impl<'a> HoistMaterial<'a> {
-    fn examine(plan: &'a Plan, params: &Params) -> Result<Self, Box<Refusal>> {
+    fn examine(plan: &'a Plan, params: &HoistParams) -> Result<Self, Box<Refusal>> {
         let name = Hoist::INFO.name;
         let refuse = |code: &RefusalInfo, reason: &str, remedy: &str| {
             Err(Box::new(Refusal::new(name, code, reason, remedy)))
@@ -314,7 +314,7 @@ impl<'v, 'g, 'p> HoistedValues<'v, 'g, 'p> {
     fn new(
         values: &'v Values<'g, 'p>,
         material: &HoistMaterial<'p>,
-        params: &Params,
+        params: &HoistParams,
         facts: &Facts,
     ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
         let precision = material.precision(facts);
@@ -422,7 +422,7 @@ impl<'v, 'g, 'p> HoistedValues<'v, 'g, 'p> {
         plan: &Plan,
         material: &HoistMaterial<'_>,
         program: Program,
-        params: &Params,
+        params: &HoistParams,
         given: Vec<Assumption>,
     ) -> Outcome {
         let mut next = plan.clone();

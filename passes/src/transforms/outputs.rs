@@ -89,7 +89,7 @@ use coverage::{Dropped, Stays};
 use extend::{Direction, Extended, Face, Failed, Normal, Shows, Velocity, Wanted};
 use names::refusal;
 use params::list;
-pub use params::{Asked, Axes, ClipY, ColourTarget, Params, Precision, Viewer};
+pub use params::{Asked, Axes, ClipY, ColourTarget, OutputsParams, Precision, Viewer};
 
 const NAME: &str = "outputs";
 
@@ -103,7 +103,7 @@ pub(crate) const ATTACHMENT: &str = "outputs-";
 pub struct Outputs;
 
 impl Pass for Outputs {
-    type Params = Params;
+    type Params = OutputsParams;
 
     const INFO: PassInfo = PassInfo {
         name: NAME,
@@ -158,7 +158,7 @@ impl Pass for Outputs {
         },
     ];
 
-    fn misnamed(plan: &Plan, params: &Params) -> Option<Misnamed> {
+    fn misnamed(plan: &Plan, params: &OutputsParams) -> Option<Misnamed> {
         if let Some(slip) = effect::slip(params) {
             return Some(slip);
         }
@@ -171,7 +171,7 @@ impl Pass for Outputs {
             .or_else(|| effect::of_map(module, params))
     }
 
-    fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+    fn run(plan: &Plan, _facts: &Facts, params: &OutputsParams) -> Result<Outcome, Refused> {
         let asked = params.asked();
         let from_light = asked.contains(&Asked::Shadow) || asked.contains(&Asked::Distance);
         check(plan, &asked, from_light)?;
@@ -281,7 +281,7 @@ fn insert(
     next: &mut Plan,
     opaque: &Opaque<'_>,
     placed: Placed,
-    params: &Params,
+    params: &OutputsParams,
     from_light: bool,
 ) -> Result<(), Box<Refusal>> {
     let depth = depth_state(opaque, params, from_light);
@@ -331,7 +331,7 @@ fn clear_value(wanted: &Wanted) -> ClearValue {
 /// What the words of `write` mean in this material, depths apart.
 fn wanted(
     opaque: &Opaque<'_>,
-    (params, said): (&Params, &Said),
+    (params, said): (&OutputsParams, &Said),
     asked: &[Asked],
 ) -> Result<Vec<Wanted>, Vec<Refusal>> {
     let (mut found, mut refusals) = (Vec::new(), Vec::new());
@@ -374,7 +374,7 @@ fn wanted(
     Ok(found)
 }
 
-fn normal(opaque: &Opaque<'_>, params: &Params, said: &Said) -> Result<Shows, Box<Refusal>> {
+fn normal(opaque: &Opaque<'_>, params: &OutputsParams, said: &Said) -> Result<Shows, Box<Refusal>> {
     let normal = match params.faces {
         Some(axes) => Normal::Face(Face {
             from: distance::surface(opaque, params, said)?,
@@ -399,12 +399,12 @@ fn normal(opaque: &Opaque<'_>, params: &Params, said: &Said) -> Result<Shows, Bo
 }
 
 /// Whether the y of the clip position points down.
-fn is_down(program: &Program, params: &Params) -> bool {
+fn is_down(program: &Program, params: &OutputsParams) -> bool {
     let said = params.y.map(|y| y == ClipY::Down);
     said.unwrap_or(program.declared().y_down)
 }
 
-fn velocity(opaque: &Opaque<'_>, params: &Params) -> Result<Shows, Box<Refusal>> {
+fn velocity(opaque: &Opaque<'_>, params: &OutputsParams) -> Result<Shows, Box<Refusal>> {
     let still = list(params.still.as_deref());
     let words: Vec<&str> = list(params.jitter.as_deref()).collect();
     let (pairs, words): (Vec<&str>, Vec<&str>) = words.iter().partition(|w| w.contains('='));
@@ -491,7 +491,7 @@ fn bind(pass: &mut GpuPass, extended: &Extended) {
 }
 
 /// The depth that the pass tests and writes.
-fn depth_state(opaque: &Opaque<'_>, params: &Params, from_light: bool) -> DepthState {
+fn depth_state(opaque: &Opaque<'_>, params: &OutputsParams, from_light: bool) -> DepthState {
     let attachment = format!("{ATTACHMENT}depth");
     match from_light {
         true => depth_pass::of_light(attachment, params.format),
@@ -503,7 +503,12 @@ fn depth_state(opaque: &Opaque<'_>, params: &Params, from_light: bool) -> DepthS
     }
 }
 
-fn attachment(opaque: &Opaque<'_>, plan: &Plan, params: &Params, from_light: bool) -> Attachment {
+fn attachment(
+    opaque: &Opaque<'_>,
+    plan: &Plan,
+    params: &OutputsParams,
+    from_light: bool,
+) -> Attachment {
     let (format, direction) = match from_light {
         true => (params.format, DepthDirection::Forward),
         false => (

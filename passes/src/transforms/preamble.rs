@@ -79,7 +79,7 @@ pub enum Allow {
 /// Parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct Params {
+pub struct PreambleParams {
     /// The weakest contract for a moved value.
     pub allow: Allow,
     /// Most vectors of four numbers that a draw stores.
@@ -90,7 +90,7 @@ pub struct Params {
     pub least: f64,
 }
 
-impl Default for Params {
+impl Default for PreambleParams {
     fn default() -> Self {
         Self {
             allow: Allow::Exact,
@@ -101,7 +101,7 @@ impl Default for Params {
 }
 
 impl Pass for Preamble {
-    type Params = Params;
+    type Params = PreambleParams;
 
     const INFO: PassInfo = PassInfo {
         name: "preamble",
@@ -144,7 +144,7 @@ impl Pass for Preamble {
         },
     ];
 
-    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+    fn run(plan: &Plan, facts: &Facts, params: &PreambleParams) -> Result<Outcome, Refused> {
         let stage = simplify::examine(
             plan,
             Self::INFO.name,
@@ -163,7 +163,7 @@ impl Pass for Preamble {
     }
 }
 
-impl Params {
+impl PreambleParams {
     fn terms(&self) -> Terms {
         Terms {
             weakest: match self.allow {
@@ -191,7 +191,7 @@ impl<'v, 'g, 'p> DrawConstants<'v, 'g, 'p> {
         stage: &'v FragmentStage<'p>,
         values: &'v Values<'g, 'p>,
         facts: &Facts,
-        params: &Params,
+        params: &PreambleParams,
     ) -> Result<Self, (Box<Refusal>, Vec<Left>)> {
         let known = facts.ranges_of(&plan.material, !plan.steps.is_empty());
         let is_steady = |at: &ResourceBinding| {
@@ -261,7 +261,7 @@ impl<'v, 'g, 'p> DrawConstants<'v, 'g, 'p> {
         })
     }
 
-    fn outcome(self, plan: &Plan, built: Built, params: &Params) -> Outcome {
+    fn outcome(self, plan: &Plan, built: Built, params: &PreambleParams) -> Outcome {
         let mut next = plan.clone();
         let values = built.binding();
         let mut bindings = self.stage.pass.bindings.clone();
@@ -462,13 +462,13 @@ fn free_name(module: &Module) -> String {
 }
 
 /// The refusal if nothing pays, with the one parameter that would help.
-fn nothing(values: &Values<'_, '_>, judged: &Judged, params: &Params) -> Box<Refusal> {
-    let pays = |params: &Params| values::choose(values, judged, &params.terms()).is_some();
-    let rounding = Params {
+fn nothing(values: &Values<'_, '_>, judged: &Judged, params: &PreambleParams) -> Box<Refusal> {
+    let pays = |params: &PreambleParams| values::choose(values, judged, &params.terms()).is_some();
+    let rounding = PreambleParams {
         allow: Allow::Rounding,
         ..params.clone()
     };
-    let all = Params {
+    let all = PreambleParams {
         least: 1.0,
         ..rounding.clone()
     };

@@ -37,13 +37,13 @@ pub struct Shadow;
 /// Parameters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct Params {
+pub struct ShadowParams {
     /// Format of the shadow map.
     pub format: DepthFormat,
 }
 
 impl Pass for Shadow {
-    type Params = Params;
+    type Params = ShadowParams;
 
     const INFO: PassInfo = PassInfo {
         name: "shadow",
@@ -76,7 +76,7 @@ impl Pass for Shadow {
         ],
     }];
 
-    fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+    fn run(plan: &Plan, _facts: &Facts, params: &ShadowParams) -> Result<Outcome, Refused> {
         let opaque = depth_pass::alone(plan, Self::INFO.name)?;
         let slice = depth_only::slice(&opaque, VertexStage::Sliced, &[]);
         // A light's view promises no picture of the author's: only what it cannot draw counts.

@@ -57,7 +57,7 @@ pub struct SkipTaps;
 /// Parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct Params {
+pub struct SkipTapsParams {
     /// Largest magnitude of a weight whose term is skipped.
     #[schemars(range(min = 0.0, max = 1.0))]
     pub threshold: f64,
@@ -74,7 +74,7 @@ pub struct Params {
     pub metric: Metric,
 }
 
-impl Default for Params {
+impl Default for SkipTapsParams {
     fn default() -> Self {
         Self {
             threshold: 0.02,
@@ -86,7 +86,7 @@ impl Default for Params {
 }
 
 impl Pass for SkipTaps {
-    type Params = Params;
+    type Params = SkipTapsParams;
 
     const INFO: PassInfo = PassInfo {
         name: "skip-taps",
@@ -159,7 +159,7 @@ impl Pass for SkipTaps {
         },
     ];
 
-    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+    fn run(plan: &Plan, facts: &Facts, params: &SkipTapsParams) -> Result<Outcome, Refused> {
         Ok(skipped(plan, facts, params)?.outcome(plan, Self::INFO.name, params))
     }
 }
@@ -173,7 +173,7 @@ fn refuse(
 }
 
 /// A material's main pass with its samples behind branches.
-fn skipped(plan: &Plan, facts: &Facts, params: &Params) -> Result<Simplified, Refused> {
+fn skipped(plan: &Plan, facts: &Facts, params: &SkipTapsParams) -> Result<Simplified, Refused> {
     let FragmentStage {
         pass,
         graph,
@@ -245,7 +245,7 @@ fn skipped(plan: &Plan, facts: &Facts, params: &Params) -> Result<Simplified, Re
 /// The contract: the budget, or if only products with 0 are skipped, the rounding that a compiler
 /// may change.
 fn promised(
-    params: &Params,
+    params: &SkipTapsParams,
     pass: &GpuPass,
     [before, after]: [&Program; 2],
     seen: Seen,

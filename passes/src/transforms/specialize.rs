@@ -72,7 +72,7 @@ mod unroll;
 mod versions;
 
 pub use dynamic_cost::as_drawn;
-pub use params::{Fold, Params};
+pub use params::{Fold, SpecializeParams};
 
 use assume::Assumptions;
 use contraction::Exposed;
@@ -83,7 +83,7 @@ use known::{AbstractValue, Scalar};
 pub struct Specialize;
 
 impl Pass for Specialize {
-    type Params = Params;
+    type Params = SpecializeParams;
 
     const INFO: PassInfo = PassInfo {
         name: "specialize",
@@ -197,19 +197,19 @@ impl Pass for Specialize {
         },
     ];
 
-    fn misnamed(plan: &Plan, params: &Params) -> Option<Misnamed> {
+    fn misnamed(plan: &Plan, params: &SpecializeParams) -> Option<Misnamed> {
         let (_, program) = examine(plan).ok()?;
         assume::misnamed(program, params.set.as_deref()?)
     }
 
-    fn expected(_params: &Params) -> Expected {
+    fn expected(_params: &SpecializeParams) -> Expected {
         Expected {
             folds_floats: true,
             ..Expected::default()
         }
     }
 
-    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+    fn run(plan: &Plan, facts: &Facts, params: &SpecializeParams) -> Result<Outcome, Refused> {
         let done = Specialized::new(plan, facts, params)?;
         Ok(Outcome {
             change: done.change(),
@@ -244,7 +244,11 @@ impl Specialized {
     ///
     /// # Errors
     /// A refusal: nothing in the stages depends on a known value.
-    pub fn new(plan: &Plan, facts: &Facts, params: &Params) -> Result<Self, Box<Refusal>> {
+    pub fn new(
+        plan: &Plan,
+        facts: &Facts,
+        params: &SpecializeParams,
+    ) -> Result<Self, Box<Refusal>> {
         let (pass, program) = examine(plan)?;
         let assumptions = assumptions(plan, program, facts, params)?;
         let graph = Graph::build(program);
@@ -354,7 +358,7 @@ impl Specialized {
         )
     }
 
-    fn plan(self, plan: &Plan, params: &Params) -> Plan {
+    fn plan(self, plan: &Plan, params: &SpecializeParams) -> Plan {
         let mut next = plan.clone();
         for pass in &mut next.passes {
             if pass.program == self.of {
@@ -427,7 +431,7 @@ fn assumptions(
     plan: &Plan,
     program: &Program,
     facts: &Facts,
-    params: &Params,
+    params: &SpecializeParams,
 ) -> Result<Assumptions, Box<Refusal>> {
     Assumptions::new(program, &plan.material, facts, params.set.as_deref()).map_err(|e| {
         Box::new(refusal(
@@ -466,7 +470,7 @@ fn folded(
     pass: &GpuPass,
     assumptions: &Assumptions,
     (facts, material): (&Facts, &str),
-    params: &Params,
+    params: &SpecializeParams,
 ) -> Folded {
     let (program, module) = (graph.program(), graph.module());
     let entries = pass.stages().into_iter();

@@ -69,7 +69,7 @@ pub struct Tessellate;
 /// Parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct Params {
+pub struct TessellateParams {
     /// Segments along each edge of a triangle, 1 to 64.
     #[schemars(range(min = 1, max = MAX_LEVEL))]
     pub level: u32,
@@ -90,7 +90,7 @@ pub struct Params {
     pub fixed: Option<String>,
 }
 
-impl Default for Params {
+impl Default for TessellateParams {
     fn default() -> Self {
         Self {
             level: 3,
@@ -127,7 +127,7 @@ impl Slots {
 }
 
 impl Pass for Tessellate {
-    type Params = Params;
+    type Params = TessellateParams;
 
     const INFO: PassInfo = PassInfo {
         name: "tessellate",
@@ -197,14 +197,14 @@ impl Pass for Tessellate {
         },
     ];
 
-    fn expected(_params: &Params) -> Expected {
+    fn expected(_params: &TessellateParams) -> Expected {
         Expected {
             replaces_varyings: true,
             ..Expected::default()
         }
     }
 
-    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+    fn run(plan: &Plan, facts: &Facts, params: &TessellateParams) -> Result<Outcome, Refused> {
         let material = DividedMaterial::examine(plan, facts, params)?;
         let bug = |why| Box::new(Refusal::bug(Self::INFO.name, why));
         Ok(Outcome {
@@ -238,7 +238,7 @@ struct DividedMaterial<'a> {
 }
 
 impl DividedMaterial<'_> {
-    fn change(&self, params: &Params) -> Change {
+    fn change(&self, params: &TessellateParams) -> Change {
         Change {
             key: self.key.clone(),
             what: self.describe(&subdivision(params)),
@@ -289,7 +289,7 @@ impl DividedMaterial<'_> {
         )
     }
 
-    fn apply(&self, plan: &Plan, params: &Params) -> Result<Plan, String> {
+    fn apply(&self, plan: &Plan, params: &TessellateParams) -> Result<Plan, String> {
         let subdivision = Subdivision {
             given: self.pass.primitive.topology,
             ..subdivision(params)
@@ -524,7 +524,7 @@ const COMPUTE: &str = "points";
 /// Name of the buffer between it and the main pass.
 const VERTICES: &str = "vertices";
 
-fn subdivision(params: &Params) -> Subdivision {
+fn subdivision(params: &TessellateParams) -> Subdivision {
     match params.edge_pixels {
         Some(edge_pixels) => Subdivision::adaptive(params.level, edge_pixels),
         None => Subdivision::new(params.pattern, params.level, params.form),

@@ -51,7 +51,7 @@ mod series;
 /// Parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct Params {
+pub struct TrimLoopParams {
     /// Number of iterations that each loop loses; at least one remains.
     #[schemars(range(min = 1, max = 64))]
     pub turns: u32,
@@ -67,7 +67,7 @@ pub struct Params {
     pub metric: Metric,
 }
 
-impl Default for Params {
+impl Default for TrimLoopParams {
     fn default() -> Self {
         Self {
             turns: 1,
@@ -79,7 +79,7 @@ impl Default for Params {
 }
 
 impl Pass for TrimLoop {
-    type Params = Params;
+    type Params = TrimLoopParams;
 
     const INFO: PassInfo = PassInfo {
         name: "trim-loop",
@@ -142,7 +142,7 @@ impl Pass for TrimLoop {
         },
     ];
 
-    fn run(plan: &Plan, _facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+    fn run(plan: &Plan, _facts: &Facts, params: &TrimLoopParams) -> Result<Outcome, Refused> {
         Ok(less_turns(plan, params)?.outcome(plan, Self::INFO.name, params))
     }
 }
@@ -169,7 +169,7 @@ struct Found {
 type Missed = Cow<'static, str>;
 
 /// A material's main pass with fewer iterations.
-fn less_turns(plan: &Plan, params: &Params) -> Result<Simplified, Refused> {
+fn less_turns(plan: &Plan, params: &TrimLoopParams) -> Result<Simplified, Refused> {
     let FragmentStage {
         pass,
         graph,

@@ -61,12 +61,12 @@ pub use count::counted;
 use differences::Reached;
 use gradients::Shaded;
 use lists::Lists;
-pub use params::{Ids, Params, Select, ShadingForm, Vertices, Words};
+pub use params::{Ids, Select, ShadingForm, Vertices, VisibilityParams, Words};
 
 pub(crate) struct VisibilityBuffer;
 
 impl Pass for VisibilityBuffer {
-    type Params = Params;
+    type Params = VisibilityParams;
 
     const INFO: PassInfo = PassInfo {
         name: "visibility-buffer",
@@ -160,14 +160,14 @@ impl Pass for VisibilityBuffer {
         },
     ];
 
-    fn expected(_params: &Params) -> Expected {
+    fn expected(_params: &VisibilityParams) -> Expected {
         Expected {
             replaces_varyings: true,
             ..Expected::default()
         }
     }
 
-    fn run(plan: &Plan, facts: &Facts, params: &Params) -> Result<Outcome, Refused> {
+    fn run(plan: &Plan, facts: &Facts, params: &VisibilityParams) -> Result<Outcome, Refused> {
         let params = &params.resolved(facts)?;
         let plan = alone(plan);
         let material = SplitMaterial::examine(&plan, facts, params)?;
@@ -197,7 +197,7 @@ pub fn assumed(plan: &Plan) -> Option<Rasterizer> {
 }
 
 /// The parameters that a plan was split with.
-fn params_of(plan: &Plan) -> Option<Params> {
+fn params_of(plan: &Plan) -> Option<VisibilityParams> {
     let steps = plan.steps.iter();
     let mut said = steps.filter(|s| s.pass == VisibilityBuffer::INFO.name);
     serde_json::from_value(said.next_back()?.params.clone()).ok()
@@ -241,7 +241,11 @@ struct SplitMaterial<'a> {
 }
 
 impl<'a> SplitMaterial<'a> {
-    fn examine(plan: &'a Plan, facts: &Facts, params: &Params) -> Result<Self, Vec<Refusal>> {
+    fn examine(
+        plan: &'a Plan,
+        facts: &Facts,
+        params: &VisibilityParams,
+    ) -> Result<Self, Vec<Refusal>> {
         let opaque = Opaque::examine(plan, VisibilityBuffer::INFO.name)?;
         let mut refusals = Vec::new();
         if !plan.compute.is_empty() {
@@ -299,7 +303,7 @@ impl<'a> SplitMaterial<'a> {
         })
     }
 
-    fn change(&self, params: &Params) -> Change {
+    fn change(&self, params: &VisibilityParams) -> Change {
         let graph = &self.opaque.graph;
         let depth = self.depth.change(&self.opaque, self.describe(params));
         Change {
@@ -312,7 +316,7 @@ impl<'a> SplitMaterial<'a> {
         }
     }
 
-    fn describe(&self, params: &Params) -> String {
+    fn describe(&self, params: &VisibilityParams) -> String {
         let triangles = match params.ids {
             Ids::PrimitiveIndex => "by primitive_index",
             Ids::Unindexed => "by vertices of their own",
@@ -340,7 +344,7 @@ impl<'a> SplitMaterial<'a> {
         )
     }
 
-    fn apply(&self, plan: &Plan, params: &Params) -> Result<Plan, Box<Refusal>> {
+    fn apply(&self, plan: &Plan, params: &VisibilityParams) -> Result<Plan, Box<Refusal>> {
         let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
         if params.budget.is_some_and(|b| !(0.0..=1.0).contains(&b)) {
             return Err(Box::new(refuse(
@@ -409,7 +413,7 @@ impl<'a> SplitMaterial<'a> {
 
     /// The author's varyings plus the id may exceed the author's limits by one. `vertex=same` asks
     /// for that.
-    fn check_varyings(&self, plan: &Plan, params: &Params) -> Result<(), Box<Refusal>> {
+    fn check_varyings(&self, plan: &Plan, params: &VisibilityParams) -> Result<(), Box<Refusal>> {
         const LIMIT: &str = "maxInterStageShaderVariables";
         let asked = |pass: &GpuPass| pass.limits.get(LIMIT).copied().unwrap_or(0);
         let Some(ids) = plan.passes.iter().find(|p| p.role == Role::Ids) else {
@@ -431,7 +435,11 @@ impl<'a> SplitMaterial<'a> {
     }
 
     /// What rasteriser and resolve round differently; refused without a budget.
-    fn reached(&self, shaded: &Shaded<'_, '_>, params: &Params) -> Result<Reached, Box<Refusal>> {
+    fn reached(
+        &self,
+        shaded: &Shaded<'_, '_>,
+        params: &VisibilityParams,
+    ) -> Result<Reached, Box<Refusal>> {
         let values = shaded.values.as_ref();
         let values = values
             .map_err(|why| refuse(&shared::TOO_LARGE, why.to_string(), "leave it as it is"))?;
@@ -447,7 +455,7 @@ impl<'a> SplitMaterial<'a> {
     /// then contracts other products unless the author's position is `@invariant`: an H200 moved 23
     /// depths of displaced terrain by up to 2 ulp. The self-test is stricter than this promise,
     /// because unsplit materials are tested against these depths.
-    fn surface(&self, params: &Params) -> Surface {
+    fn surface(&self, params: &VisibilityParams) -> Surface {
         let is_marked = params.invariant(&self.opaque) == Invariance::Add;
         match self.opaque.has_invariant_position() || is_marked {
             true => Surface::Kept,
@@ -456,7 +464,7 @@ impl<'a> SplitMaterial<'a> {
     }
 
     /// The decisions that other positions may change.
-    fn turned(&self, params: &Params) -> Option<Turned> {
+    fn turned(&self, params: &VisibilityParams) -> Option<Turned> {
         let surface = self.surface(params);
         let (graph, vertex) = (&self.opaque.graph, self.opaque.vertex);
         let position = [Criterion::Output(OutputFilter::Rasterization)];
@@ -468,7 +476,7 @@ impl<'a> SplitMaterial<'a> {
 
     /// The assumptions: the id pass's depths and positions equal those of the author's pass, which
     /// the original's picture has and against which unsplit materials are tested.
-    fn assumptions(&self, params: &Params, reached: &Reached) -> Vec<Assumption> {
+    fn assumptions(&self, params: &VisibilityParams, reached: &Reached) -> Vec<Assumption> {
         let mut given = match self.surface(params) {
             Surface::Kept => params.invariant(&self.opaque).assumptions(&self.opaque),
             Surface::Rounded => Vec::new(),

@@ -1,6 +1,6 @@
 //! What may be NaN or infinite at a vertex does not travel, and what is seen to stay in range does.
 
-use preshade_passes::transforms::hoist::{Hoist, Params};
+use preshade_passes::transforms::hoist::{Hoist, HoistParams};
 use preshade_plan::pass::{Facts, Pass, Source, SourceRange};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;
@@ -21,10 +21,10 @@ struct V {{ @builtin(position) position: vec4<f32>, @location(0) p: vec3<f32>, \
     );
     let program = common::program(&source);
     let plan = Plan::original("test", program, "vs", Some("fs"), &MaterialState::default());
-    let params = Params {
+    let params = HoistParams {
         budget: Some(0.02),
         vertices_per_fragment: Some(0.01),
-        ..Params::default()
+        ..HoistParams::default()
     };
     let facts = Facts {
         ranges,

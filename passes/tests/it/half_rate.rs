@@ -1,7 +1,7 @@
 //! What is computed at half the rate, what guides it, what stays and why, and that a pixel without
 //! neighbours computes what the author's stage does.
 
-use preshade_passes::transforms::half_rate::{Edges, HalfRate, Params};
+use preshade_passes::transforms::half_rate::{Edges, HalfRate, HalfRateParams};
 use preshade_plan::contract::Contract;
 use preshade_plan::frame::{ColorAttachments, FramePlan};
 use preshade_plan::pass::{Facts, Pass, Refused};
@@ -62,15 +62,15 @@ fn original(body: &str) -> Plan {
     in_state(&format!("{LOADS}{body}"), &full_screen())
 }
 
-fn within() -> Params {
-    Params {
+fn within() -> HalfRateParams {
+    HalfRateParams {
         budget: Some(0.01),
-        ..Params::default()
+        ..HalfRateParams::default()
     }
 }
 
 /// The variant. Where no texel is covered, its stage has the author's colours, if pixels compute them.
-fn applied(plan: &Plan, params: &Params) -> Plan {
+fn applied(plan: &Plan, params: &HalfRateParams) -> Plan {
     let done = HalfRate::run(plan, &Facts::default(), params).unwrap();
     let effort = Effort {
         inputs: 24,
@@ -87,12 +87,12 @@ fn applied(plan: &Plan, params: &Params) -> Plan {
     done.plan
 }
 
-fn refused(plan: &Plan, params: &Params) -> Refused {
+fn refused(plan: &Plan, params: &HalfRateParams) -> Refused {
     let outcome = HalfRate::run(plan, &Facts::default(), params);
     outcome.map(|done| done.change.what).unwrap_err()
 }
 
-fn code(plan: &Plan, params: &Params) -> String {
+fn code(plan: &Plan, params: &HalfRateParams) -> String {
     refused(plan, params).refusals[0].code.clone()
 }
 
@@ -157,7 +157,7 @@ fn a_neighbours_texel_is_no_guide() {
 #[test]
 fn the_user_names_guides() {
     let plan = original("return vec4<f32>(occlusion(pixel, turn * 8.0, z, n));");
-    let guided = |guide: &str| Params {
+    let guided = |guide: &str| HalfRateParams {
         guide: Some(guide.to_owned()),
         ..within()
     };
@@ -269,7 +269,7 @@ fn derivatives_and_levels_are_those_of_neighbouring_pixels() {
     let body = "var sum = dpdx(v.uv.x) * 3.0 + textureSample(albedo, s, v.uv * 2.0).x;
         for (var i = 0; i < 64; i++) { sum += sin(sum * frame.taps[i & 15].x); }
         return vec4<f32>(sum);";
-    let computed = Params {
+    let computed = HalfRateParams {
         edges: Edges::Computed,
         ..within()
     };
@@ -288,7 +288,7 @@ fn derivatives_and_levels_are_those_of_neighbouring_pixels() {
 fn a_pixel_unlike_its_neighbours_computes_if_asked() {
     let plan = original("return vec4<f32>(occlusion(pixel, 4.0, z, n));");
     let main = |edges| {
-        let params = Params { edges, ..within() };
+        let params = HalfRateParams { edges, ..within() };
         text_of(&applied(&plan, &params), Role::Main)
     };
     let [blended, computed] = [Edges::Blended, Edges::Computed].map(main);
@@ -333,7 +333,7 @@ fn other_draws_are_refused() {
         "nothing-at-half-rate"
     );
     let plan = in_state(&body, &full_screen());
-    assert_eq!(code(&plan, &Params::default()), "no-budget");
+    assert_eq!(code(&plan, &HalfRateParams::default()), "no-budget");
     let blended = MaterialState {
         targets: vec![Some(ColorTarget {
             blend: Some(preshade_plan::state::Blend::ALPHA),

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use naga::{Binding, ShaderStage};
 use naga_edit::interface;
 use naga_interp::{Stuck, Value};
-use preshade_passes::transforms::hoist::{self, Hoist, Params};
+use preshade_passes::transforms::hoist::{self, Hoist, HoistParams};
 use preshade_plan::pass::{Facts, Frequency, Left, Outcome, Pass, Refused};
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
@@ -20,11 +20,11 @@ fn original(source: &str) -> Plan {
     Plan::original("test", program, "vs", Some("fs"), &MaterialState::default())
 }
 
-fn outcome(plan: &Plan, params: &Params) -> Result<Outcome, Refused> {
+fn outcome(plan: &Plan, params: &HoistParams) -> Result<Outcome, Refused> {
     Hoist::run(plan, &Facts::default(), params)
 }
 
-fn hoisted(source: &str, params: &Params) -> (Plan, String) {
+fn hoisted(source: &str, params: &HoistParams) -> (Plan, String) {
     let plan = original(source);
     let done = outcome(&plan, params).unwrap();
     let next = done.plan;
@@ -32,12 +32,12 @@ fn hoisted(source: &str, params: &Params) -> (Plan, String) {
     (next, format!("// {}\n{text}", done.change.what))
 }
 
-fn budget() -> Params {
-    Params {
+fn budget() -> HoistParams {
+    HoistParams {
         budget: Some(0.02),
         finite: preshade_passes::transforms::hoist::movable::Finite::Assumed,
         jumps: preshade_passes::transforms::hoist::movable::Jumps::Carried,
-        ..Params::default()
+        ..HoistParams::default()
     }
 }
 
@@ -113,7 +113,7 @@ fn at_vertex(program: &Program, seed: u32) -> Result<(BTreeMap<String, Value>, b
 fn the_same_at_vertices(bytes: &[u8], seeds: &[u32]) -> bool {
     let source = format!("{}{VERTEX}", random::shader(bytes));
     let plan = original(&source);
-    let params = Params {
+    let params = HoistParams {
         vertices_per_fragment: Some(0.0),
         ..budget()
     };
@@ -197,7 +197,7 @@ struct Varyings {{
 }
 
 /// Why a named value stayed.
-fn left(plan: &Plan, params: &Params, name: &str) -> String {
+fn left(plan: &Plan, params: &HoistParams, name: &str) -> String {
     let left: Vec<Left> = outcome(plan, params).map_or_else(|r| r.left, |done| done.left);
     let found = left.iter().find(|l| l.name == name);
     found
@@ -213,7 +213,7 @@ fn work_on_uniforms_alone_is_carried_flat_and_exact() {
         "let glow = pow(sin(scene.tint) * cos(scene.time), vec4(2.5));
     return glow * textureSample(map, map_sampler, in.uv);",
     );
-    let (plan, text) = hoisted(&source, &Params::default());
+    let (plan, text) = hoisted(&source, &HoistParams::default());
     insta::assert_snapshot!(text);
     assert_eq!(plan.contract.kind(), "exact");
 }
@@ -225,7 +225,7 @@ fn affine_work_is_carried_under_rounding() {
         "let local = scene.view * vec4(in.world, 1.0);
     return vec4(saturate(1.0 + local.z * 0.1)) * scene.tint;",
     );
-    let (plan, text) = hoisted(&source, &Params::default());
+    let (plan, text) = hoisted(&source, &HoistParams::default());
     insta::assert_snapshot!(text);
     assert_eq!(plan.contract.kind(), "rounding");
 }
@@ -237,14 +237,14 @@ fn affine_work_that_reaches_a_jump_needs_a_budget() {
         "let local = scene.view * vec4(in.world, 1.0);
     return vec4(fract(local.z) + floor(local.x));",
     );
-    assert!(outcome(&original(&source), &Params::default()).is_err());
+    assert!(outcome(&original(&source), &HoistParams::default()).is_err());
     let (plan, _) = hoisted(&source, &budget());
     assert_eq!(plan.contract.kind(), "approximate");
 }
 
 /// What stays where nothing is said of jumps.
-fn without_jumps() -> Params {
-    Params {
+fn without_jumps() -> HoistParams {
+    HoistParams {
         jumps: hoist::movable::Jumps::Stay,
         ..budget()
     }
@@ -346,7 +346,7 @@ struct Varyings { @builtin(position) position: vec4<f32>, @location(0) a: vec4<f
     return (first * first + second * second) * 0.25;
 }
 ";
-    let (_, text) = hoisted(source, &Params::default());
+    let (_, text) = hoisted(source, &HoistParams::default());
     let fragment = &text[text.find("@fragment").unwrap()..];
     assert_eq!(fragment.matches("@location").count(), 2 + 1, "{fragment}");
     assert!(fragment.contains("first") && fragment.contains("second"));
@@ -413,9 +413,9 @@ fn what_stays_says_why() {
     return vec4(unit * slope + cell * mixed, lit) * texel;",
     );
     let plan = original(&source);
-    let params = Params {
+    let params = HoistParams {
         budget: Some(0.01),
-        ..Params::default()
+        ..HoistParams::default()
     };
     let said: Vec<String> = ["slope", "texel", "mixed", "cell", "unit", "inside", "turn"]
         .map(|name| format!("{name}: {}", left(&plan, &params, name)))
@@ -458,21 +458,21 @@ fn refusals_are_told_by_code() {
         "@group(1) @binding(0) var<storage, read_write> seen: array<u32>;",
         "seen[0] = 1u; return vec4(sin(in.world), 1.0);",
     );
-    let code = |source: &str, params: &Params| {
+    let code = |source: &str, params: &HoistParams| {
         outcome(&original(source), params).unwrap_err().first().code
     };
     assert_eq!(code(&stores, &budget()), "fragment-stores");
     let plain = material("", "return vec4(in.world, 1.0);");
     assert_eq!(code(&plain, &budget()), "nothing-pays");
-    let unbudgeted = Params {
+    let unbudgeted = HoistParams {
         allow: Some(preshade_passes::transforms::hoist::Allow::Approximate),
-        ..Params::default()
+        ..HoistParams::default()
     };
     assert_eq!(code(&plain, &unbudgeted), "no-budget");
     for budget in [0.0, -1.0, 1.5, f64::NAN] {
-        let params = Params {
+        let params = HoistParams {
             budget: Some(budget),
-            ..Params::default()
+            ..HoistParams::default()
         };
         assert_eq!(code(&plain, &params), "budget");
     }
@@ -492,7 +492,7 @@ fn a_tree_of_calls_over_a_discard_is_told_to_be_too_large() {
         .unwrap();
     }
     let source = material(&globals, "return vec4(f31(in.world.x));");
-    let refused = outcome(&original(&source), &Params::default()).unwrap_err();
+    let refused = outcome(&original(&source), &HoistParams::default()).unwrap_err();
     assert_eq!(refused.refusals[0].code, "too-large");
 }
 
@@ -507,7 +507,7 @@ fn values_that_are_not_there_are_named() {
     let plan = original(&source);
     let all = hoist::candidates(&plan, &Facts::default()).unwrap();
     let id = &all.first().unwrap().id;
-    let carrying = |carry: &str| Params {
+    let carrying = |carry: &str| HoistParams {
         carry: Some(carry.to_owned()),
         finite: hoist::movable::Finite::Assumed,
         ..budget()
@@ -534,9 +534,9 @@ fn measurements_of_another_material_allow_nothing() {
         "let wave = sin(in.world * 3.0) * cos(in.world.yzx);
         return vec4(wave, 1.0);",
     ));
-    let params = Params {
+    let params = HoistParams {
         budget: Some(0.02),
-        ..Params::default()
+        ..HoistParams::default()
     };
     let of = |facts: &Facts| Hoist::run(&plan, facts, &params).map(drop);
     assert!(of(&Facts::default()).is_ok());
@@ -568,9 +568,9 @@ fn measurements_of_another_material_allow_nothing() {
 fn normalize_moves_if_the_length_is_above_zero() {
     let moves = |vector: &str| {
         let body = format!("return vec4(normalize({vector}) * cos(in.world.x * in.world.y), 1.0);");
-        let params = Params {
+        let params = HoistParams {
             budget: Some(0.02),
-            ..Params::default()
+            ..HoistParams::default()
         };
         let plan = outcome(&original(&material("", &body)), &params)
             .unwrap()
@@ -613,9 +613,9 @@ fn advice_comes_to_an_end() {
     let mut ends = std::collections::BTreeSet::new();
     for source in &sources {
         for allow in [None, Some(Allow::Rounding)] {
-            let mut params = Params {
+            let mut params = HoistParams {
                 allow,
-                ..Params::default()
+                ..HoistParams::default()
             };
             let mut advised = 0;
             let end = loop {
@@ -648,7 +648,7 @@ fn advice_comes_to_an_end() {
 
 /// What there is to hoist at the largest budget.
 fn hoist_all(source: &str) -> Result<Outcome, Refused> {
-    let params = Params {
+    let params = HoistParams {
         budget: Some(1.0),
         ..budget()
     };
@@ -679,7 +679,7 @@ fn the_length_of_a_list_is_not_carried() {
              }}"
         );
         let plan = original(&text);
-        let done = outcome(&plan, &Params::default());
+        let done = outcome(&plan, &HoistParams::default());
         let moved = done.map(|done| {
             let program = done.plan.program(done.plan.main().unwrap()).unwrap();
             common::wgsl(program)

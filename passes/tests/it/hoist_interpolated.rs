@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use naga::{Binding, Interpolation, ShaderStage};
 use naga_edit::interface;
 use naga_interp::{Scalar, Stuck, Value};
-use preshade_passes::transforms::hoist::{Allow, Hoist, Params};
+use preshade_passes::transforms::hoist::{Allow, Hoist, HoistParams};
 use preshade_plan::pass::{Facts, Pass, Source, SourceRange};
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
@@ -142,10 +142,10 @@ fn hoisted(source: &str, allow: Allow) -> Option<(Program, Program, String)> {
 fn hoisted_given(source: &str, allow: Allow, facts: &Facts) -> Option<(Program, Program, String)> {
     let program = common::program(source);
     let plan = Plan::original("test", program, "vs", Some("fs"), &MaterialState::default());
-    let params = Params {
+    let params = HoistParams {
         allow: Some(allow),
         vertices_per_fragment: Some(0.0),
-        ..Params::default()
+        ..HoistParams::default()
     };
     let done = Hoist::run(&plan, facts, &params).ok()?;
     let of = |plan: &Plan| plan.program(plan.main().unwrap()).unwrap().clone();
@@ -342,9 +342,9 @@ fn rounding_needs_one_fragment_a_pixel() {
         change(&mut state);
         let program = common::program(&source);
         let plan = Plan::original("test", program, "vs", Some("fs"), &state);
-        let params = Params {
+        let params = HoistParams {
             vertices_per_fragment: Some(0.0),
-            ..Params::default()
+            ..HoistParams::default()
         };
         usize::from(Hoist::run(&plan, &Facts::default(), &params).is_ok())
     };

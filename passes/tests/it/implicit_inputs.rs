@@ -44,21 +44,25 @@ fn four_samples(state: &mut MaterialState) {
 }
 
 fn prepass(plan: &Plan) -> Result<Outcome, Refused> {
-    DepthPrepass::run(plan, &Facts::default(), &depth_prepass::Params::default())
+    DepthPrepass::run(
+        plan,
+        &Facts::default(),
+        &depth_prepass::DepthPrepassParams::default(),
+    )
 }
 
 fn equal(plan: &Plan, facts: &Facts) -> Result<Outcome, Refused> {
-    let params = depth_prepass::Params {
+    let params = depth_prepass::DepthPrepassParams {
         form: depth_prepass::PrepassForm::Equal,
-        ..depth_prepass::Params::default()
+        ..depth_prepass::DepthPrepassParams::default()
     };
     DepthPrepass::run(plan, facts, &params)
 }
 
 fn early_discard(plan: &Plan, attachment: MainAttachment) -> Result<Outcome, Refused> {
-    let params = early_discard::Params {
+    let params = early_discard::EarlyDiscardParams {
         attachment,
-        ..early_discard::Params::default()
+        ..early_discard::EarlyDiscardParams::default()
     };
     EarlyDiscard::run(plan, &Facts::default(), &params)
 }
@@ -152,10 +156,10 @@ struct Output { @location(0) color: vec4<f32>, @builtin(frag_depth) depth: f32 }
 /// Where a product moves and its sum stays, a compiler no longer fuses them.
 #[test]
 fn a_product_that_a_sum_reads_is_not_exact() {
-    let exact = hoist::Params {
+    let exact = hoist::HoistParams {
         allow: Some(Allow::Exact),
         vertices_per_fragment: Some(0.0),
-        ..hoist::Params::default()
+        ..hoist::HoistParams::default()
     };
     let hoisted = |body: &str| {
         let plan = plan(&material(UV, "", body), |_| {});
@@ -180,10 +184,10 @@ fn a_product_that_a_sum_reads_is_not_exact() {
 /// varying was computed, and counts the readers that stay.
 #[test]
 fn what_a_compiler_rounds_otherwise_elsewhere_is_not_exact() {
-    let exact = hoist::Params {
+    let exact = hoist::HoistParams {
         allow: Some(Allow::Exact),
         vertices_per_fragment: Some(0.0),
-        ..hoist::Params::default()
+        ..hoist::HoistParams::default()
     };
     let hoisted = |body: &str| {
         let source = material("@interpolate(flat, either)", "", body);
@@ -234,9 +238,9 @@ fn a_specialised_stage_keeps_the_sample_rate() {
 #[test]
 fn an_edited_vertex_stage_is_compared_with_the_original() {
     let body = "    return vec4<f32>(sin(u.a), in.uv, 1.0);";
-    let params = hoist::Params {
+    let params = hoist::HoistParams {
         vertices_per_fragment: Some(0.0),
-        ..hoist::Params::default()
+        ..hoist::HoistParams::default()
     };
     let source = material(UV, "", body);
     let hoisted = |source: &str| Hoist::run(&plan(source, |_| {}), &Facts::default(), &params);

@@ -34,27 +34,27 @@ fn original(body: &str) -> Plan {
 }
 
 fn half(plan: &Plan) -> Result<Outcome, Refused> {
-    let params = half_rate::Params {
+    let params = half_rate::HalfRateParams {
         budget: Some(0.01),
-        ..half_rate::Params::default()
+        ..half_rate::HalfRateParams::default()
     };
     HalfRate::run(plan, &Facts::default(), &params)
 }
 
 fn once(plan: &Plan) -> Result<Outcome, Refused> {
-    let params = preamble::Params {
+    let params = preamble::PreambleParams {
         allow: preamble::Allow::Rounding,
-        ..preamble::Params::default()
+        ..preamble::PreambleParams::default()
     };
     Preamble::run(plan, &Facts::default(), &params)
 }
 
 fn hoisted(plan: &Plan) -> Result<Outcome, Refused> {
-    let params = hoist::Params {
+    let params = hoist::HoistParams {
         budget: Some(0.02),
         finite: hoist::movable::Finite::Assumed,
         jumps: hoist::movable::Jumps::Carried,
-        ..hoist::Params::default()
+        ..hoist::HoistParams::default()
     };
     Hoist::run(plan, &Facts::default(), &params)
 }

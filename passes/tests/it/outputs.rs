@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use preshade_passes::transforms::outputs::{Outputs, Params};
+use preshade_passes::transforms::outputs::{Outputs, OutputsParams};
 use preshade_plan::pass::{Facts, Pass};
 use preshade_plan::plan::{BindingKind, BindingSource, GpuPass, HostValue, Plan, Role};
 use preshade_plan::state::MaterialState;
@@ -66,7 +66,7 @@ pub fn original(shader: &str) -> Plan {
     Plan::original("test", common::program(shader), "vs", Some("fs"), &state)
 }
 
-pub fn params(recipe: &'static str) -> Params {
+pub fn params(recipe: &'static str) -> OutputsParams {
     serde_json::from_value(common::step(recipe).1).unwrap()
 }
 
@@ -123,7 +123,7 @@ fn shadow_writes_the_same_program_as_the_pass_of_that_name() {
     use preshade_passes::transforms::shadow::{self, Shadow};
     let by_outputs = outputs("outputs:write=shadow").unwrap();
     let plan = original(SHADER);
-    let by_shadow = Shadow::run(&plan, &Facts::default(), &shadow::Params::default());
+    let by_shadow = Shadow::run(&plan, &Facts::default(), &shadow::ShadowParams::default());
     let Ok(by_shadow) = by_shadow else {
         panic!("shadow is refused")
     };
@@ -723,7 +723,7 @@ fn views_are_not_mixed_and_a_plan_has_one_pass_of_outputs() {
     let refused = outputs("outputs:write=shadow+velocity").unwrap_err();
     assert!(refused.starts_with("outputs[mixed-views]"), "{refused}");
     let plan = outputs("outputs:write=id").unwrap();
-    let again = Outputs::run(&plan, &Facts::default(), &Params::default());
+    let again = Outputs::run(&plan, &Facts::default(), &OutputsParams::default());
     let Err(refused) = again else { panic!("twice") };
     assert_eq!(refused.first().code, "has-outputs");
 }

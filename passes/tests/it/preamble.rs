@@ -1,6 +1,6 @@
 //! What is computed once a draw, what stays and why, and that both together are the author's stage.
 
-use preshade_passes::transforms::preamble::{Allow, Params, Preamble};
+use preshade_passes::transforms::preamble::{Allow, Preamble, PreambleParams};
 use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::geometry::Geometry;
 use preshade_plan::pass::{
@@ -32,18 +32,18 @@ fn planned(text: &str) -> Plan {
     Plan::original("test", program, "vs", Some("fs"), &MaterialState::default())
 }
 
-const EXACT: Params = Params {
+const EXACT: PreambleParams = PreambleParams {
     allow: Allow::Exact,
     limit: 16,
     least: 4.0,
 };
-const ROUNDING: Params = Params {
+const ROUNDING: PreambleParams = PreambleParams {
     allow: Allow::Rounding,
     ..EXACT
 };
 
 /// The variant, whose promises must hold in the interpreter.
-fn applied(plan: &Plan, params: &Params) -> Plan {
+fn applied(plan: &Plan, params: &PreambleParams) -> Plan {
     let done = Preamble::run(plan, &Facts::default(), params).unwrap();
     let effort = Effort {
         inputs: 24,
@@ -62,13 +62,13 @@ fn applied(plan: &Plan, params: &Params) -> Plan {
     done.plan
 }
 
-fn refused(plan: &Plan, params: &Params) -> Refused {
+fn refused(plan: &Plan, params: &PreambleParams) -> Refused {
     let outcome = Preamble::run(plan, &Facts::default(), params);
     outcome.map(|done| done.change.what).unwrap_err()
 }
 
 /// The refusal's code, and why the value of that name stays.
-fn stays(body: &str, name: &str, params: &Params) -> (String, String) {
+fn stays(body: &str, name: &str, params: &PreambleParams) -> (String, String) {
     let refused = refused(&original(body), params);
     let left = refused.left.iter().find(|l| l.name == name);
     let reason = left.map(|l| l.reason.clone());
@@ -153,7 +153,7 @@ fn a_product_stays_with_the_sum_that_reads_it_unless_rounding_is_allowed() {
 /// A compiler multiplies powers by adding their exponents, if it sees both.
 #[test]
 fn a_power_stays_with_what_it_is_rewritten_with() {
-    let least = Params {
+    let least = PreambleParams {
         least: 1.0,
         ..EXACT
     };
@@ -225,7 +225,7 @@ fn values_behind_branches_move_if_the_draw_decides_the_branch() {
             return vec4(shine);"
         )
     };
-    let params = Params {
+    let params = PreambleParams {
         least: 2.0,
         ..EXACT
     };
@@ -418,7 +418,7 @@ fn what_may_be_subnormal_stays() {
             true,
         ),
     ];
-    let params = Params {
+    let params = PreambleParams {
         least: 1.0,
         ..EXACT
     };
@@ -470,7 +470,7 @@ fn what_may_be_subnormal_stays() {
 fn a_number_that_decides_a_discard_keeps_its_bits() {
     let body = "let edge = sin(u.a) * u.b; if v.uv.x - edge < 0.25 { discard; }
         return vec4(v.uv, 0.0, 1.0);";
-    let params = Params {
+    let params = PreambleParams {
         least: 0.0,
         ..ROUNDING
     };
@@ -490,14 +490,14 @@ fn no_more_is_stored_than_the_limit() {
         return (a * v.uv.x + b * v.uv.y) * c + v.uv.xyxy * c;",
     );
     let size = |limit| {
-        let params = Params { limit, ..EXACT };
+        let params = PreambleParams { limit, ..EXACT };
         let outcome = Preamble::run(&plan, &Facts::default(), &params).unwrap();
         outcome.plan.draw_buffers[0].size
     };
     assert_eq!(size(16), 48);
     assert!(size(2) <= 32);
     // The dearest.
-    let one = Params { limit: 1, ..EXACT };
+    let one = PreambleParams { limit: 1, ..EXACT };
     let next = applied(&plan, &one);
     assert_eq!(next.draw_buffers[0].size, 16);
     assert!(once_text(&next).contains("sin"));
@@ -665,7 +665,7 @@ fn unpacked_numbers_may_be_fused() {
         "unpack2x16snorm",
     ] {
         let body = format!("let t = {unpack}(u.count).x; return vec4(v.uv.y + t, v.uv, 1.0);");
-        let params = Params {
+        let params = PreambleParams {
             least: 1.0,
             ..EXACT
         };

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 
 use naga::ShaderStage;
 use naga_interp::{Environment, Scalar, Value};
-use preshade_passes::transforms::skip_taps::{Params, SkipTaps};
+use preshade_passes::transforms::skip_taps::{SkipTaps, SkipTapsParams};
 use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::contract::Assumption;
 use preshade_plan::pass::{Facts, MaterialTexture, Pass};
@@ -32,15 +32,15 @@ fn original(fragment: &str) -> Plan {
     Plan::original("test", program, "vs", Some("fs"), &MaterialState::default())
 }
 
-fn params(threshold: f64, budget: Option<f64>) -> Params {
-    Params {
+fn params(threshold: f64, budget: Option<f64>) -> SkipTapsParams {
+    SkipTapsParams {
         threshold,
         budget,
-        ..Params::default()
+        ..SkipTapsParams::default()
     }
 }
 
-fn skipped(plan: &Plan, params: &Params) -> Result<Plan, String> {
+fn skipped(plan: &Plan, params: &SkipTapsParams) -> Result<Plan, String> {
     match SkipTaps::run(plan, &Facts::default(), params) {
         Ok(done) => Ok(done.plan),
         Err(refused) => Err(refused.first().to_string()),
@@ -359,7 +359,7 @@ fn a_budget_is_asked_for_and_functions_are_named() {
     );
     let error = skipped(&plan, &params(0.1, None)).unwrap_err();
     assert!(error.contains("no-budget"), "{error}");
-    let of = |names: &str| Params {
+    let of = |names: &str| SkipTapsParams {
         of: Some(names.to_owned()),
         ..params(0.1, Some(0.1))
     };

@@ -1,7 +1,7 @@
 //! What specialising leaves, what it assumes, and that with those values it computes the same.
 
 use naga_interp::Value;
-use preshade_passes::transforms::specialize::{Fold, Params, Specialize, as_drawn};
+use preshade_passes::transforms::specialize::{Fold, Specialize, SpecializeParams, as_drawn};
 use preshade_plan::contract::{Contract, Surface};
 use preshade_plan::guard::{Assumed, Bounds, Place, ScalarType};
 use preshade_plan::pass::{Constant, Facts, Pass};
@@ -171,7 +171,7 @@ fn many_lights_stay_a_loop_with_a_literal_bound() {
 
 #[test]
 fn a_weight_of_nothing_goes_where_floats_may_be_folded() {
-    let params = Params {
+    let params = SpecializeParams {
         fold: Fold::Rounding,
         ..set("coat=0")
     };
@@ -209,7 +209,7 @@ struct V {{ @builtin(position) p: vec4<f32>, @location(0) i: vec2<f32> }}
 @vertex fn vs(@location(0) p: vec4<f32>) -> V {{ return V(p, p.xy); }}
 @fragment fn fs(v: V) -> @location(0) vec4<f32> {{ let i = v.i; {body} }}"
         );
-        let params = Params {
+        let params = SpecializeParams {
             fold: Fold::Rounding,
             ..set("b=0")
         };
@@ -265,7 +265,7 @@ fn code_that_no_draw_runs_saves_nothing() {
     };
     for (mode, steps) in [(0.0, 50.0), (1.0, 50.0), (0.0, 3.0), (1.0, 100.0)] {
         let facts = facts(mode, steps);
-        let done = Specialize::run(&plan, &facts, &Params::default()).unwrap();
+        let done = Specialize::run(&plan, &facts, &SpecializeParams::default()).unwrap();
         let [drawn, left] = [&plan, &done.plan].map(|plan| cost(plan, &facts));
         // The original reads uniforms and compares them, and that is all that it does more.
         let said = format!("{mode}, {steps}: {drawn}, {left}");
@@ -435,7 +435,12 @@ fn a_texel_is_known_within_its_texture_alone() {
     let refused = |load: &str| {
         let body = format!("if textureLoad(white, {load}).x > 0.5 {{ return u.v; }} return p;");
         let plan = original(&material("", &body));
-        specialized_with(&plan, &facts_of_texture(1, 1.0), &Params::default()).is_err()
+        specialized_with(
+            &plan,
+            &facts_of_texture(1, 1.0),
+            &SpecializeParams::default(),
+        )
+        .is_err()
     };
     // Every texture has this one.
     assert!(!refused("vec2(0, 0), 0"));
@@ -445,12 +450,17 @@ fn a_texel_is_known_within_its_texture_alone() {
     assert!(refused("vec2(1, 0), 0"));
     let body = "if textureLoad(white, vec2<i32>(p.xy), 0).x >= 0.0 { return u.v; } return p;";
     let plan = original(&material("", body));
-    specialized_with(&plan, &facts_of_texture(1, 1.0), &Params::default()).unwrap();
+    specialized_with(
+        &plan,
+        &facts_of_texture(1, 1.0),
+        &SpecializeParams::default(),
+    )
+    .unwrap();
 }
 
 #[test]
 fn nothing_is_decided_by_a_product_with_0_of_what_may_be_infinite() {
-    let params = |values: &str| Params {
+    let params = |values: &str| SpecializeParams {
         fold: Fold::Rounding,
         ..set(values)
     };
@@ -477,7 +487,7 @@ fn nothing_is_decided_by_a_product_with_0_of_what_may_be_infinite() {
 #[test]
 fn a_rounding_that_was_folded_may_turn_what_rests_on_it() {
     let promised = |body: &str| {
-        let params = Params {
+        let params = SpecializeParams {
             fold: Fold::Rounding,
             ..set("u.w=1")
         };
@@ -536,7 +546,7 @@ fn where_a_store_goes_is_assumed() {
 #[test]
 fn a_matrix_of_ones_is_not_1() {
     for product in ["p.xy * u.m", "u.m * p.xy"] {
-        let params = Params {
+        let params = SpecializeParams {
             fold: Fold::Rounding,
             ..set("m[0].x=1+m[0].y=1+m[1].x=1+m[1].y=1")
         };
@@ -651,7 +661,7 @@ fn a_selected_constant_is_not_computed_with_by_a_front_end() {
         ),
         (
             "return vec4(mix(0.0, p.x, u.w) / 0.0);",
-            Params {
+            SpecializeParams {
                 fold: Fold::Rounding,
                 ..set("u.w=0")
             },

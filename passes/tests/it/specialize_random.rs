@@ -10,7 +10,7 @@ use std::panic::AssertUnwindSafe;
 use naga::{Binding, Module, ShaderStage, TypeInner};
 use naga_edit::interface;
 use naga_interp::{Environment, Scalar, Stuck, Value};
-use preshade_passes::transforms::specialize::{Fold, Params, Specialized};
+use preshade_passes::transforms::specialize::{Fold, SpecializeParams, Specialized};
 use preshade_plan::guard::{Assumed, Bounds, Guard, Place, ScalarType};
 use preshade_plan::pass::{Constant, Facts};
 use preshade_plan::program::Program;
@@ -250,10 +250,10 @@ fn checked(bytes: &[u8], seed: u64) -> Result<Came, String> {
         0 if !material.source.contains(" / ") => Fold::Rounding,
         _ => Fold::Exact,
     };
-    let params = Params {
+    let params = SpecializeParams {
         fold,
         unroll: [4, 4, 1, 0][numbers.below(4)],
-        ..Params::default()
+        ..SpecializeParams::default()
     };
     let done = match Specialized::new(&plan, &facts, &params) {
         Ok(done) => done,

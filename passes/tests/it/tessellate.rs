@@ -3,7 +3,7 @@
 
 use naga_interp::{Environment, Value};
 use preshade_passes::transforms::hoist::{self, Hoist};
-use preshade_passes::transforms::tessellate::{Params, Tessellate};
+use preshade_passes::transforms::tessellate::{Tessellate, TessellateParams};
 use preshade_plan::geometry::{Constants, Geometry, Stream, Subdivision};
 use preshade_plan::pass::{Facts, Pass, Refusal, Refused};
 use preshade_plan::pattern::{self, Pattern};
@@ -19,10 +19,10 @@ fn original(source: &str, state: &MaterialState) -> Plan {
 }
 
 fn hoisted(plan: &Plan) -> Plan {
-    let params = hoist::Params {
+    let params = hoist::HoistParams {
         budget: Some(0.02),
         finite: hoist::movable::Finite::Assumed,
-        ..hoist::Params::default()
+        ..hoist::HoistParams::default()
     };
     apply::<Hoist>(plan, &params).unwrap()
 }
@@ -34,7 +34,7 @@ fn apply<P: Pass>(plan: &Plan, params: &P::Params) -> Result<Plan, Box<Refusal>>
 
 fn refused(source: &str) -> Box<Refusal> {
     let plan = hoisted(&original(source, &MaterialState::default()));
-    apply::<Tessellate>(&plan, &Params::default()).unwrap_err()
+    apply::<Tessellate>(&plan, &TessellateParams::default()).unwrap_err()
 }
 
 const WAVES: &str = "
@@ -62,7 +62,7 @@ struct VertexOutput { @builtin(position) position: vec4<f32>, @location(0) world
 #[test]
 fn the_vertex_stage_pulls_corners_and_interpolates() {
     let plan = hoisted(&original(WAVES, &MaterialState::default()));
-    let next = apply::<Tessellate>(&plan, &Params::default()).unwrap();
+    let next = apply::<Tessellate>(&plan, &TessellateParams::default()).unwrap();
     let main = next.main().unwrap();
     insta::assert_snapshot!(common::wgsl(next.program(main).unwrap()));
     assert!(main.attributes.is_empty());
@@ -189,10 +189,10 @@ fn position(plan: &Plan, subdivision: &Subdivision, mesh: &Mesh<'_>, at: (u32, u
 
 fn divided(level: u32, pattern: Pattern) -> (Plan, Subdivision) {
     let plan = hoisted(&original(WAVES, &MaterialState::default()));
-    let params = Params {
+    let params = TessellateParams {
         level,
         pattern,
-        ..Params::default()
+        ..TessellateParams::default()
     };
     let plan = apply::<Tessellate>(&plan, &params).unwrap();
     let subdivision = plan.main().unwrap().geometry.subdivision().unwrap().clone();
@@ -293,10 +293,10 @@ fn on_line(
 #[test]
 fn an_adaptive_edge_has_its_own_points_on_both_sides() {
     let plan = hoisted(&original(WAVES, &MaterialState::default()));
-    let params = Params {
+    let params = TessellateParams {
         level: 9,
         edge_pixels: Some(20),
-        ..Params::default()
+        ..TessellateParams::default()
     };
     let plan = apply::<Tessellate>(&plan, &params).unwrap();
     let subdivision = plan.main().unwrap().geometry.subdivision().unwrap().clone();
@@ -328,22 +328,22 @@ fn an_adaptive_edge_has_its_own_points_on_both_sides() {
 #[test]
 fn surplus_vertices_compute_nothing() {
     let plan = hoisted(&original(WAVES, &MaterialState::default()));
-    let params = Params {
+    let params = TessellateParams {
         edge_pixels: Some(8),
-        ..Params::default()
+        ..TessellateParams::default()
     };
     let next = apply::<Tessellate>(&plan, &params).unwrap();
     let text = common::wgsl(next.program(next.main().unwrap()).unwrap());
     insta::assert_snapshot!(&text[text.find("struct TessellatedPoint").unwrap()..]);
-    let shared = Params {
+    let shared = TessellateParams {
         form: preshade_plan::geometry::Form::Shared,
         ..params
     };
     let refusal = apply::<Tessellate>(&plan, &shared).unwrap_err();
     assert_eq!(refusal.code, "adaptive-form");
-    let of_nothing = Params {
+    let of_nothing = TessellateParams {
         edge_pixels: Some(0),
-        ..Params::default()
+        ..TessellateParams::default()
     };
     let refusal = apply::<Tessellate>(&plan, &of_nothing).unwrap_err();
     assert_eq!(refusal.code, "edge-pixels");
@@ -474,11 +474,11 @@ fn shared_vertices_are_computed_and_then_read() {
         .replace("out.kind = kind.x", "out.kind = f32(kind.x)")
         .replace("f32(in.kind)", "in.kind");
     let plan = hoisted(&original(&smooth, &MaterialState::default()));
-    let params = Params {
+    let params = TessellateParams {
         form: preshade_plan::geometry::Form::Shared,
         pattern: Pattern::Uniform,
         level: 2,
-        ..Params::default()
+        ..TessellateParams::default()
     };
     let next = apply::<Tessellate>(&plan, &params).unwrap();
     let main = common::wgsl(next.program(next.main().unwrap()).unwrap());
@@ -498,12 +498,12 @@ fn what_cannot_be_divided_is_refused() {
     let plan = original(WAVES, &MaterialState::default());
     let code = |r: Result<Plan, Box<Refusal>>| r.unwrap_err().code;
     assert_eq!(
-        code(apply::<Tessellate>(&plan, &Params::default())),
+        code(apply::<Tessellate>(&plan, &TessellateParams::default())),
         "not-hoisted"
     );
-    let level = Params {
+    let level = TessellateParams {
         level: 65,
-        ..Params::default()
+        ..TessellateParams::default()
     };
     assert_eq!(code(apply::<Tessellate>(&hoisted(&plan), &level)), "level");
     let lines = MaterialState {
@@ -515,7 +515,7 @@ fn what_cannot_be_divided_is_refused() {
     };
     let lines = hoisted(&original(WAVES, &lines));
     assert_eq!(
-        code(apply::<Tessellate>(&lines, &Params::default())),
+        code(apply::<Tessellate>(&lines, &TessellateParams::default())),
         "topology"
     );
     let linear = WAVES.replace("@location(1) uv", "@location(1) @interpolate(linear) uv");
@@ -546,10 +546,10 @@ fn what_is_static_is_stored_alone() {
         .replace("out.kind = kind.x", "out.kind = f32(kind.x)")
         .replace("f32(in.kind)", "in.kind");
     let plan = hoisted(&original(&smooth, &MaterialState::default()));
-    let params = Params {
+    let params = TessellateParams {
         form: preshade_plan::geometry::Form::Static,
         fixed: Some("scene".to_owned()),
-        ..Params::default()
+        ..TessellateParams::default()
     };
     let next = apply::<Tessellate>(&plan, &params).unwrap();
     let main = common::wgsl(next.program(next.main().unwrap()).unwrap());
@@ -568,7 +568,7 @@ fn what_is_static_is_stored_alone() {
 fn a_site_tells_what_each_new_vertex_costs() {
     let cost = |source: &str| {
         let plan = hoisted(&original(source, &MaterialState::default()));
-        let done = Tessellate::run(&plan, &Facts::default(), &Params::default());
+        let done = Tessellate::run(&plan, &Facts::default(), &TessellateParams::default());
         done.unwrap().change.cost
     };
     let once = cost(WAVES);

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use naga::ShaderStage;
 use naga_interp::{Environment, Scalar, Value};
-use preshade_passes::transforms::trim_loop::{Params, TrimLoop};
+use preshade_passes::transforms::trim_loop::{TrimLoop, TrimLoopParams};
 use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::pass::{Facts, Pass};
 use preshade_plan::plan::Plan;
@@ -21,17 +21,17 @@ fn original(fragment: &str) -> Plan {
     Plan::original("test", program, "vs", Some("fs"), &MaterialState::default())
 }
 
-fn params(turns: u32, of: Option<&str>) -> Params {
-    Params {
+fn params(turns: u32, of: Option<&str>) -> TrimLoopParams {
+    TrimLoopParams {
         turns,
         of: of.map(str::to_owned),
         budget: Some(0.1),
-        ..Params::default()
+        ..TrimLoopParams::default()
     }
 }
 
 /// The trimmed plan, or why not.
-fn trimmed(plan: &Plan, params: &Params) -> Result<Plan, String> {
+fn trimmed(plan: &Plan, params: &TrimLoopParams) -> Result<Plan, String> {
     match TrimLoop::run(plan, &Facts::default(), params) {
         Ok(done) => Ok(done.plan),
         Err(refused) => Err(refused.first().to_string()),
@@ -150,7 +150,7 @@ fn without_a_budget_nothing_goes() {
         "@fragment fn fs() -> @location(0) vec4<f32> { var s = 0.0; for (var i = 0; i < 4; i++) { \
          s += 1.0; } return vec4(s); }",
     );
-    let error = trimmed(&plan, &Params::default()).unwrap_err();
+    let error = trimmed(&plan, &TrimLoopParams::default()).unwrap_err();
     assert!(error.contains("no-budget"), "{error}");
 }
 

@@ -6,7 +6,7 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::transforms::specialize::{Params, Specialized};
+use preshade_passes::transforms::specialize::{SpecializeParams, Specialized};
 use preshade_plan::guard::{Assumed, Bounds, Place, ScalarType};
 use preshade_plan::overrides;
 use preshade_plan::plan::{GpuPass, Plan};
@@ -26,7 +26,8 @@ pub(super) fn can_discard(scene: &Scene, plan: &Plan) -> bool {
     let Ok(values) = values(scene, plan, pass) else {
         return true;
     };
-    let specialized = Specialized::new(plan, &as_facts(plan, &values), &Params::default());
+    let specialized =
+        Specialized::new(plan, &as_facts(plan, &values), &SpecializeParams::default());
     specialized.map_or(true, |specialized| {
         stage_may_discard(specialized.program(), pass.fragment.as_deref())
     })

@@ -311,7 +311,8 @@ pub fn within_budget(
     let references = session.pictures(plans, &frames, DrawOrder::AsGiven)?;
     for index in 0..recipe.steps.len() {
         let step = &recipe.steps[index];
-        let Ok(params) = serde_json::from_value::<hoist::Params>(step.params.clone().into()) else {
+        let Ok(params) = serde_json::from_value::<hoist::HoistParams>(step.params.clone().into())
+        else {
             continue;
         };
         let (true, Some(budget)) = (is_open(step), params.budget) else {
@@ -374,7 +375,7 @@ pub fn written_out(recipe: &Recipe, facts: &Facts) -> Option<Recipe> {
     let mut recipe = recipe.clone();
     let mut changed = false;
     for step in &mut recipe.steps {
-        let params = serde_json::from_value::<hoist::Params>(step.params.clone().into());
+        let params = serde_json::from_value::<hoist::HoistParams>(step.params.clone().into());
         let (Ok(params), true) = (params, step.pass == Hoist::INFO.name) else {
             continue;
         };

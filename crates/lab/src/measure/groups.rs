@@ -4,7 +4,7 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use preshade_passes::transforms::specialize::dispatch::Versions;
-use preshade_passes::transforms::specialize::{Params, Specialize, Specialized};
+use preshade_passes::transforms::specialize::{Specialize, SpecializeParams, Specialized};
 use preshade_plan::guard::{Assumed, Place};
 use preshade_plan::pass::Pass;
 use preshade_plan::plan::Plan;
@@ -42,7 +42,7 @@ pub fn grouped_for(scene: Scene, recipe: &Recipe) -> Result<Scene, SceneError> {
 /// # Errors
 ///
 /// A value that does not fit its variable.
-pub fn grouped(scene: &Scene, params: &Params, most: usize) -> Result<Scene, SceneError> {
+pub fn grouped(scene: &Scene, params: &SpecializeParams, most: usize) -> Result<Scene, SceneError> {
     let looked = Looked::at(scene)?;
     let mut out = scene.clone();
     for (index, plan) in looked.plans.iter().enumerate() {
@@ -156,7 +156,7 @@ struct Wanted {
 }
 
 impl Wanted {
-    fn of(plan: &Plan, values: &BTreeMap<Place, Assumed>, params: &Params) -> Self {
+    fn of(plan: &Plan, values: &BTreeMap<Place, Assumed>, params: &SpecializeParams) -> Self {
         let facts = as_facts(plan, values);
         match Specialized::new(plan, &facts, params) {
             Ok(done) => {

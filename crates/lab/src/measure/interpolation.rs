@@ -99,11 +99,11 @@ type Components = Vec<bool>;
 /// The plan that computes the value at new vertices, and which words of a new vertex are the value's.
 fn tessellated(original: &Plan, alone: &Plan, level: u32) -> Option<(Plan, Components, u32)> {
     let components = components(original, alone)?;
-    let params = tessellate::Params {
+    let params = tessellate::TessellateParams {
         level,
         pattern: Pattern::Uniform,
         form: geometry::Form::Shared,
-        ..tessellate::Params::default()
+        ..tessellate::TessellateParams::default()
     };
     let plan = Tessellate::run(alone, &Facts::default(), &params)
         .ok()?

@@ -206,9 +206,9 @@ fn alone(plans: &[Plan]) -> Vec<Plan> {
 /// Plans that draw the numbers of draws and instances. They are derived from the author's program,
 /// and not from the variant that is judged.
 fn numbered(session: &Session<'_>) -> Vec<Plan> {
-    let params = outputs::Params {
+    let params = outputs::OutputsParams {
         write: "id".to_owned(),
-        ..outputs::Params::default()
+        ..outputs::OutputsParams::default()
     };
     let run = |plan: &Plan| Outputs::run(plan, &Facts::default(), &params).ok();
     let made = session.originals().iter().filter_map(run);

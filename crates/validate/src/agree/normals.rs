@@ -5,7 +5,7 @@ use super::promises::named;
 use crate::compare::text;
 use naga_edit::interface;
 use naga_interp::Value;
-use preshade_passes::transforms::outputs::{Outputs, Params};
+use preshade_passes::transforms::outputs::{Outputs, OutputsParams};
 use preshade_plan::pass::{Facts, Pass, Refused};
 use preshade_plan::plan::{Plan, Role};
 use preshade_plan::program::Program;
@@ -32,10 +32,10 @@ pub(super) fn derived(
     }
     let key = main.program.clone();
     plan.programs.insert(key, program.clone());
-    let params = Params {
+    let params = OutputsParams {
         write: "normal".to_owned(),
         normal: name.map(str::to_owned),
-        ..Params::default()
+        ..OutputsParams::default()
     };
     let why = |refused: Refused| {
         let reasons = refused.refusals.into_iter().map(|r| r.reason);

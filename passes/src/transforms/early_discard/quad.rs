@@ -2,14 +2,18 @@
 
 use naga::Expression;
 
-use super::{EarlyDiscard, Mode, Params, gradients, refusals};
+use super::{EarlyDiscard, EarlyDiscardParams, Mode, gradients, refusals};
 use crate::analysis::opaque::Opaque;
 use preshade_plan::pass::{Pass, Refusal};
 use shader_text::refusals::RefusalInfo;
 
 /// Why single lanes must not return: a derivative that cannot be evaluated first, a rounded
 /// derivative that decides coverage, or no budget for the rounding.
-pub(crate) fn refuse_lane(opaque: &Opaque, fragment: usize, params: &Params) -> Option<Refusal> {
+pub(crate) fn refuse_lane(
+    opaque: &Opaque,
+    fragment: usize,
+    params: &EarlyDiscardParams,
+) -> Option<Refusal> {
     const VOTE: &str =
         "take quad=vote, which leaves only when the whole quad is behind and touches no sample";
     let refuse = |code: &RefusalInfo, reason: &str, remedy: &str, span| {

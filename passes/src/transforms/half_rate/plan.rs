@@ -1,7 +1,7 @@
 //! The plan with both passes, and the words for it.
 
 use super::build::Built;
-use super::{Edges, HalfRate, HalvedValues, Params, values};
+use super::{Edges, HalfRate, HalfRateParams, HalvedValues, values};
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::Contract;
 use preshade_plan::pass::{Outcome, Pass};
@@ -20,7 +20,7 @@ impl HalvedValues<'_, '_, '_> {
         self,
         plan: &Plan,
         built: Built,
-        params: &Params,
+        params: &HalfRateParams,
         budget: Budget,
     ) -> Outcome {
         let mut next = plan.clone();

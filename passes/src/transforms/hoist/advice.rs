@@ -2,7 +2,7 @@
 
 use super::choose::{self, Terms};
 use super::movable::{self, Assumed, Class, Judged, Jumps, Precision};
-use super::{Hoist, HoistMaterial, Params};
+use super::{Hoist, HoistMaterial, HoistParams};
 use crate::analysis::refusals as shared;
 use crate::analysis::values::Values;
 use preshade_plan::pass::{Facts, Pass, Refusal};
@@ -31,7 +31,7 @@ impl Advice {
     pub(super) fn on(
         values: &Values<'_, '_>,
         material: &HoistMaterial<'_>,
-        params: &Params,
+        params: &HoistParams,
         precision: &Precision,
         facts: &Facts,
         [all, judged]: [&Judged; 2],

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::movable::{self, Assumed, Class, Judged, NotHoisted, Precision, Verdict};
 use super::single::{Candidates, HoistStages};
-use super::{HoistMaterial, Params, choose};
+use super::{HoistMaterial, HoistParams, choose};
 use crate::analysis::named::{name, span};
 use crate::analysis::transitive_cost;
 use crate::analysis::values::{ValueId, Values};
@@ -19,7 +19,7 @@ use shader_text::source::{Location, SourceMap};
 pub(super) fn judge(
     values: &Values<'_, '_>,
     material: &HoistMaterial<'_>,
-    params: &Params,
+    params: &HoistParams,
     precision: &Precision,
     facts: &Facts,
     all: &Judged,
@@ -82,7 +82,7 @@ fn as_measured(
     values: &Values<'_, '_>,
     assumed: &[Verdict],
     measured: &BTreeMap<&str, &Frequency>,
-    params: &Params,
+    params: &HoistParams,
 ) -> Vec<Verdict> {
     let threshold = params.threshold.or(params.budget).unwrap_or_default();
     let ids = find(values, assumed, &measured.keys().copied().collect());

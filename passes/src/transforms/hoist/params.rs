@@ -25,7 +25,7 @@ pub enum Allow {
 /// Parameters.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct Params {
+pub struct HoistParams {
     /// The weakest contract for a moved value. Default: `approximate` with a budget, otherwise
     /// `rounding`.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -67,7 +67,7 @@ const VERTICES_PER_FRAGMENT: f64 = 0.05;
 /// Smallest fraction of the fragment stage's static cost that a hoist must save.
 const WORTHWHILE: f64 = 0.01;
 
-impl Params {
+impl HoistParams {
     pub(super) fn weakest(&self) -> Class {
         match (self.allow, self.budget) {
             (Some(Allow::Exact), _) => Class::Exact,

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use super::candidates::{self, Candidate};
 use super::movable::{self, Class, Precision, Verdict};
-use super::{Hoist, HoistMaterial, HoistedValues, Params, choose, refusals, refuse};
+use super::{Hoist, HoistMaterial, HoistParams, HoistedValues, choose, refusals, refuse};
 use crate::analysis::values::{ValueId, Values};
 use crate::rebuild::outline;
 use preshade_dataflow::graph::Graph;
@@ -23,7 +23,7 @@ impl<'p> HoistStages<'p> {
     /// # Errors
     /// Nothing can be hoisted.
     pub fn of(plan: &'p Plan) -> Result<Self, Box<Refusal>> {
-        let material = HoistMaterial::examine(plan, &Params::default())?;
+        let material = HoistMaterial::examine(plan, &HoistParams::default())?;
         Ok(Self { plan, material })
     }
 
@@ -84,10 +84,10 @@ impl<'a, 'p> Candidates<'a, 'p> {
     /// # Errors
     /// The value cannot move.
     pub fn alone(&self, id: &str) -> Result<Plan, Box<Refusal>> {
-        let params = Params {
+        let params = HoistParams {
             budget: Some(1.0),
             carry: Some(id.to_owned()),
-            ..Params::default()
+            ..HoistParams::default()
         };
         let material = &self.stages.material;
         let found = self.one(id)?;

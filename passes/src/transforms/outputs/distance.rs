@@ -5,7 +5,7 @@ use naga::{Binding, ScalarKind, TypeInner, VectorSize};
 use super::extend::{Distance, Member, Shows, Surface};
 use super::names::{self, refusal};
 use super::world_position::{self, NoWorld};
-use super::{Params, calls, refusals};
+use super::{OutputsParams, calls, refusals};
 use crate::analysis::opaque::Opaque;
 use crate::analysis::view::{self, Said};
 use preshade_plan::pass::Refusal;
@@ -14,7 +14,7 @@ use preshade_plan::program::Program;
 /// The surface, the light and the range of the parameters.
 pub(crate) fn distance(
     opaque: &Opaque<'_>,
-    params: &Params,
+    params: &OutputsParams,
     said: &Said,
 ) -> Result<Shows, Box<Refusal>> {
     let program = opaque.program;
@@ -29,7 +29,7 @@ pub(crate) fn distance(
 
 pub(crate) fn surface(
     opaque: &Opaque<'_>,
-    params: &Params,
+    params: &OutputsParams,
     said: &Said,
 ) -> Result<Surface, Box<Refusal>> {
     if let Some(name) = &params.position {
@@ -83,7 +83,7 @@ pub(crate) fn surface(
 }
 
 /// The range as a message tells it.
-pub(crate) fn described(distance: &Distance, params: &Params) -> String {
+pub(crate) fn described(distance: &Distance, params: &OutputsParams) -> String {
     let surface = match &distance.from {
         Surface::Value(value) => format!("`{}`", value.name),
         Surface::World(world) => world.described(),

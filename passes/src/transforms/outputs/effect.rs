@@ -2,7 +2,7 @@
 
 use naga::{Module, TypeInner};
 
-use super::{Asked, ColourTarget, Params, Precision, Viewer, list, names};
+use super::{Asked, ColourTarget, OutputsParams, Precision, Viewer, list, names};
 use crate::analysis::opaque::Opaque;
 use preshade_dataflow::slice::{self, Criterion, OutputFilter};
 use preshade_plan::mapping::{Mapping, Unknown};
@@ -10,7 +10,7 @@ use preshade_plan::pass::Misnamed;
 use preshade_plan::state::DepthFormat;
 
 /// What is wrong with the parameters, whatever the material is.
-pub(crate) fn slip(params: &Params) -> Option<Misnamed> {
+pub(crate) fn slip(params: &OutputsParams) -> Option<Misnamed> {
     let said = |message: String| {
         Some(Misnamed {
             message,
@@ -45,7 +45,7 @@ pub(crate) fn slip(params: &Params) -> Option<Misnamed> {
 }
 
 /// The first parameter that has no effect, and what it needs.
-fn without_effect(params: &Params) -> Option<(&'static str, &'static str)> {
+fn without_effect(params: &OutputsParams) -> Option<(&'static str, &'static str)> {
     let asked = params.asked();
     let has = |of: &Asked| asked.contains(of);
     let has_faces = params.faces.is_some();
@@ -156,7 +156,7 @@ fn without_effect(params: &Params) -> Option<(&'static str, &'static str)> {
 }
 
 /// The first buffer of `static` that the position does not read.
-pub(crate) fn of_static(opaque: &Opaque<'_>, params: &Params) -> Option<Misnamed> {
+pub(crate) fn of_static(opaque: &Opaque<'_>, params: &OutputsParams) -> Option<Misnamed> {
     let position = [Criterion::Output(OutputFilter::Position)];
     let slice = slice::backward(&opaque.graph, opaque.vertex, &position);
     let idle = list(params.still.as_deref()).find(|name| {
@@ -171,7 +171,7 @@ pub(crate) fn of_static(opaque: &Opaque<'_>, params: &Params) -> Option<Misnamed
 }
 
 /// The first name of `map` that the material, or the layout, lacks.
-pub(crate) fn of_map(module: &Module, params: &Params) -> Option<Misnamed> {
+pub(crate) fn of_map(module: &Module, params: &OutputsParams) -> Option<Misnamed> {
     let mappings = params.mappings().ok()?;
     let unknown = |place: &str, e: Unknown| Misnamed {
         message: format!("in {place}, {e}"),

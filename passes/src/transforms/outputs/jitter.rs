@@ -5,7 +5,7 @@ use naga::{Handle, Module, Type, TypeInner};
 use super::extend::Member;
 use super::extend::without_jitter::{Unsteady, steady};
 use super::names::{self, refusal};
-use super::{Params, list, refusals, with_main};
+use super::{OutputsParams, list, refusals, with_main};
 use preshade_plan::mapping;
 use preshade_plan::pass::Refusal;
 use preshade_plan::plan::Plan;
@@ -51,7 +51,7 @@ pub(crate) fn twins(program: &Program, pair: &str) -> Result<[Member; 2], Box<Re
 
 /// The plan with a main pass whose jitter is 0, for pictures that a light draws; `None`: the
 /// parameters name no jitter.
-pub(crate) fn without(plan: &Plan, params: &Params) -> Result<Option<Plan>, Box<Refusal>> {
+pub(crate) fn without(plan: &Plan, params: &OutputsParams) -> Result<Option<Plan>, Box<Refusal>> {
     let names = list(params.jitter.as_deref());
     let program = plan.main().and_then(|main| plan.program(main));
     let Some(program) = program.filter(|_| params.jitter.is_some()) else {

@@ -8,7 +8,7 @@ use naga::{
 
 use super::authored::{self, Authored, Place};
 use super::extend::Member;
-use super::{Asked, Params, jitter, list, lit, refusals, unwritten};
+use super::{Asked, OutputsParams, jitter, list, lit, refusals, unwritten};
 use crate::analysis::opaque::Opaque;
 use naga_edit::{declared, interface};
 use preshade_plan::mapping::{self, Path};
@@ -29,7 +29,7 @@ pub(super) fn refusal(code: &RefusalInfo, reason: impl Into<String>) -> Box<Refu
 }
 
 /// The first name among the parameters that the material lacks.
-pub(crate) fn misnamed(opaque: &Opaque<'_>, params: &Params) -> Option<Misnamed> {
+pub(crate) fn misnamed(opaque: &Opaque<'_>, params: &OutputsParams) -> Option<Misnamed> {
     let program = opaque.program;
     let values = || all_values(opaque).into_iter().map(|v| v.name);
     let paths = || buffers(program).into_iter().map(|(path, _)| path);

@@ -1,7 +1,7 @@
 //! What a host should know of the pictures.
 
 use super::extend::{Normal, Shows, Wanted};
-use super::{Params, distance};
+use super::{OutputsParams, distance};
 use crate::analysis::opaque::Opaque;
 use naga_edit::interface;
 use preshade_dataflow::slice::{self, Criterion, OutputFilter};
@@ -10,7 +10,7 @@ use preshade_dataflow::slice::{self, Criterion, OutputFilter};
 const PLACES: [&str; 5] = ["instance", "transform", "model", "matrix", "object"];
 
 /// What a host should know of the pictures.
-pub(crate) fn notes(opaque: &Opaque<'_>, params: &Params, wanted: &[Wanted]) -> Vec<String> {
+pub(crate) fn notes(opaque: &Opaque<'_>, params: &OutputsParams, wanted: &[Wanted]) -> Vec<String> {
     let mut found = Vec::new();
     if wanted.is_empty() {
         found.push(

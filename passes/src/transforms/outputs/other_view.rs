@@ -6,7 +6,7 @@ use naga::{GlobalVariable, Handle, Module, ShaderStage, Type, TypeInner};
 
 use super::names::refusal;
 use super::remap::{self, Unmapped};
-use super::{Params, refusals};
+use super::{OutputsParams, refusals};
 use crate::analysis::opaque::Opaque;
 use crate::analysis::view::{self, Said};
 use crate::rebuild::place;
@@ -22,7 +22,7 @@ pub(crate) type Sources = BTreeMap<(u32, u32), BindingSource>;
 pub(crate) fn apply(
     plan: &mut Plan,
     author: &Opaque<'_>,
-    (params, said): (&Params, &Said),
+    (params, said): (&OutputsParams, &Said),
 ) -> Result<Sources, Box<Refusal>> {
     let mappings = params.mappings();
     let mappings = mappings.map_err(|e| refusal(&refusals::OTHER_VIEW, e.to_string()))?;

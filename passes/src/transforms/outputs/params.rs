@@ -63,7 +63,7 @@ pub enum ColourTarget {
 /// Parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct Params {
+pub struct OutputsParams {
     /// The values to write, joined by `+`: `depth`, `shadow`, `distance`, `normal`, `velocity`, `id`, or the
     /// name of a value in the fragment stage. `NAME@FUNCTION` is the value of one function, and
     /// `NAME@FUNCTION:LINE` that of one line. Depth is written with each.
@@ -156,7 +156,7 @@ pub struct Params {
     pub format: DepthFormat,
 }
 
-impl Default for Params {
+impl Default for OutputsParams {
     fn default() -> Self {
         Self {
             write: "depth".to_owned(),
@@ -210,7 +210,7 @@ pub enum Asked {
     Named(String),
 }
 
-impl Params {
+impl OutputsParams {
     /// The mappings of `map`.
     ///
     /// # Errors

@@ -6,7 +6,7 @@
 use std::collections::BTreeMap;
 
 use super::decision::{Decision, DecisionKind};
-use super::{Params, assumptions, examine, folded};
+use super::{SpecializeParams, assumptions, examine, folded};
 use preshade_dataflow::graph::{FunctionId, Graph, StmtId};
 use preshade_plan::guard::Assumed;
 use preshade_plan::pass::{Facts, Refusal};
@@ -51,7 +51,7 @@ pub struct Branch {
 /// The plan can't be specialised.
 pub fn branches(plan: &Plan, facts: &Facts) -> Result<BTreeMap<BranchId, Branch>, Box<Refusal>> {
     let (pass, program) = examine(plan)?;
-    let params = Params::default();
+    let params = SpecializeParams::default();
     let assumptions = assumptions(plan, program, facts, &params)?;
     let graph = Graph::build(program);
     let mut found: BTreeMap<BranchId, Branch> = BTreeMap::new();

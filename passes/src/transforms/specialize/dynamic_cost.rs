@@ -9,7 +9,7 @@ use std::collections::BTreeMap;
 
 use super::assume::Assumptions;
 use super::decision::{DecisionKind, Noted, Record};
-use super::{Params, folded};
+use super::{SpecializeParams, folded};
 use preshade_dataflow::graph::cost::DEFAULT_TRIPS;
 use preshade_dataflow::graph::{FunctionId, Graph, StmtId, counted};
 use preshade_plan::pass::Facts;
@@ -29,7 +29,7 @@ pub fn as_drawn<'p>(
         Ok(assumptions) if !assumptions.values.is_empty() => assumptions,
         _ => return graph,
     };
-    let params = Params::default();
+    let params = SpecializeParams::default();
     let folded = folded(&graph, pass, &assumptions, (facts, material), &params);
     weighed(graph, &folded.stages, &folded.records)
 }

@@ -12,7 +12,7 @@ use serde::{Deserialize, Serialize};
 
 use super::assume::Assumptions;
 use super::decision::{Decision, DecisionKind, Placed};
-use super::{Params, assumptions, examine, folded};
+use super::{SpecializeParams, assumptions, examine, folded};
 use preshade_dataflow::graph::{FunctionId, Graph};
 use preshade_plan::guard::Assumed;
 use preshade_plan::pass::{Facts, Refusal};
@@ -75,7 +75,7 @@ pub struct Effect {
 /// The plan cannot be specialised.
 pub fn effects(plan: &Plan, facts: &Facts) -> Result<Vec<Effect>, Box<Refusal>> {
     let (pass, program) = examine(plan)?;
-    let params = Params::default();
+    let params = SpecializeParams::default();
     let assumptions = assumptions(plan, program, facts, &params)?;
     let graph = Graph::build(program);
     let decisions =

@@ -18,7 +18,7 @@ pub enum Fold {
 /// Parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct Params {
+pub struct SpecializeParams {
     /// Values to assume in addition to the scene's; they take precedence. `name=number`, joined by
     /// `+`. A name is the path of a uniform's scalar (`material.fog_density`, `lights[0].color.x`),
     /// a suffix that only one path has, or an override.
@@ -32,7 +32,7 @@ pub struct Params {
     pub unroll: u32,
 }
 
-impl Default for Params {
+impl Default for SpecializeParams {
     fn default() -> Self {
         Self {
             set: None,

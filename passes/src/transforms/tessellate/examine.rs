@@ -7,7 +7,9 @@ use naga::{AddressSpace, Binding, BuiltIn, Handle, Module, ShaderStage};
 
 use super::fixed::{self, Read};
 use super::split::{self, Outputs, Split};
-use super::{DividedMaterial, MOST_EDGE_PIXELS, Params, Slots, Tessellate, refusals, refuse};
+use super::{
+    DividedMaterial, MOST_EDGE_PIXELS, Slots, Tessellate, TessellateParams, refusals, refuse,
+};
 use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
 use crate::analysis::{refusals as shared, subnormal};
 use naga_edit::interface;
@@ -27,7 +29,7 @@ impl<'a> DividedMaterial<'a> {
     pub(super) fn examine(
         plan: &'a Plan,
         facts: &Facts,
-        params: &Params,
+        params: &TessellateParams,
     ) -> Result<Self, Box<Refusal>> {
         Self::check_params(params)?;
         let main = plan.main().and_then(|p| Some((p, plan.program(p)?)));
@@ -100,7 +102,7 @@ impl<'a> DividedMaterial<'a> {
     }
 
     /// Checks the level, the length of segments and the form that they need.
-    fn check_params(params: &Params) -> Result<(), Box<Refusal>> {
+    fn check_params(params: &TessellateParams) -> Result<(), Box<Refusal>> {
         if !(1..=MAX_LEVEL).contains(&params.level) {
             return Err(refuse(
                 &refusals::LEVEL,
@@ -176,7 +178,7 @@ impl<'a> DividedMaterial<'a> {
         &self,
         plan: &Plan,
         facts: &Facts,
-        params: &Params,
+        params: &TessellateParams,
     ) -> Result<Vec<String>, Box<Refusal>> {
         let slots = Slots::free(self.program.module());
         let built = self.at_load(slots, &Subdivision::new(params.pattern, 1, Form::Static));
@@ -310,7 +312,7 @@ impl<'a> DividedMaterial<'a> {
 
     /// Checks the storage buffers against WebGPU's guaranteed eight per stage
     /// (`maxStorageBuffersPerShaderStage`).
-    fn check_buffers(pass: &GpuPass, params: &Params) -> Result<(), Box<Refusal>> {
+    fn check_buffers(pass: &GpuPass, params: &TessellateParams) -> Result<(), Box<Refusal>> {
         let storage = [BindingKind::StorageRead, BindingKind::StorageReadWrite];
         let authors = pass.bindings.iter();
         let authors = authors.filter(|b| b.visibility.vertex && storage.contains(&b.kind));

@@ -8,7 +8,9 @@ use super::ids::{self, Triangles};
 use super::lists::{self, Lists};
 use super::resolve::{self, Built, Keeps, Resolve, Runs};
 use super::text::{self, Slots};
-use super::{Ids, Params, Select, SplitMaterial, VisibilityBuffer, legal, refuse, stored_vertices};
+use super::{
+    Ids, Select, SplitMaterial, VisibilityBuffer, VisibilityParams, legal, refuse, stored_vertices,
+};
 use crate::rebuild::place;
 use crate::rebuild::snippet::Linked;
 use naga_edit::declared::Declared;
@@ -27,7 +29,12 @@ use preshade_plan::state::{
 
 impl SplitMaterial<'_> {
     /// Adds the id pass.
-    pub(super) fn ids(&self, plan: &mut Plan, params: &Params, slots: Slots) -> Result<(), String> {
+    pub(super) fn ids(
+        &self,
+        plan: &mut Plan,
+        params: &VisibilityParams,
+        slots: Slots,
+    ) -> Result<(), String> {
         let opaque = &self.opaque;
         let invariance = params.invariant(opaque).position();
         let placed = self.depth.place(opaque, "ids", invariance, None);
@@ -99,7 +106,11 @@ impl SplitMaterial<'_> {
     }
 
     /// Adds the pass that separates the draws of a frame, which all materials share.
-    pub(super) fn classify(&self, plan: &mut Plan, params: &Params) -> Result<(), String> {
+    pub(super) fn classify(
+        &self,
+        plan: &mut Plan,
+        params: &VisibilityParams,
+    ) -> Result<(), String> {
         let module = Linked::new(naga::Module::default(), &text::classify(params.words))?.module;
         let program = self
             .opaque
@@ -169,7 +180,7 @@ impl SplitMaterial<'_> {
     fn resolved(
         &self,
         shaded: &Shaded<'_, '_>,
-        params: &Params,
+        params: &VisibilityParams,
         slots: Slots,
         runs: Runs,
     ) -> Result<Built, Box<Refusal>> {
@@ -206,7 +217,7 @@ impl SplitMaterial<'_> {
         &self,
         plan: &mut Plan,
         keeps: &Keeps,
-        params: &Params,
+        params: &VisibilityParams,
         slots: Slots,
     ) -> Result<BindingUse, String> {
         let module = place::retain(
@@ -249,7 +260,7 @@ impl SplitMaterial<'_> {
         &self,
         plan: &mut Plan,
         shaded: &Shaded<'_, '_>,
-        params: &Params,
+        params: &VisibilityParams,
         slots: Slots,
     ) -> Result<(), Box<Refusal>> {
         let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));
@@ -316,7 +327,7 @@ impl SplitMaterial<'_> {
         &self,
         plan: &mut Plan,
         shaded: &Shaded<'_, '_>,
-        params: &Params,
+        params: &VisibilityParams,
         slots: Slots,
     ) -> Result<(), Box<Refusal>> {
         let bug = |why: String| Box::new(Refusal::bug(VisibilityBuffer::INFO.name, why));

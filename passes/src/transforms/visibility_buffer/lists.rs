@@ -15,7 +15,7 @@
 use naga::ShaderStage;
 
 use super::text::{self, Slots};
-use super::{Params, Select, ShadingForm, Words};
+use super::{Select, ShadingForm, VisibilityParams, Words};
 use crate::rebuild::place;
 use crate::rebuild::snippet::Linked;
 use naga_edit::declared::Declared;
@@ -46,7 +46,7 @@ const SIDE: u32 = 8;
 const SCANNED: u32 = 256;
 
 impl Lists {
-    pub fn of(params: &Params) -> Self {
+    pub fn of(params: &VisibilityParams) -> Self {
         match (params.form, params.select()) {
             (ShadingForm::Binned, _) => Self::Bins,
             (ShadingForm::Fragment, Select::Tiles) => Self::Quads,

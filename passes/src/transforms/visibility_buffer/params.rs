@@ -94,7 +94,7 @@ pub enum Vertices {
 /// mention them apart.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize, JsonSchema)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
-pub struct Params {
+pub struct VisibilityParams {
     /// Largest allowed difference of a channel (`max_abs`), 0 to 1. Without it the contract is
     /// rounding: a step of 8 bits.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -155,7 +155,7 @@ pub struct Params {
     pub cubes: Option<Neighbours>,
 }
 
-impl Params {
+impl VisibilityParams {
     /// Fills in the open choices from the measured adapter.
     pub(super) fn resolved(&self, facts: &Facts) -> Result<Self, Box<Refusal>> {
         let select = match (self.form, self.select) {
@@ -277,9 +277,9 @@ mod tests {
     #[test]
     fn what_interpolates_from_snapped_corners_does_not_do_as_held_says() {
         let told = |said, seen| {
-            let params = Params {
+            let params = VisibilityParams {
                 corners: Some(said),
-                ..Params::default()
+                ..VisibilityParams::default()
             };
             let seen = Rasterizer {
                 corners: seen,

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 
 use naga::ShaderStage;
 use naga_interp::{Environment, Stuck, Value};
-use preshade_passes::transforms::specialize::{Params, Specialize};
+use preshade_passes::transforms::specialize::{Specialize, SpecializeParams};
 use preshade_plan::guard::{Assumed, Bounds, Place, ScalarType};
 use preshade_plan::pass::{Constant, Facts, Pass};
 use preshade_plan::plan::Plan;
@@ -17,20 +17,24 @@ pub fn original(source: &str) -> Plan {
 }
 
 /// Values to assume.
-pub fn set(values: &str) -> Params {
-    Params {
+pub fn set(values: &str) -> SpecializeParams {
+    SpecializeParams {
         set: Some(values.to_owned()),
-        ..Params::default()
+        ..SpecializeParams::default()
     }
 }
 
 /// The plan, or why not.
-pub fn specialized(plan: &Plan, params: &Params) -> Result<Plan, String> {
+pub fn specialized(plan: &Plan, params: &SpecializeParams) -> Result<Plan, String> {
     specialized_with(plan, &Facts::default(), params)
 }
 
 /// The plan with what is known of its material, or why not.
-pub fn specialized_with(plan: &Plan, facts: &Facts, params: &Params) -> Result<Plan, String> {
+pub fn specialized_with(
+    plan: &Plan,
+    facts: &Facts,
+    params: &SpecializeParams,
+) -> Result<Plan, String> {
     match Specialize::run(plan, facts, params) {
         Ok(done) => Ok(done.plan),
         Err(refused) => Err(refused.first().to_string()),
