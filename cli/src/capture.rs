@@ -11,7 +11,7 @@ use preshade_frames::file::{Api, Refused};
 use preshade_frames::folder::{Capture, file_of, is_folder};
 use preshade_frames::page::{RECORDER, bookmarklet};
 use preshade_frames::pass::passes;
-use preshade_frames::trace::{self, Found, Wanted};
+use preshade_frames::trace::{self, TraceSummary, Wanted};
 use preshade_scenes::capture::{UnknownDepth, unknown_depths};
 use serde_json::Value;
 use shader_text::limits::Limits;
@@ -241,7 +241,7 @@ fn traced(folder: &Path, args: &CaptureArgs, limits: &Limits) -> Result<Ending, 
 }
 
 /// Which frames of the trace were written.
-fn told(found: &Found) -> String {
+fn told(found: &TraceSummary) -> String {
     let last = found.first + found.written - 1;
     let written = match found.written {
         1 => format!("frame {last}"),

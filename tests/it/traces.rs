@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use preshade_frames::browser::prepare;
 use preshade_frames::folder::{Capture, file_of};
-use preshade_frames::trace::{Found, FramesBy, TRACE, TraceError, Version, Wanted, convert};
+use preshade_frames::trace::{FramesBy, TRACE, TraceError, TraceSummary, Version, Wanted, convert};
 use serde_json::Value;
 use shader_text::limits::Limits;
 
@@ -38,7 +38,11 @@ fn changed(name: &str, test: &str, change: impl FnOnce(String) -> Vec<u8>) -> Pa
 }
 
 /// Converts a trace, and reads the folder.
-fn converted(trace: &Path, test: &str, wanted: &Wanted) -> Result<(Found, Value), TraceError> {
+fn converted(
+    trace: &Path,
+    test: &str,
+    wanted: &Wanted,
+) -> Result<(TraceSummary, Value), TraceError> {
     let out = Path::new(env!("CARGO_TARGET_TMPDIR"))
         .join("folders")
         .join(test);

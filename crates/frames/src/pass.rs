@@ -72,7 +72,7 @@ impl Kind {
 }
 
 /// Part of a buffer.
-pub type Part = (usize, u64, Option<u64>);
+pub type TexturePart = (usize, u64, Option<u64>);
 
 /// One draw with the state at its call.
 #[derive(Clone, Debug, Default)]
@@ -84,9 +84,9 @@ pub struct PassDraw {
     /// WebGL's resources by name.
     pub named: Option<usize>,
     /// Vertex buffers by slot.
-    pub vertices: BTreeMap<u32, Part>,
+    pub vertices: BTreeMap<u32, TexturePart>,
     /// The index buffer.
-    pub indices: Option<(Part, IndexFormat)>,
+    pub indices: Option<(TexturePart, IndexFormat)>,
     /// The arguments.
     pub call: Call,
     /// x, y, width, height, nearest and farthest depth; `None`: the whole target.

@@ -155,7 +155,7 @@ impl fmt::Display for Mapping {
 
 /// A part of a module's variable.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct Place {
+pub struct MappedPlace {
     pub global: Handle<GlobalVariable>,
     /// Indices of members and elements, outermost first.
     pub steps: Vec<usize>,
@@ -177,7 +177,7 @@ impl Path {
     /// # Errors
     ///
     /// The module has no such variable or member.
-    pub fn resolve(&self, module: &Module) -> Result<Place, Unknown> {
+    pub fn resolve(&self, module: &Module) -> Result<MappedPlace, Unknown> {
         if let Some(whole) = self.loose(module) {
             return whole.resolve(module);
         }
@@ -190,7 +190,7 @@ impl Path {
                 .map(|(_, g)| g.name.clone().unwrap_or_default())
                 .collect(),
         })?;
-        let mut place = Place {
+        let mut place = MappedPlace {
             global,
             steps: Vec::new(),
             ty: module.global_variables[global].ty,

@@ -12,7 +12,7 @@ const MOST_ELEMENTS: u32 = 64;
 
 /// A part of a value in memory: a member, an element, a column or a component.
 #[derive(Clone, Debug)]
-pub struct Part<'m> {
+pub struct UniformPart<'m> {
     /// The author's path: `hall.lights[1].color.x`.
     pub name: String,
     /// Offset from the start of the buffer, in bytes.
@@ -31,7 +31,7 @@ enum Kind<'m> {
     Scalar(Scalar),
 }
 
-impl<'m> Part<'m> {
+impl<'m> UniformPart<'m> {
     pub fn whole(module: &'m Module, global: &GlobalVariable) -> Self {
         Self {
             name: global.name.clone().unwrap_or_default(),
@@ -164,12 +164,12 @@ impl UniformScalar {
     /// The scalar of a uniform buffer at a path of constant indices; `None` if there is none.
     pub fn at(module: &Module, global: Handle<GlobalVariable>, path: &[u32]) -> Option<Self> {
         let global = &module.global_variables[global];
-        let whole = Part::whole(module, global);
+        let whole = UniformPart::whole(module, global);
         let part = path.iter().try_fold(whole, |part, i| part.part(*i))?;
         Self::of(global, &part)
     }
 
-    fn of(global: &GlobalVariable, part: &Part<'_>) -> Option<Self> {
+    fn of(global: &GlobalVariable, part: &UniformPart<'_>) -> Option<Self> {
         let (AddressSpace::Uniform, Some(at)) = (global.space, global.binding) else {
             return None;
         };
@@ -188,7 +188,7 @@ impl UniformScalar {
 pub fn uniform_scalars(module: &Module) -> Vec<UniformScalar> {
     let mut out = Vec::new();
     for (_, global) in module.global_variables.iter() {
-        list(&Part::whole(module, global), &mut |part| {
+        list(&UniformPart::whole(module, global), &mut |part| {
             out.extend(UniformScalar::of(global, part));
         });
     }
@@ -196,7 +196,7 @@ pub fn uniform_scalars(module: &Module) -> Vec<UniformScalar> {
 }
 
 /// Visits the scalars of a part.
-pub fn list(part: &Part<'_>, leaf: &mut dyn FnMut(&Part<'_>)) {
+pub fn list(part: &UniformPart<'_>, leaf: &mut dyn FnMut(&UniformPart<'_>)) {
     if part.scalar().is_some() {
         leaf(part);
     }

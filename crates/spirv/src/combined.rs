@@ -25,13 +25,13 @@ use crate::words::{
 };
 
 /// A set and a binding.
-type Place = (u32, u32);
+type BindingPlace = (u32, u32);
 
 /// A combined image sampler, or an array of them.
 struct Variable {
     id: Word,
     name: String,
-    place: Place,
+    place: BindingPlace,
     image: Word,
     /// Of an array.
     length: Option<Length>,
@@ -50,9 +50,9 @@ enum Length {
 /// modules of a material.
 #[derive(Default)]
 pub(super) struct Places {
-    taken: BTreeSet<Place>,
+    taken: BTreeSet<BindingPlace>,
     /// Texture and sampler by the place, and the element's index.
-    given: BTreeMap<(Place, u32), [Place; 2]>,
+    given: BTreeMap<(BindingPlace, u32), [BindingPlace; 2]>,
     pub(super) samplers: Vec<CombinedSampler>,
     pub(super) uniforms: Vec<Declaration>,
     pub(super) numbers: Vec<Numbered>,
@@ -68,14 +68,14 @@ impl Places {
             .extend(all.map(|(id, binding)| (sets.get(id).copied().unwrap_or(0), *binding)));
     }
 
-    fn free(&mut self, set: u32) -> Place {
+    fn free(&mut self, set: u32) -> BindingPlace {
         let mut all = 0..;
         let place = all.find_map(|n| self.taken.insert((set, n)).then_some((set, n)));
         place.unwrap_or((set, u32::MAX))
     }
 
     /// The places of an element's texture and sampler. The first texture has the author's place.
-    fn of(&mut self, variable: &Variable, index: u32) -> [Place; 2] {
+    fn of(&mut self, variable: &Variable, index: u32) -> [BindingPlace; 2] {
         let key = (variable.place, index);
         if let Some(given) = self.given.get(&key) {
             return *given;
@@ -92,7 +92,7 @@ impl Places {
 
 impl Places {
     /// Notes that a texture and a sampler are one in the author's module.
-    fn pair(&mut self, path: &str, [texture, sampler]: [Place; 2], number: u32) {
+    fn pair(&mut self, path: &str, [texture, sampler]: [BindingPlace; 2], number: u32) {
         let of = CombinedSampler {
             path: path.to_owned(),
             texture: binding(texture),
@@ -119,7 +119,7 @@ impl Places {
     }
 }
 
-fn binding((group, binding): Place) -> ResourceBinding {
+fn binding((group, binding): BindingPlace) -> ResourceBinding {
     ResourceBinding { group, binding }
 }
 

@@ -15,7 +15,7 @@ use shader_text::panics;
 
 /// A place in the author's text.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Place {
+pub(super) struct TextPosition {
     /// Index into [`Listing::files`].
     file: usize,
     /// From 1.
@@ -39,7 +39,7 @@ pub(crate) struct Listing {
     /// The line of each instruction.
     lines: Vec<Range<usize>>,
     /// The place in the author's text of each instruction.
-    places: Vec<Option<Place>>,
+    places: Vec<Option<TextPosition>>,
     pub(super) files: Vec<File>,
     /// The instruction that defines each id.
     pub(super) results: HashMap<u32, usize>,
@@ -119,7 +119,7 @@ struct Reader {
     last_file: Option<usize>,
     debug_set: Option<u32>,
     other_sets: Vec<u32>,
-    place: Option<Place>,
+    place: Option<TextPosition>,
 }
 
 /// Instructions of `NonSemantic.Shader.DebugInfo.100`.
@@ -202,7 +202,7 @@ impl Reader {
                     if !self.files.contains_key(&id) {
                         self.add_file(id, name, None);
                     }
-                    self.place = Some(Place {
+                    self.place = Some(TextPosition {
                         file: self.files[&id],
                         line: number(1).unwrap_or(0),
                         column: number(2).unwrap_or(0),
@@ -253,7 +253,7 @@ impl Reader {
                     }
                     DEBUG_LINE => {
                         let file = id(2).and_then(|id| self.files.get(&id));
-                        self.place = file.map(|file| Place {
+                        self.place = file.map(|file| TextPosition {
                             file: *file,
                             line: number(3).unwrap_or(0),
                             column: number(5).unwrap_or(0),

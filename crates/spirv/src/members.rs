@@ -57,7 +57,7 @@ fn of_pairs(
 }
 
 /// A set and a binding.
-type Place = (u32, u32);
+type MemberPlace = (u32, u32);
 
 /// The blocks of a module.
 struct Blocks {
@@ -92,7 +92,7 @@ impl Blocks {
     }
 
     /// The places of variables, and the types of their values.
-    fn bound(&self) -> Vec<(Place, Word)> {
+    fn bound(&self) -> Vec<(MemberPlace, Word)> {
         let all = self.bindings.iter().filter_map(|(id, binding)| {
             let pointer = self.globals.get(id)?.result_type?;
             let value = ids(self.globals.get(&pointer)?).next()?;

@@ -36,7 +36,7 @@ pub(super) fn order(module: &mut Builder) {
 }
 
 /// A switch whose cases get another order.
-struct Found {
+struct ReorderedSwitch {
     /// Index of the block of the switch.
     block: usize,
     merge: Word,
@@ -63,7 +63,7 @@ impl Flow<'_> {
     }
 }
 
-fn find(function: &Function) -> Vec<Found> {
+fn find(function: &Function) -> Vec<ReorderedSwitch> {
     let blocks = &function.blocks;
     let labels = blocks.iter().enumerate();
     let labels = labels.filter_map(|(at, b)| Some((b.label_id()?, at)));
@@ -77,13 +77,13 @@ fn find(function: &Function) -> Vec<Found> {
         let switch = blocks::find(block, Op::Switch);
         let merge = blocks::find(block, Op::SelectionMerge).and_then(|i| ids(i).next());
         if let (Some(switch), Some(merge), Some(own)) = (switch, merge, block.label_id()) {
-            found.extend(Found::of(index, switch, &flow, [own, merge]));
+            found.extend(ReorderedSwitch::of(index, switch, &flow, [own, merge]));
         }
     }
     found
 }
 
-impl Found {
+impl ReorderedSwitch {
     fn of(
         block: usize,
         switch: &Instruction,
@@ -167,7 +167,7 @@ impl Found {
 fn change(
     module: &mut Builder,
     function: &mut Function,
-    found: &Found,
+    found: &ReorderedSwitch,
     (values, bool): (&HashMap<Word, Word>, Option<Word>),
 ) {
     let block = &mut function.blocks[found.block];

@@ -49,7 +49,7 @@ impl std::fmt::Display for Kept {
 
 /// What else leaving a term out may change.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
-pub(crate) enum Seen {
+pub(crate) enum ZeroEffect {
     #[default]
     Nothing,
     /// The sign of a zero in an output or in memory.
@@ -95,10 +95,10 @@ impl<'v, 'g, 'p> Zeros<'v, 'g, 'p> {
         function: FunctionId,
         product: Handle<Expression>,
         of: Option<Handle<Expression>>,
-    ) -> Result<Seen, Kept> {
+    ) -> Result<ZeroEffect, Kept> {
         let contexts = self.values.contexts.iter().enumerate();
         let contexts = contexts.filter(|(_, c)| c.function == function);
-        let mut seen = Seen::Nothing;
+        let mut seen = ZeroEffect::Nothing;
         for (context, _) in contexts {
             if let Some(factor) = of.and_then(|of| self.values.named(context, of)) {
                 self.is_finite(factor)?;
@@ -196,17 +196,17 @@ impl<'v, 'g, 'p> Zeros<'v, 'g, 'p> {
     }
 
     /// Follows a zero of either sign to whatever tells which one it is.
-    fn sign(&self, id: ValueId) -> Result<Seen, Kept> {
+    fn sign(&self, id: ValueId) -> Result<ZeroEffect, Kept> {
         let (values, users) = (self.values, self.values.users());
         let mut followed = vec![false; values.values.len()];
         let mut work = vec![id];
-        let mut seen = Seen::Nothing;
+        let mut seen = ZeroEffect::Nothing;
         while let Some(id) = work.pop() {
             if std::mem::replace(&mut followed[id], true) {
                 continue;
             }
             if values.roots.contains(&id) {
-                seen = Seen::SignOfZero;
+                seen = ZeroEffect::SignOfZero;
             }
             for user in &users[id] {
                 match self.tells(*user, id) {
@@ -288,11 +288,11 @@ pub(crate) fn left_out(
     function: FunctionId,
     product: Handle<Expression>,
     of: Option<Handle<Expression>>,
-) -> Result<Seen, Kept> {
-    let mut seen = Seen::Nothing;
+) -> Result<ZeroEffect, Kept> {
+    let mut seen = ZeroEffect::Nothing;
     for (i, stage) in stages.iter().enumerate() {
         let more = stage.left_out(function, product, of)?;
-        if let (Seen::SignOfZero, Some(next)) = (more, stages.get(i + 1)) {
+        if let (ZeroEffect::SignOfZero, Some(next)) = (more, stages.get(i + 1)) {
             next.inputs()?;
         }
         seen = seen.max(more);

@@ -130,12 +130,12 @@ pub fn decides(program: &Program, pass: &GpuPass) -> bool {
 
 /// The position of a coverage decision in the result.
 #[derive(Clone, Copy)]
-enum Part {
+enum ResultPart {
     Whole,
     Member(u32),
 }
 
-impl Part {
+impl ResultPart {
     fn of(self, writer: &mut FunctionWriter, value: Handle<Expression>) -> Handle<Expression> {
         match self {
             Self::Whole => value,
@@ -162,7 +162,11 @@ fn add_color(module: &mut Module) {
     let part = |wanted: &dyn Fn(&Binding) -> bool| {
         let found = |o: &interface::Io| o.binding.as_ref().is_some_and(wanted);
         (0..).zip(&outputs).find(|(_, o)| found(o)).map(|(i, o)| {
-            let part = if bare { Part::Whole } else { Part::Member(i) };
+            let part = if bare {
+                ResultPart::Whole
+            } else {
+                ResultPart::Member(i)
+            };
             (part, o.ty)
         })
     };

@@ -36,7 +36,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::simplify::{self, FragmentStage, Simplified};
-use crate::analysis::zero::Seen;
+use crate::analysis::zero::ZeroEffect;
 use crate::analysis::{contraction, refusals as shared};
 use preshade_dataflow::graph::Graph;
 use preshade_plan::budget::{Budget, Metric};
@@ -190,7 +190,7 @@ fn skipped(plan: &Plan, facts: &Facts, params: &SkipTapsParams) -> Result<Simpli
     let mut found = find::terms(&graph, pass, fragment, &meant);
     // A budget is measured, whatever the zeros do.
     let seen = match params.budget.is_none() && params.threshold == 0.0 {
-        false => Seen::Nothing,
+        false => ZeroEffect::Nothing,
         true => found.only_zeros(&graph, fragment, facts, &plan.material)?,
     };
     let Terms { terms, left } = found;
@@ -248,7 +248,7 @@ fn promised(
     params: &SkipTapsParams,
     pass: &GpuPass,
     [before, after]: [&Program; 2],
-    seen: Seen,
+    seen: ZeroEffect,
     mut given: Vec<Assumption>,
 ) -> Contract {
     if let Some(budget) = params.budget {
@@ -265,7 +265,7 @@ fn promised(
     let exposed = contraction::exposed(before, after, pass, &BTreeSet::new());
     // Formats of whole numbers have one zero.
     let mut targets = pass.targets.iter().flatten();
-    let shows_sign = seen == Seen::SignOfZero && targets.any(|t| t.format.ends_with("float"));
+    let shows_sign = seen == ZeroEffect::SignOfZero && targets.any(|t| t.format.ends_with("float"));
     match exposed.roundings.max(u32::from(shows_sign)) {
         0 => Contract::Exact { given },
         k => Contract::Rounding {

@@ -62,7 +62,7 @@ use build::Functions;
 use pattern::{MAX_LEVEL, Pattern};
 use split::{Origin, Outputs, Split};
 use stored::{Evaluation, Stored};
-use text::{Order, Place, Points, Text};
+use text::{Order, Points, Text, VertexPlace};
 
 pub struct Tessellate;
 
@@ -350,7 +350,7 @@ impl DividedMaterial<'_> {
                     attributes: &self.pass.attributes,
                     widths: &self.outputs.widths(),
                     slots,
-                    place: Place::Adaptive {
+                    place: VertexPlace::Adaptive {
                         vertices: subdivision.vertices.len() as u32,
                         batch: subdivision.batch,
                         edge_pixels,
@@ -366,7 +366,7 @@ impl DividedMaterial<'_> {
             attributes: &self.pass.attributes,
             widths: &self.outputs.widths(),
             slots,
-            place: Place::Pattern {
+            place: VertexPlace::Pattern {
                 vertices: subdivision.vertices.len() as u32,
                 batch: subdivision.batch,
                 denominator: subdivision.denominator,
@@ -440,7 +440,7 @@ impl DividedMaterial<'_> {
             attributes: &self.pass.attributes,
             widths: &self.outputs.widths(),
             slots,
-            place: Place::Record {
+            place: VertexPlace::Record {
                 denominator: subdivision.denominator,
             },
             points: Some((points, &widths)),

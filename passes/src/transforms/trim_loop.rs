@@ -156,7 +156,7 @@ fn refuse(
 }
 
 /// A loop, and why it is not trimmed if so.
-struct Found {
+struct LoopCandidate {
     function: FunctionId,
     at: StmtId,
     span: Span,
@@ -185,7 +185,7 @@ fn less_turns(plan: &Plan, params: &TrimLoopParams) -> Result<Simplified, Refuse
     let meant = simplify::meant(&graph, fragment, params.of.as_deref(), TrimLoop::INFO.name)?;
     let found = found(&graph, pass, fragment, &meant, params.turns);
     let left = left(&graph, &found);
-    let chosen: Vec<(&Found, &Counted)> = found
+    let chosen: Vec<(&LoopCandidate, &Counted)> = found
         .iter()
         .filter_map(|f| Some((f, f.counted.as_ref().ok()?)))
         .collect();
@@ -239,7 +239,7 @@ fn found(
     fragment: usize,
     meant: &BTreeSet<FunctionId>,
     turns: u32,
-) -> Vec<Found> {
+) -> Vec<LoopCandidate> {
     let program = graph.program();
     let decides = Decides::of(graph, program, fragment, pass);
     let covers = decides.anything().then(|| decides.slice(graph, fragment));
@@ -292,7 +292,7 @@ fn found(
                     None => Ok(c),
                 },
             };
-            all.push(Found {
+            all.push(LoopCandidate {
                 function: *id,
                 at,
                 span: node.span,
@@ -320,7 +320,7 @@ fn uses(function: &naga::Function) -> BTreeMap<naga::Handle<naga::Expression>, u
 }
 
 /// The module with fewer iterations: each counter is compared with another number.
-fn trimmed(graph: &Graph<'_>, chosen: &[(&Found, &Counted)], turns: u32) -> naga::Module {
+fn trimmed(graph: &Graph<'_>, chosen: &[(&LoopCandidate, &Counted)], turns: u32) -> naga::Module {
     let mut module = graph.module().clone();
     let functions: BTreeSet<FunctionId> = chosen.iter().map(|(f, _)| f.function).collect();
     for id in functions {
@@ -353,7 +353,7 @@ fn less(counted: &Counted, turns: u32) -> u32 {
 
 fn described(
     graph: &Graph<'_>,
-    chosen: &[(&Found, &Counted)],
+    chosen: &[(&LoopCandidate, &Counted)],
     turns: u32,
     [whole, rest]: [f64; 2],
 ) -> String {
@@ -384,7 +384,7 @@ fn described(
 }
 
 /// The loops that are not trimmed, and why.
-fn left(graph: &Graph<'_>, found: &[Found]) -> Vec<Left> {
+fn left(graph: &Graph<'_>, found: &[LoopCandidate]) -> Vec<Left> {
     let sources = graph.program().sources();
     let mut left: Vec<Left> = found
         .iter()
@@ -403,7 +403,7 @@ fn left(graph: &Graph<'_>, found: &[Found]) -> Vec<Left> {
 }
 
 /// Static cost of all iterations of a loop in one run of its function.
-fn cost(graph: &Graph<'_>, found: &Found) -> f64 {
+fn cost(graph: &Graph<'_>, found: &LoopCandidate) -> f64 {
     let f = graph.function(found.function);
     let end = f.statements.get(found.at).end;
     let is_within = |s: StmtId| (found.at..end).contains(&s);

@@ -91,7 +91,7 @@ pub(super) fn choose(
         _ => Facts::default(),
     };
     let obeyed = checked.map(|locked| locked?.apply(&original));
-    let seen = Seen {
+    let seen = BuildInputs {
         facts: &facts,
         sources,
     };
@@ -219,13 +219,13 @@ fn parse(
 }
 
 /// What a build may depend on.
-struct Seen<'s> {
+struct BuildInputs<'s> {
     /// Facts about the scene, from a lock that matches.
     facts: &'s Facts,
     sources: &'s [front::Source],
 }
 
-impl Seen<'_> {
+impl BuildInputs<'_> {
     /// Applies the steps of `recipe` that need no more facts than are known. Returns the reasons of
     /// the skipped steps too. `name` is the variant's.
     fn plan(

@@ -13,7 +13,7 @@ use preshade_plan::program::Program;
 use super::plan_json::GlslTexture;
 
 /// A resource's set and binding, with an order.
-pub(super) type Place = (u32, u32);
+pub(super) type BindingPlace = (u32, u32);
 
 /// A combined image sampler, or an element of an array of them.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -21,11 +21,11 @@ pub(super) struct Combined {
     /// Path in the author's text: `map`, `maps[2]`.
     pub(super) path: String,
     /// The texture in the IR.
-    pub(super) texture: Place,
+    pub(super) texture: BindingPlace,
     /// The sampler in the IR.
-    pub(super) sampler: Place,
+    pub(super) sampler: BindingPlace,
     /// Set and binding in the text: the author's, if they are free.
-    pub(super) place: Place,
+    pub(super) place: BindingPlace,
     /// Index and length, if an array has that place.
     pub(super) element: Option<(u32, u32)>,
 }
@@ -60,7 +60,7 @@ pub(super) struct CombinedSamplers {
     pub(super) notes: Vec<String>,
 }
 
-fn place(binding: ResourceBinding) -> Place {
+fn place(binding: ResourceBinding) -> BindingPlace {
     (binding.group, binding.binding)
 }
 
@@ -73,7 +73,7 @@ impl CombinedSamplers {
             return out;
         }
         let mixed = mixed(program);
-        let own: BTreeSet<Place> = bound(program.module()).collect();
+        let own: BTreeSet<BindingPlace> = bound(program.module()).collect();
         for mut combined in placed(plan, declared) {
             if !own.contains(&combined.texture) {
                 continue;
@@ -95,7 +95,7 @@ impl CombinedSamplers {
     }
 }
 
-fn bound(module: &Module) -> impl Iterator<Item = Place> {
+fn bound(module: &Module) -> impl Iterator<Item = BindingPlace> {
     let globals = module.global_variables.iter();
     globals.filter_map(|(_, g)| g.binding.map(place))
 }
@@ -105,7 +105,7 @@ fn bound(module: &Module) -> impl Iterator<Item = Place> {
 fn placed(plan: &Plan, declared: &Declared) -> Vec<Combined> {
     let plans = plan.original.as_deref().into_iter().chain([plan]);
     let modules = plans.flat_map(|p| p.programs.values().map(Program::module));
-    let mut taken: BTreeSet<Place> = modules.flat_map(bound).collect();
+    let mut taken: BTreeSet<BindingPlace> = modules.flat_map(bound).collect();
     for CombinedSampler {
         texture, sampler, ..
     } in &declared.samplers
@@ -114,7 +114,7 @@ fn placed(plan: &Plan, declared: &Declared) -> Vec<Combined> {
         taken.remove(&place(*sampler));
     }
     // By the author's place, the elements of an array together.
-    let mut wanted: BTreeMap<(Option<Place>, String), Vec<Combined>> = BTreeMap::new();
+    let mut wanted: BTreeMap<(Option<BindingPlace>, String), Vec<Combined>> = BTreeMap::new();
     for CombinedSampler {
         path,
         texture,
@@ -181,7 +181,7 @@ enum Received {
 
 /// The textures that the program uses with another sampler than their own. `None` if a function
 /// receives both combined samplers and others.
-fn mixed(program: &Program) -> Option<BTreeSet<Place>> {
+fn mixed(program: &Program) -> Option<BTreeSet<BindingPlace>> {
     let module = program.module();
     let samplers = &program.declared().samplers;
     let at = |handle: Handle<GlobalVariable>| module.global_variables[handle].binding;

@@ -39,7 +39,7 @@ use shader_text::source::Invalid;
 use self::author::Authored;
 use self::text::Dialect;
 pub(super) use self::vulkan::Vulkan;
-use super::combined::Place;
+use super::combined::BindingPlace;
 use super::overrides::{self, Settled, Specialised};
 use super::plan_json::{GlslBlock, GlslTexture, StageFile, WeakerPromise};
 use super::{ClipSpace, EmitError, Options, Target, reduce};
@@ -199,7 +199,7 @@ pub(super) fn write_vulkan(
     };
     stage_file.notes.extend(vulkan.pairs.notes.iter().cloned());
     // A texture's copy is the author's texture again.
-    let place = |b: ResourceBinding| -> Place {
+    let place = |b: ResourceBinding| -> BindingPlace {
         let own = authored.twins.get(&b).unwrap_or(&b);
         (own.group, own.binding)
     };

@@ -256,7 +256,7 @@ impl<'p> Specialised<'p> {
                 continue;
             };
             if let Some(init) = of.init.filter(|e| !overrides_of(module, *e).is_empty()) {
-                sources.insert(handle, Source::Computed(init));
+                sources.insert(handle, OverrideSource::Computed(init));
                 out.computed.push(name.clone());
                 continue;
             }
@@ -279,7 +279,7 @@ impl<'p> Specialised<'p> {
             }
             let marker = format!("{stem}{id}x");
             let global = variable(&mut changed, &marker, of, default);
-            sources.insert(handle, Source::Variable(global));
+            sources.insert(handle, OverrideSource::Variable(global));
             let constant = SpecConstant {
                 id,
                 name: own_name,
@@ -293,10 +293,10 @@ impl<'p> Specialised<'p> {
             });
         }
         for (handle, function) in module.functions.iter() {
-            changed.functions[handle] = Reads::rewrite(module, &sources, function);
+            changed.functions[handle] = OverrideReads::rewrite(module, &sources, function);
         }
         for (to, entry) in changed.entry_points.iter_mut().zip(&module.entry_points) {
-            to.function = Reads::rewrite(module, &sources, &entry.function);
+            to.function = OverrideReads::rewrite(module, &sources, &entry.function);
         }
         let changed = own.with_module(changed).map_err(invalid)?;
         let changed = reduce::to_stage(&changed, stage, entry).map_err(invalid)?;
@@ -410,26 +410,26 @@ fn variable(
 }
 
 /// Where the value of an override comes from.
-enum Source {
+enum OverrideSource {
     Variable(Handle<GlobalVariable>),
     /// From its default, a global expression.
     Computed(Handle<Expression>),
 }
 
 /// Copies a function that reads overrides. The copy reads their sources at its start.
-struct Reads<'a> {
+struct OverrideReads<'a> {
     copying: Copying<'a>,
     module: &'a Module,
-    sources: &'a HashMap<Handle<Override>, Source>,
+    sources: &'a HashMap<Handle<Override>, OverrideSource>,
     values: HashMap<Handle<Override>, Handle<Expression>>,
     /// The original's expressions that depend on an override.
     dependent: BTreeSet<Handle<Expression>>,
 }
 
-impl<'a> Reads<'a> {
+impl<'a> OverrideReads<'a> {
     fn rewrite(
         module: &'a Module,
-        sources: &'a HashMap<Handle<Override>, Source>,
+        sources: &'a HashMap<Handle<Override>, OverrideSource>,
         function: &'a Function,
     ) -> Function {
         let mut reads = Self {
@@ -465,12 +465,12 @@ impl<'a> Reads<'a> {
             return *value;
         }
         let value = match self.sources.get(&of) {
-            Some(Source::Variable(global)) => {
+            Some(OverrideSource::Variable(global)) => {
                 let writer = &mut self.copying.writer;
                 let pointer = writer.expression(Expression::GlobalVariable(*global));
                 writer.expression(Expression::Load { pointer })
             }
-            Some(Source::Computed(init)) => self.global(*init),
+            Some(OverrideSource::Computed(init)) => self.global(*init),
             None => self.copying.writer.expression(Expression::Override(of)),
         };
         self.values.insert(of, value);
@@ -518,7 +518,7 @@ impl<'a> Reads<'a> {
     }
 }
 
-impl<'a> CopyFunction<'a> for Reads<'a> {
+impl<'a> CopyFunction<'a> for OverrideReads<'a> {
     fn copying(&mut self) -> &mut Copying<'a> {
         &mut self.copying
     }

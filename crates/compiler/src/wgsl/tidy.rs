@@ -125,7 +125,7 @@ fn is_place(text: &str) -> bool {
 
 /// What can change a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Reads {
+enum ChangedBy {
     /// Nothing: it may move within its scope.
     Constant,
     /// A texture: it may move within the same control flow.
@@ -136,7 +136,7 @@ enum Reads {
 /// A right-hand side that may move to its use.
 struct MovableValue {
     text: String,
-    reads: Reads,
+    reads: ChangedBy,
 }
 
 impl<'a> Body<'a> {
@@ -187,8 +187,10 @@ impl<'a> Body<'a> {
             ) else {
                 continue;
             };
-            let reads = value.reads == Reads::Variable || reading.contains(&line);
-            if (reads || value.reads == Reads::Texture) && barriers[line + 1] != barriers[*target] {
+            let reads = value.reads == ChangedBy::Variable || reading.contains(&line);
+            if (reads || value.reads == ChangedBy::Texture)
+                && barriers[line + 1] != barriers[*target]
+            {
                 continue;
             }
             let values = moved.entry(*target).or_default();
@@ -211,13 +213,13 @@ impl<'a> Body<'a> {
             Expression::Load { pointer } => {
                 match (is_place(right), self.is_constant_memory(pointer)) {
                     (false, _) => return None,
-                    (true, true) => Reads::Constant,
-                    (true, false) => Reads::Variable,
+                    (true, true) => ChangedBy::Constant,
+                    (true, false) => ChangedBy::Variable,
                 }
             }
-            Expression::ImageSample { .. } => Reads::Texture,
+            Expression::ImageSample { .. } => ChangedBy::Texture,
             Expression::ImageLoad { image, .. } if !self.is_storage_texture(image) => {
-                Reads::Texture
+                ChangedBy::Texture
             }
             _ => return None,
         };

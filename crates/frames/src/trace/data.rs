@@ -14,11 +14,11 @@ use shader_text::regular;
 pub struct Store {
     folder: PathBuf,
     limits: Limits,
-    all: Vec<Source>,
+    all: Vec<BytesSource>,
 }
 
 #[derive(Clone)]
-enum Source {
+enum BytesSource {
     /// A file, and how many of its bytes count.
     File(String, Option<u64>),
     Bytes(Arc<[u8]>),
@@ -41,25 +41,25 @@ impl Store {
                 if !is_plain || name.starts_with('.') {
                     return Err(TraceError::DataName(name));
                 }
-                Source::File(name, size)
+                BytesSource::File(name, size)
             }
-            Data::String(_, text) => Source::Bytes(text.into_bytes().into()),
-            Data::Binary(_, bytes) => Source::Bytes(bytes.into()),
+            Data::String(_, text) => BytesSource::Bytes(text.into_bytes().into()),
+            Data::Binary(_, bytes) => BytesSource::Bytes(bytes.into()),
         };
         Ok(self.push(source))
     }
 
     /// Data that the reader made.
     pub fn add_bytes(&mut self, bytes: Vec<u8>) -> DataName {
-        self.push(Source::Bytes(bytes.into()))
+        self.push(BytesSource::Bytes(bytes.into()))
     }
 
-    fn push(&mut self, source: Source) -> DataName {
+    fn push(&mut self, source: BytesSource) -> DataName {
         self.all.push(source);
         name(&format!("{:032x}", self.all.len() - 1))
     }
 
-    fn source(&self, name: &DataName) -> Option<&Source> {
+    fn source(&self, name: &DataName) -> Option<&BytesSource> {
         let number = usize::from_str_radix(&String::from(name.clone()), 16);
         number.ok().and_then(|n| self.all.get(n))
     }
@@ -67,8 +67,8 @@ impl Store {
     /// How many bytes a write to a buffer has.
     pub fn size(&self, name: &DataName) -> u64 {
         match self.source(name) {
-            Some(Source::File(_, size)) => size.unwrap_or(0),
-            Some(Source::Bytes(bytes)) => bytes.len() as u64,
+            Some(BytesSource::File(_, size)) => size.unwrap_or(0),
+            Some(BytesSource::Bytes(bytes)) => bytes.len() as u64,
             None => 0,
         }
     }
@@ -76,8 +76,8 @@ impl Store {
     /// The content.
     pub fn bytes(&self, name: &DataName) -> Result<Arc<[u8]>, TraceError> {
         match self.source(name) {
-            Some(Source::File(name, size)) => self.file(name, *size),
-            Some(Source::Bytes(bytes)) => Ok(Arc::clone(bytes)),
+            Some(BytesSource::File(name, size)) => self.file(name, *size),
+            Some(BytesSource::Bytes(bytes)) => Ok(Arc::clone(bytes)),
             None => Ok(Arc::from([])),
         }
     }

@@ -24,13 +24,13 @@ pub(super) struct Elements<R> {
 
 /// What the bytes so far say of the next one.
 #[derive(Default)]
-struct Place {
+struct TextState {
     depth: usize,
     is_text: bool,
     is_escaped: bool,
 }
 
-impl Place {
+impl TextState {
     /// Whether the byte ends an element of the list.
     fn ends(&mut self, byte: u8) -> bool {
         if self.is_text {
@@ -69,7 +69,7 @@ impl<R: BufRead> Elements<R> {
     /// The next element. What is cut off at the end of the file is none.
     pub fn next(&mut self) -> Result<Option<Element>, TraceError> {
         let mut bytes = Vec::new();
-        let mut place = Place::default();
+        let mut place = TextState::default();
         let mut first_line = self.line;
         while !self.is_closed {
             let input = self.input.fill_buf().map_err(TraceError::Io)?;

@@ -147,7 +147,7 @@ pub struct Wanted {
 
 /// What was found in a trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Found {
+pub struct TraceSummary {
     /// The wgpu that wrote it.
     pub version: Version,
     /// Whole frames in it.
@@ -171,7 +171,7 @@ pub fn convert(
     out: &Path,
     wanted: &Wanted,
     limits: &Limits,
-) -> Result<Found, TraceError> {
+) -> Result<TraceSummary, TraceError> {
     let path = trace.join(TRACE);
     let opened = std::fs::metadata(&path).and_then(|about| Ok((about, File::open(&path)?)));
     let (about, opened) = opened.map_err(|error| TraceError::Open { file: path, error })?;
@@ -200,7 +200,7 @@ pub fn convert(
         ..Source::default()
     };
     write(recorder, &marks, first..last, out, limits)?;
-    Ok(Found {
+    Ok(TraceSummary {
         version,
         frames: marks.len(),
         first,

@@ -11,7 +11,7 @@ use crate::file::{
 
 /// A part of a resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Part {
+pub(super) enum ResourcePart {
     Bytes {
         buffer: usize,
         first: u64,
@@ -28,15 +28,15 @@ pub(super) enum Part {
 /// What a command does to resources.
 #[derive(Debug, Default)]
 pub(super) struct Access {
-    pub reads: Vec<Part>,
+    pub reads: Vec<ResourcePart>,
     /// Nothing of what was there before is left.
-    pub overwrites: Vec<Part>,
+    pub overwrites: Vec<ResourcePart>,
     /// It may change some of it.
-    pub changes: Vec<Part>,
+    pub changes: Vec<ResourcePart>,
 }
 
 impl Access {
-    pub fn all(&self) -> impl Iterator<Item = Part> {
+    pub fn all(&self) -> impl Iterator<Item = ResourcePart> {
         let written = self.overwrites.iter().chain(&self.changes);
         self.reads.iter().chain(written).copied()
     }
@@ -51,13 +51,13 @@ struct Needed {
 }
 
 impl Needed {
-    fn has(&self, part: Part) -> bool {
+    fn has(&self, part: ResourcePart) -> bool {
         match part {
-            Part::Bytes { buffer, first, end } => {
+            ResourcePart::Bytes { buffer, first, end } => {
                 let ranges = self.bytes.get(&buffer).into_iter().flatten();
                 ranges.into_iter().any(|[a, b]| *a < end && first < *b)
             }
-            Part::Texels {
+            ResourcePart::Texels {
                 texture,
                 level,
                 layer,
@@ -65,9 +65,9 @@ impl Needed {
         }
     }
 
-    fn remove(&mut self, part: Part) {
+    fn remove(&mut self, part: ResourcePart) {
         match part {
-            Part::Bytes { buffer, first, end } => {
+            ResourcePart::Bytes { buffer, first, end } => {
                 if let Some(ranges) = self.bytes.get_mut(&buffer) {
                     let pieces = ranges
                         .iter()
@@ -75,7 +75,7 @@ impl Needed {
                     *ranges = pieces.filter(|[a, b]| a < b).collect();
                 }
             }
-            Part::Texels {
+            ResourcePart::Texels {
                 texture,
                 level,
                 layer,
@@ -85,13 +85,13 @@ impl Needed {
         }
     }
 
-    fn add(&mut self, part: Part) {
+    fn add(&mut self, part: ResourcePart) {
         self.remove(part);
         match part {
-            Part::Bytes { buffer, first, end } => {
+            ResourcePart::Bytes { buffer, first, end } => {
                 self.bytes.entry(buffer).or_default().push([first, end]);
             }
-            Part::Texels {
+            ResourcePart::Texels {
                 texture,
                 level,
                 layer,
@@ -127,7 +127,7 @@ pub(super) fn before(
     let mut written = BTreeSet::new();
     let mut note = |access: &Access| {
         for part in access.overwrites.iter().chain(&access.changes) {
-            if let Part::Bytes { buffer, .. } = part {
+            if let ResourcePart::Bytes { buffer, .. } = part {
                 written.insert(*buffer);
             }
         }
@@ -169,7 +169,7 @@ pub(super) fn before(
 
 /// What a command reads and writes.
 pub(super) fn access(file: &CaptureFile, store: &Store, command: &Command) -> Access {
-    let mut found = Found {
+    let mut found = AccessSearch {
         file,
         store,
         access: Access::default(),
@@ -179,7 +179,7 @@ pub(super) fn access(file: &CaptureFile, store: &Store, command: &Command) -> Ac
     found.access
 }
 
-struct Found<'f> {
+struct AccessSearch<'f> {
     file: &'f CaptureFile,
     store: &'f Store,
     access: Access,
@@ -187,11 +187,11 @@ struct Found<'f> {
     groups: BTreeSet<(usize, bool)>,
 }
 
-impl Found<'_> {
-    fn bytes(&self, buffer: usize, first: u64, size: Option<u64>) -> Part {
+impl AccessSearch<'_> {
+    fn bytes(&self, buffer: usize, first: u64, size: Option<u64>) -> ResourcePart {
         let whole = self.file.buffers.get(buffer).map_or(0, |b| b.size);
         let end = size.map_or(whole, |s| first.saturating_add(s));
-        Part::Bytes { buffer, first, end }
+        ResourcePart::Bytes { buffer, first, end }
     }
 
     fn command(&mut self, command: &Command) {
@@ -216,7 +216,7 @@ impl Found<'_> {
                 size,
             } => {
                 let part = self.bytes(*source, *source_offset, *size);
-                let Part::Bytes { first, end, .. } = part else {
+                let ResourcePart::Bytes { first, end, .. } = part else {
                     return;
                 };
                 self.access.reads.push(part);
@@ -277,7 +277,7 @@ impl Found<'_> {
     }
 
     /// The layers that a copy reads or writes, and whether it covers them.
-    fn place(&self, place: &TexelPlace, size: Extent) -> (Vec<Part>, bool) {
+    fn place(&self, place: &TexelPlace, size: Extent) -> (Vec<ResourcePart>, bool) {
         let Some(texture) = self.file.textures.get(place.texture) else {
             return (Vec::new(), false);
         };
@@ -294,7 +294,7 @@ impl Found<'_> {
             true => 0..1,
             false => z..z.saturating_add(depth).min(texture.size.0[2].max(z)),
         };
-        let part = |layer| Part::Texels {
+        let part = |layer| ResourcePart::Texels {
             texture: place.texture,
             level: place.mip_level,
             layer,
@@ -310,7 +310,7 @@ impl Found<'_> {
     }
 
     /// The levels and layers of a view.
-    fn view(&self, view: &View) -> Vec<Part> {
+    fn view(&self, view: &View) -> Vec<ResourcePart> {
         let Some(texture) = self.file.textures.get(view.texture) else {
             return Vec::new();
         };
@@ -330,7 +330,7 @@ impl Found<'_> {
         };
         let texture = view.texture;
         let parts = levels.flat_map(|level| {
-            layers.clone().map(move |layer| Part::Texels {
+            layers.clone().map(move |layer| ResourcePart::Texels {
                 texture,
                 level,
                 layer,
@@ -366,7 +366,7 @@ impl Found<'_> {
         }
     }
 
-    fn read_and_change(&mut self, parts: Vec<Part>) {
+    fn read_and_change(&mut self, parts: Vec<ResourcePart>) {
         self.access.reads.extend(&parts);
         self.access.changes.extend(parts);
     }

@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use super::TraceError;
 use super::data::Store;
-use super::slice::{self, Part};
+use super::slice::{self, ResourcePart};
 use crate::file::{
     CaptureFile, Command, DataName, Extent, StartBuffer, StartTexture, TexelLayout, TexelPlace,
 };
@@ -55,10 +55,10 @@ enum Touched {
     Texture(usize),
 }
 
-fn resource(part: Part) -> Touched {
+fn resource(part: ResourcePart) -> Touched {
     match part {
-        Part::Bytes { buffer, .. } => Touched::Buffer(buffer),
-        Part::Texels { texture, .. } => Touched::Texture(texture),
+        ResourcePart::Bytes { buffer, .. } => Touched::Buffer(buffer),
+        ResourcePart::Texels { texture, .. } => Touched::Texture(texture),
     }
 }
 

@@ -25,7 +25,7 @@ use preshade_draw::scene::{
 use preshade_frames::contents::{Contents, cut};
 use preshade_frames::file::{self, RenderPipeline, Resource, View};
 use preshade_frames::folder::{Capture, get};
-use preshade_frames::pass::{self, Kind, Part, Pass, PassDraw, passes};
+use preshade_frames::pass::{self, Kind, Pass, PassDraw, TexturePart, passes};
 
 /// Materials whose part of the frame's time is measured: each takes some replays of the frame.
 const TIMED_MATERIALS: usize = 12;
@@ -254,7 +254,7 @@ pub(super) struct Maker<'c> {
     size: [u32; 2],
     /// Which way depth grows in the pass.
     direction: DepthDirection,
-    buffers: BTreeMap<Part, Data>,
+    buffers: BTreeMap<TexturePart, Data>,
     images: BTreeMap<(usize, String), Arc<Image>>,
     pub(super) notes: BTreeSet<String>,
     pub(super) materials: Vec<Material>,
@@ -602,8 +602,8 @@ impl<'c> Maker<'c> {
         }
     }
 
-    /// Part of a buffer as data. Equal parts are one allocation.
-    pub(super) fn part(&mut self, part: Part) -> Result<Data, Left> {
+    /// TexturePart of a buffer as data. Equal parts are one allocation.
+    pub(super) fn part(&mut self, part: TexturePart) -> Result<Data, Left> {
         if let Some(known) = self.buffers.get(&part) {
             return Ok(known.clone());
         }

@@ -20,7 +20,7 @@ use preshade_frames::file::{
     SampledTexture, Topology,
 };
 use preshade_frames::folder::{Capture, get};
-use preshade_frames::pass::{Call, Part, PassDraw};
+use preshade_frames::pass::{Call, PassDraw, TexturePart};
 
 /// An attribute of WebGL: where its numbers are, and what the program reads.
 struct Source<'d> {
@@ -151,7 +151,7 @@ pub(super) fn sampler_of(
 }
 
 /// The bytes of a part of a buffer.
-pub(super) type Parts<'p> = dyn FnMut(Part) -> Result<Data, Left> + 'p;
+pub(super) type Parts<'p> = dyn FnMut(TexturePart) -> Result<Data, Left> + 'p;
 
 /// Refuses a draw of too many instances or vertices: they are copied.
 fn within(capture: &Capture, call: Call) -> Result<(), Left> {

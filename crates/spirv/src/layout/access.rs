@@ -14,7 +14,7 @@ const MOST_PARTS: u32 = 1024;
 
 /// A pointer to changed memory.
 #[derive(Clone)]
-struct Place {
+struct ChangedPointer {
     pointer: Word,
     class: StorageClass,
     memory: Rc<Memory>,
@@ -38,12 +38,12 @@ type Written<T = ()> = Result<T, String>;
 
 /// The pointers to changed memory.
 #[derive(Default)]
-pub(super) struct Places(HashMap<Word, Place>);
+pub(super) struct Places(HashMap<Word, ChangedPointer>);
 
 impl Places {
     /// Adds a variable.
     pub(super) fn add(&mut self, id: Word, class: StorageClass, memory: Rc<Memory>, value: Word) {
-        let place = Place {
+        let place = ChangedPointer {
             pointer: id,
             class,
             memory,
@@ -75,7 +75,7 @@ impl Places {
 
 /// Writes the accesses of a block.
 pub(super) struct Accesses<'a> {
-    places: &'a mut HashMap<Word, Place>,
+    places: &'a mut HashMap<Word, ChangedPointer>,
     layouts: &'a Layouts,
     module: &'a mut Builder,
     block: &'a mut Vec<Instruction>,
@@ -143,7 +143,7 @@ impl Accesses<'_> {
         self.module.constant_bit32(uint, n)
     }
 
-    fn chain(&mut self, place: &Place, i: &Instruction, id: Word) {
+    fn chain(&mut self, place: &ChangedPointer, i: &Instruction, id: Word) {
         let mut indices: Vec<Word> = ids(i).skip(1).collect();
         indices.reverse();
         let mut path: Vec<Word> = Vec::new();
@@ -241,7 +241,7 @@ impl Accesses<'_> {
             }
         };
         if !memory.is_same() || apart.is_some() {
-            let place = Place {
+            let place = ChangedPointer {
                 pointer,
                 class,
                 memory,
@@ -275,7 +275,7 @@ impl Accesses<'_> {
     }
 
     /// The pointers to the components of a vector, and its type.
-    fn components(&mut self, place: &Place, apart: Apart) -> (Vec<Word>, Word) {
+    fn components(&mut self, place: &ChangedPointer, apart: Apart) -> (Vec<Word>, Word) {
         let column = match apart {
             Apart::Column(column) => column,
             Apart::Members { first, .. } => return self.members(place, first),
@@ -303,7 +303,7 @@ impl Accesses<'_> {
     }
 
     /// The pointers to members that are the components of a vector, and its type.
-    fn members(&mut self, place: &Place, first: u32) -> (Vec<Word>, Word) {
+    fn members(&mut self, place: &ChangedPointer, first: u32) -> (Vec<Word>, Word) {
         let vector = place.value;
         let scalar = self.part(vector, 0);
         let pointer = self.module.type_pointer(None, place.class, scalar);
@@ -314,7 +314,7 @@ impl Accesses<'_> {
         (all.collect(), vector)
     }
 
-    fn load(&mut self, place: &Place) -> Written<Word> {
+    fn load(&mut self, place: &ChangedPointer) -> Written<Word> {
         let load = |own: &mut Self, pointer: Word, ty: Word| {
             own.push(Op::Load, ty, [Operand::IdRef(pointer)])
         };
@@ -339,7 +339,7 @@ impl Accesses<'_> {
         Ok(self.convert((memory, place.value), &place.memory, true))
     }
 
-    fn store(&mut self, place: &Place, value: Word) -> Written {
+    fn store(&mut self, place: &ChangedPointer, value: Word) -> Written {
         let store = |own: &mut Self, pointer: Word, value: Word| {
             let operands = [pointer, value].map(Operand::IdRef).to_vec();
             let store = Instruction::new(Op::Store, None, None, operands);
@@ -366,7 +366,7 @@ impl Accesses<'_> {
         Ok(())
     }
 
-    fn check_size(&self, place: &Place) -> Written {
+    fn check_size(&self, place: &ChangedPointer) -> Written {
         match count_parts(&self.layouts.globals, place.value, false) > MOST_PARTS {
             true => Err(format!(
                 "a value of more than {MOST_PARTS} scalars and vectors is read or written at once"

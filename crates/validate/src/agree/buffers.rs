@@ -4,7 +4,7 @@ use naga::{AddressSpace, GlobalVariable, Handle, Module, Type};
 
 use super::Relation;
 use super::fed::{Cast, Rule, cast, cast_by, offsets, plain};
-use super::matched_parts::{Part, beside};
+use super::matched_parts::{MatchedPart, beside};
 use super::matching::{By, Matcher};
 use preshade_plan::mapping;
 
@@ -71,7 +71,7 @@ impl Matcher<'_> {
     pub(super) fn data(&mut self, global: Handle<GlobalVariable>) {
         let variable = &self.theirs.global_variables[global];
         let ty = variable.ty;
-        let mapped: Vec<(mapping::Place, mapping::Place)> = self
+        let mapped: Vec<(mapping::MappedPlace, mapping::MappedPlace)> = self
             .maps
             .iter()
             .filter_map(|map| {
@@ -107,8 +107,8 @@ impl Matcher<'_> {
             && self.take(global, *our)
         {
             let ours = mapping::name_of(self.ours, *our, &[]).to_string();
-            let theirs = Part::of(self.theirs, global, &[]);
-            let parts = beside(&Cast::Same, &theirs, &Part::of(self.ours, *our, &[]));
+            let theirs = MatchedPart::of(self.theirs, global, &[]);
+            let parts = beside(&Cast::Same, &theirs, &MatchedPart::of(self.ours, *our, &[]));
             self.found_parts(name, ours, *by, parts);
             return;
         }
@@ -195,8 +195,8 @@ impl Matcher<'_> {
         let ours = mapping::name_of(self.ours, our, from_steps);
         let parts = beside(
             &cast,
-            &Part::of(self.theirs, global, to_steps),
-            &Part::of(self.ours, our, from_steps),
+            &MatchedPart::of(self.theirs, global, to_steps),
+            &MatchedPart::of(self.ours, our, from_steps),
         );
         self.rules.push(Rule {
             to,

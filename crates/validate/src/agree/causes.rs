@@ -15,7 +15,7 @@ use crate::environment::{self, PassStages, TestPoint, Texels};
 use crate::inputs::Inputs;
 use crate::levels::Reading;
 use crate::stage::{Ran, Slot, Stage};
-use crate::tape::Seen;
+use crate::tape::TextureAccess;
 use naga_interp::{Scalar, Stuck, Traced, Value};
 
 /// A larger number is huge.
@@ -72,7 +72,7 @@ impl Two<'_> {
             let inputs = self.inputs(point, Reading::Level, rules, &read);
             let [ours, theirs] =
                 slices.map(|stages| self.on_tape(stages, &inputs, rules, *place).1.lookups);
-            if !Seen::differ_in_level(&ours, &theirs) {
+            if !TextureAccess::differ_in_level(&ours, &theirs) {
                 return false;
             }
             let inputs = self.inputs(point, Reading::Ignored, rules, &read);

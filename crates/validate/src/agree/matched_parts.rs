@@ -6,13 +6,13 @@ use super::fed::Cast;
 
 /// A part of a buffer.
 #[derive(Clone)]
-pub(super) struct Part<'m> {
+pub(super) struct MatchedPart<'m> {
     module: &'m Module,
     ty: Handle<Type>,
     path: String,
 }
 
-impl<'m> Part<'m> {
+impl<'m> MatchedPart<'m> {
     /// The part of a variable that `steps` lead to.
     pub(super) fn of(module: &'m Module, global: Handle<GlobalVariable>, steps: &[usize]) -> Self {
         let variable = &module.global_variables[global];
@@ -68,9 +68,13 @@ impl<'m> Part<'m> {
 }
 
 /// Their paths and ours: `spots[].tint` and `lights[].color`.
-pub(super) fn beside(cast: &Cast, theirs: &Part<'_>, ours: &Part<'_>) -> Vec<(String, String)> {
+pub(super) fn beside(
+    cast: &Cast,
+    theirs: &MatchedPart<'_>,
+    ours: &MatchedPart<'_>,
+) -> Vec<(String, String)> {
     let mut all = Vec::new();
-    let mut pair = |cast: &Cast, theirs: Option<Part<'_>>, ours: Option<Part<'_>>| {
+    let mut pair = |cast: &Cast, theirs: Option<MatchedPart<'_>>, ours: Option<MatchedPart<'_>>| {
         if let (Some(theirs), Some(ours)) = (theirs, ours) {
             all.extend(beside(cast, &theirs, &ours));
         }

@@ -20,7 +20,7 @@ use crate::environment::PassStages;
 use crate::stage::Stage;
 use naga_operands::calls;
 use preshade_passes::analysis::view::names;
-use preshade_plan::mapping::{self, Equation, Path, Place};
+use preshade_plan::mapping::{self, Equation, MappedPlace, Path};
 
 type Leaf = (Handle<GlobalVariable>, Vec<usize>);
 
@@ -30,13 +30,13 @@ type Chain = Vec<Option<Leaf>>;
 /// One matrix and the factors that it stands for, as they are given.
 pub(super) struct Product {
     is_ours: bool,
-    one: Place,
-    factors: Vec<Place>,
+    one: MappedPlace,
+    factors: Vec<MappedPlace>,
 }
 
 impl Product {
     /// The part of the second program that another value fills.
-    fn theirs(&self) -> &[Place] {
+    fn theirs(&self) -> &[MappedPlace] {
         match self.is_ours {
             true => &self.factors,
             false => std::slice::from_ref(&self.one),
@@ -105,7 +105,7 @@ impl Matcher<'_> {
     /// Feeds each product that a mapping gives.
     pub(super) fn feed_products(&mut self) {
         for product in std::mem::take(&mut self.products) {
-            let part = |place: &Place| (place.global, place.steps.clone());
+            let part = |place: &MappedPlace| (place.global, place.steps.clone());
             let factors: Vec<Leaf> = product.factors.iter().map(part).collect();
             self.multiply(product.is_ours, &part(&product.one), &factors, By::Map);
         }

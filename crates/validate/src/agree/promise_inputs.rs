@@ -18,7 +18,7 @@ const LONGER: u64 = 4;
 
 /// Examples by class.
 #[derive(Default)]
-pub(super) struct Found {
+pub(super) struct ClassExamples {
     pub(super) examples: BTreeMap<Class, Example>,
     pub(super) ended: u64,
     pub(super) tried: u64,
@@ -63,7 +63,7 @@ pub(super) struct State {
     pub(super) encodings: Encodings,
 }
 
-impl Found {
+impl ClassExamples {
     /// Whether it lacks an example of a difference. At a corner, the lines of the vertex stage are
     /// known too.
     pub(super) fn wants(&self, class: Class, inputs: &Inputs, place: TestPoint) -> bool {

@@ -8,7 +8,7 @@ use crate::stage::Stage;
 use naga_operands::calls;
 
 /// A variable and a part of it.
-type Part = (Handle<GlobalVariable>, Vec<usize>);
+type VariablePart = (Handle<GlobalVariable>, Vec<usize>);
 
 /// The parts that a stage reads at places that count, by their variable's group and binding: the
 /// longest constant paths.
@@ -29,8 +29,12 @@ pub(super) fn parts(
         .collect()
 }
 
-fn of_function(function: &Function, counts: &dyn Fn(Span) -> bool, found: &mut BTreeSet<Part>) {
-    let mut roots: Vec<Option<Part>> = Vec::with_capacity(function.expressions.len());
+fn of_function(
+    function: &Function,
+    counts: &dyn Fn(Span) -> bool,
+    found: &mut BTreeSet<VariablePart>,
+) {
+    let mut roots: Vec<Option<VariablePart>> = Vec::with_capacity(function.expressions.len());
     for (handle, expression) in function.expressions.iter() {
         let root = match expression {
             Expression::GlobalVariable(global) => Some((*global, Vec::new())),
@@ -54,7 +58,11 @@ fn of_function(function: &Function, counts: &dyn Fn(Span) -> bool, found: &mut B
     of_block(&function.body, &roots, found);
 }
 
-fn of_block(block: &naga::Block, roots: &[Option<Part>], found: &mut BTreeSet<Part>) {
+fn of_block(
+    block: &naga::Block,
+    roots: &[Option<VariablePart>],
+    found: &mut BTreeSet<VariablePart>,
+) {
     for statement in block {
         for operand in naga_operands::of_statement(statement) {
             found.extend(roots[operand.index()].clone());

@@ -10,7 +10,7 @@ use super::differences::{self, Bias, moving};
 use super::draws::{self, Point};
 use super::fed::{self, Rule};
 use super::matching::Matching;
-use super::promise_inputs::{Found, Seen, State, is_plain};
+use super::promise_inputs::{ClassExamples, Seen, State, is_plain};
 use super::ties::Ties;
 use super::wording::{self, Example, Sliced};
 use super::{Class, Finding, Held, Outcome, Relation, normals, quote, reads};
@@ -195,7 +195,7 @@ impl<'a> Two<'a> {
         &self,
         promise: &str,
         (what, sliced): (What, &[Sliced; 2]),
-        found: Found,
+        found: ClassExamples,
     ) -> (Outcome, Vec<Finding>) {
         let mut classes = found.examples.keys();
         let is_equal = classes.all(|c| matches!(c, Class::Extreme | Class::Rounding));
@@ -437,8 +437,8 @@ impl<'a> Two<'a> {
         reading: Reading,
         rules: &[Rule],
         until: &[Class],
-    ) -> Found {
-        let mut found = Found::default();
+    ) -> ClassExamples {
+        let mut found = ClassExamples::default();
         let mut state = State::default();
         let allowed = self.budget.allowed(until.is_empty());
         // Most inputs are tried on slices alone: a discard does not depend on the lights.

@@ -5,7 +5,7 @@ use std::cmp::Ordering;
 
 use naga::{BinaryOperator, MathFunction};
 
-use super::{Decision, Made, Source, Tape, Taped};
+use super::{Computation, Decision, Source, Tape, Taped};
 use naga_interp::Number;
 
 /// Candidates of one search.
@@ -29,9 +29,9 @@ impl Tape {
         let mut to = |operand: Taped, target: f64| self.back(operand, target, depth - 1, found);
         let of = |x: Taped| f64::from(x.value);
         match node.made {
-            Made::Input(source) => found.push((source, target as f32)),
-            Made::Negated(x) => to(x, -target),
-            Made::Binary(op, a, b) => {
+            Computation::Input(source) => found.push((source, target as f32)),
+            Computation::Negated(x) => to(x, -target),
+            Computation::Binary(op, a, b) => {
                 use BinaryOperator as B;
                 match op {
                     B::Add => {
@@ -71,7 +71,7 @@ impl Tape {
                     _ => {}
                 }
             }
-            Made::Call(function, arguments, count) => {
+            Computation::Call(function, arguments, count) => {
                 let arguments = &arguments[..count];
                 for (operand, target) in undone(function, arguments, target) {
                     to(operand, target);
@@ -173,10 +173,10 @@ impl<'t> Along<'t> {
         for (i, node) in tape.nodes.iter().enumerate().take(last) {
             let is_on = |x: &Taped| depends.get(x.at as usize).copied().unwrap_or(false);
             let is_own = match &node.made {
-                Made::Input(other) => *other == source,
-                Made::Negated(x) => is_on(x),
-                Made::Binary(_, a, b) => is_on(a) || is_on(b),
-                Made::Call(_, arguments, count) => arguments[..*count].iter().any(is_on),
+                Computation::Input(other) => *other == source,
+                Computation::Negated(x) => is_on(x),
+                Computation::Binary(_, a, b) => is_on(a) || is_on(b),
+                Computation::Call(_, arguments, count) => arguments[..*count].iter().any(is_on),
             };
             depends[i] = is_own;
             if is_own {
@@ -199,10 +199,10 @@ impl<'t> Along<'t> {
             let of = |x: &Taped| numbers.get(x.at as usize).copied().unwrap_or(x.value);
             let node = &self.tape.nodes[*at as usize];
             let new = match &node.made {
-                Made::Input(_) => Some(value),
-                Made::Negated(x) => Some(-of(x)),
-                Made::Binary(op, a, b) => f32::binary(*op, of(a), of(b)),
-                Made::Call(function, arguments, count) => {
+                Computation::Input(_) => Some(value),
+                Computation::Negated(x) => Some(-of(x)),
+                Computation::Binary(op, a, b) => f32::binary(*op, of(a), of(b)),
+                Computation::Call(function, arguments, count) => {
                     let mut values = [0.0; 3];
                     for (to, from) in values.iter_mut().zip(&arguments[..*count]) {
                         *to = of(from);

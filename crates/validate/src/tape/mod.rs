@@ -54,7 +54,7 @@ const CONSTANT: u32 = u32::MAX;
 
 /// How a number was computed.
 #[derive(Clone, Copy, Debug)]
-enum Made {
+enum Computation {
     Input(Source),
     Negated(Taped),
     Binary(BinaryOperator, Taped, Taped),
@@ -63,7 +63,7 @@ enum Made {
 
 #[derive(Clone, Copy, Debug)]
 struct Node {
-    made: Made,
+    made: Computation,
     value: f32,
     /// Of the operations and sources, without numbers of inputs.
     hash: u64,
@@ -118,14 +118,14 @@ impl Plain {
 
 /// A texture access, as numbers.
 #[derive(Clone, Debug, PartialEq)]
-pub(super) struct Seen {
+pub(super) struct TextureAccess {
     pub(super) binding: Option<(u32, u32)>,
     pub(super) sampling: Sampling,
     pub(super) coordinates: Vec<u32>,
     pub(super) footprint: Vec<u32>,
 }
 
-impl Seen {
+impl TextureAccess {
     /// Whether a program that has one list of accesses samples a place at another level than one that
     /// has the other.
     pub(super) fn differ_in_level(ours: &[Self], theirs: &[Self]) -> bool {
@@ -151,7 +151,7 @@ pub(super) struct Tape {
     pub(super) plain: Vec<Plain>,
     /// The integers of inputs that were read.
     pub(super) reads: Vec<(Source, Scalar)>,
-    pub(super) lookups: Vec<Seen>,
+    pub(super) lookups: Vec<TextureAccess>,
 }
 
 thread_local! {
@@ -188,7 +188,7 @@ fn hashed(value: &impl std::hash::Hash) -> u64 {
 }
 
 impl Tape {
-    fn push(&mut self, made: Made, value: f32, hash: u64) -> u32 {
+    fn push(&mut self, made: Computation, value: f32, hash: u64) -> u32 {
         if self.nodes.len() >= MOST {
             return CONSTANT;
         }
@@ -217,8 +217,9 @@ impl Taped {
             Source::Attribute(slot, _, component) => Source::Attribute(slot, 0, component),
             other => other,
         };
-        let at = TAPE
-            .with_borrow_mut(|tape| tape.push(Made::Input(source), value, mixed(2, hashed(&of))));
+        let at = TAPE.with_borrow_mut(|tape| {
+            tape.push(Computation::Input(source), value, mixed(2, hashed(&of)))
+        });
         Self {
             at,
             ..Self::of(value)
@@ -239,7 +240,7 @@ impl Taped {
     /// Notes a texture access.
     pub(super) fn looked_up(lookup: &Lookup<'_, Self>) {
         let bits = |all: &[Self]| all.iter().map(|x| x.value.to_bits()).collect();
-        let seen = Seen {
+        let seen = TextureAccess {
             binding: lookup.binding,
             sampling: lookup.sampling,
             coordinates: bits(lookup.coordinates),
@@ -252,15 +253,20 @@ impl Taped {
         self.at == CONSTANT
     }
 
-    fn made(made: Made, operands: &[Self], value: f32, (truth, is_rounded): (f64, bool)) -> Self {
+    fn made(
+        made: Computation,
+        operands: &[Self],
+        value: f32,
+        (truth, is_rounded): (f64, bool),
+    ) -> Self {
         let at = match operands.iter().all(|o| o.is_constant()) {
             true => CONSTANT,
             false => TAPE.with_borrow_mut(|tape| {
                 let kind = match made {
-                    Made::Input(_) => 3,
-                    Made::Negated(_) => 4,
-                    Made::Binary(op, ..) => 16 + op as u64,
-                    Made::Call(function, ..) => 64 + function as u64,
+                    Computation::Input(_) => 3,
+                    Computation::Negated(_) => 4,
+                    Computation::Binary(op, ..) => 16 + op as u64,
+                    Computation::Call(function, ..) => 64 + function as u64,
                 };
                 let hashes = operands.iter().map(|o| tape.hash(*o));
                 let hash = hashes.fold(kind, mixed);
@@ -442,7 +448,7 @@ impl Number for Taped {
 
     fn negated(self) -> Self {
         let truth = (-self.truth, false);
-        Self::made(Made::Negated(self), &[self], -self.value, truth)
+        Self::made(Computation::Negated(self), &[self], -self.value, truth)
     }
 
     fn binary(op: BinaryOperator, a: Self, b: Self) -> Option<Self> {
@@ -455,7 +461,7 @@ impl Number for Taped {
         }
         let rounded = is_rounded(op, [a.truth, b.truth], value, truth);
         Some(Self::made(
-            Made::Binary(op, a, b),
+            Computation::Binary(op, a, b),
             &[a, b],
             value,
             (truth, rounded),
@@ -511,7 +517,7 @@ impl Number for Taped {
         for (to, from) in kept.iter_mut().zip(arguments) {
             *to = *from;
         }
-        let made = Made::Call(function, kept, arguments.len().min(3));
+        let made = Computation::Call(function, kept, arguments.len().min(3));
         Some(Self::made(made, arguments, value, (truth, !is_exact)))
     }
 

@@ -104,8 +104,8 @@ impl HalvedValues<'_, '_, '_> {
     fn half(
         &self,
         module: &Module,
-        computed: &Part,
-        guide: Option<&Part>,
+        computed: &PartCall,
+        guide: Option<&PartCall>,
         name: &str,
     ) -> Result<Module, Failed> {
         let Linked {
@@ -139,8 +139,8 @@ impl HalvedValues<'_, '_, '_> {
         &self,
         build: &mut CodeBuilder<'_>,
         read: Handle<Function>,
-        computed: &Part,
-        guide: Option<&Part>,
+        computed: &PartCall,
+        guide: Option<&PartCall>,
         edges: Edges,
     ) -> Given {
         let mut at = None;
@@ -202,10 +202,10 @@ impl HalvedValues<'_, '_, '_> {
 /// A function cut out of the fragment stage, and its inputs.
 struct Called {
     module: Module,
-    part: Part,
+    part: PartCall,
 }
 
-struct Part {
+struct PartCall {
     function: Handle<Function>,
     arguments: Vec<Vec<Binding>>,
 }
@@ -214,7 +214,7 @@ impl Called {
     fn new(extracted: Extracted) -> Self {
         Self {
             module: extracted.module,
-            part: Part {
+            part: PartCall {
                 function: extracted.function,
                 arguments: extracted.arguments,
             },
@@ -222,7 +222,7 @@ impl Called {
     }
 }
 
-impl Part {
+impl PartCall {
     /// The values that it returns, of the entry point's inputs. `pixel` maps the position.
     fn called(
         &self,

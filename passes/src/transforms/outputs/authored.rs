@@ -13,7 +13,7 @@ const DEEPEST: usize = 3;
 
 /// Where a named value is found.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Place {
+pub enum AuthoredPlace {
     /// An input of the entry point, by index in [`reflect::inputs`].
     Input(usize),
     /// An argument of a function that the entry point calls.
@@ -32,7 +32,7 @@ pub(crate) struct Authored {
     /// Name of its function; empty for inputs and variables of the module.
     pub function: String,
     /// Where the value that has the name is.
-    pub place: Place,
+    pub place: AuthoredPlace,
     /// The members that lead from there to the value.
     pub path: Vec<u32>,
     pub inner: TypeInner,
@@ -49,10 +49,10 @@ impl Authored {
         let id = values.contexts[context].function;
         let f = values.function(context);
         let place = match f.function.expressions[e] {
-            Expression::FunctionArgument(i) => Place::Argument(id, i),
+            Expression::FunctionArgument(i) => AuthoredPlace::Argument(id, i),
             _ => {
                 f.statements.evaluated_at(e)?;
-                Place::Expression(id, e)
+                AuthoredPlace::Expression(id, e)
             }
         };
         let mut calls = Vec::new();
@@ -69,7 +69,7 @@ impl Authored {
             path: Vec::new(),
             inner: f.ty(values.graph.module(), e).clone(),
             span: match place {
-                Place::Expression(..) => f.function.expressions.get_span(e),
+                AuthoredPlace::Expression(..) => f.function.expressions.get_span(e),
                 _ => Span::UNDEFINED,
             },
             calls,
@@ -79,8 +79,10 @@ impl Authored {
     /// The function that the value is in; `None` for inputs and variables of the module.
     pub fn function_id(&self) -> Option<FunctionId> {
         match self.place {
-            Place::Argument(id, _) | Place::Expression(id, _) | Place::Local(id, _) => Some(id),
-            Place::Input(_) | Place::Global(_) => None,
+            AuthoredPlace::Argument(id, _)
+            | AuthoredPlace::Expression(id, _)
+            | AuthoredPlace::Local(id, _) => Some(id),
+            AuthoredPlace::Input(_) | AuthoredPlace::Global(_) => None,
         }
     }
 
@@ -176,7 +178,7 @@ pub(crate) fn of_entry(program: &Program, entry: usize) -> Vec<Authored> {
     let inputs = interface::inputs(module, &point.function);
     for (i, (input, prefix)) in inputs.into_iter().zip(prefixes).enumerate() {
         let name = format!("{prefix}{}", input.name.unwrap_or_default());
-        let at = (String::new(), Place::Input(i), Span::UNDEFINED);
+        let at = (String::new(), AuthoredPlace::Input(i), Span::UNDEFINED);
         open(module, &mut found, name, &module.types[input.ty].inner, at);
     }
     let called = calls::called(module, &point.function.body);
@@ -197,7 +199,7 @@ pub(crate) fn of_entry(program: &Program, entry: usize) -> Vec<Authored> {
             && let Some(name) = global.name.clone()
         {
             let span = module.global_variables.get_span(handle);
-            let at = (String::new(), Place::Global(handle), span);
+            let at = (String::new(), AuthoredPlace::Global(handle), span);
             open(module, &mut found, name, &module.types[global.ty].inner, at);
         }
     }
@@ -216,7 +218,11 @@ fn of_function(program: &Program, found: &mut Vec<Authored>, id: FunctionId, f: 
     if let FunctionId::Function(_) = id {
         for (i, argument) in f.arguments.iter().enumerate() {
             let own = argument.name.clone().unwrap_or_default();
-            let at = (name.clone(), Place::Argument(id, i as u32), Span::UNDEFINED);
+            let at = (
+                name.clone(),
+                AuthoredPlace::Argument(id, i as u32),
+                Span::UNDEFINED,
+            );
             open(module, found, own, &module.types[argument.ty].inner, at);
         }
     }
@@ -227,7 +233,7 @@ fn of_function(program: &Program, found: &mut Vec<Authored>, id: FunctionId, f: 
         }
         let at = (
             name.clone(),
-            Place::Expression(id, *e),
+            AuthoredPlace::Expression(id, *e),
             f.expressions.get_span(*e),
         );
         let inner = info[*e].ty.inner_with(&module.types);
@@ -237,7 +243,7 @@ fn of_function(program: &Program, found: &mut Vec<Authored>, id: FunctionId, f: 
         if let Some(own) = variable.name.clone() {
             let at = (
                 name.clone(),
-                Place::Local(id, local),
+                AuthoredPlace::Local(id, local),
                 f.local_variables.get_span(local),
             );
             open(module, found, own, &module.types[variable.ty].inner, at);
@@ -251,7 +257,7 @@ fn open(
     found: &mut Vec<Authored>,
     name: String,
     inner: &TypeInner,
-    (function, place, span): (String, Place, Span),
+    (function, place, span): (String, AuthoredPlace, Span),
 ) {
     let mut work = vec![(name, inner.clone(), Vec::new())];
     while let Some((name, inner, path)) = work.pop() {

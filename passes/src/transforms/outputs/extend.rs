@@ -85,7 +85,7 @@ pub(crate) struct Direction {
 }
 
 /// A buffer, or a part of one.
-pub(crate) type Member = mapping::Place;
+pub(crate) type Member = mapping::MappedPlace;
 
 /// What a distance is measured between.
 #[derive(Clone, Debug)]

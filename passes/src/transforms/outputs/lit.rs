@@ -6,7 +6,7 @@ use naga::{
     VectorSize,
 };
 
-use super::authored::{Authored, Place};
+use super::authored::{Authored, AuthoredPlace};
 use crate::analysis::reach::with_operands;
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use preshade_dataflow::graph::Graph;
@@ -73,7 +73,7 @@ fn meeting(values: &Values<'_, '_>, is_light: &dyn Fn(ValueId) -> bool) -> Vec<A
 /// Values of values that are looked at.
 const DEEPEST: u32 = 8;
 
-const INTERPOLATED: Reads = Reads {
+const INTERPOLATED: LightReads = LightReads {
     of_buffer: false,
     input: true,
 };
@@ -86,7 +86,7 @@ fn authored(values: &Values<'_, '_>, value: ValueId) -> Option<Authored> {
             Some(Authored {
                 name: input.name.clone().unwrap_or_default(),
                 function: String::new(),
-                place: Place::Input(*i),
+                place: AuthoredPlace::Input(*i),
                 path: Vec::new(),
                 inner: values.graph.module().types[input.ty].inner.clone(),
                 span: Span::UNDEFINED,
@@ -225,16 +225,16 @@ fn all_unit(values: &Values<'_, '_>, value: ValueId, depth: u32) -> bool {
 
 /// What a value is computed from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-struct Reads {
+struct LightReads {
     /// A vector of three or four floats in a buffer.
     of_buffer: bool,
     /// An input that is interpolated.
     input: bool,
 }
 
-fn reads(values: &Values<'_, '_>, value: ValueId) -> Reads {
+fn reads(values: &Values<'_, '_>, value: ValueId) -> LightReads {
     let held = with_operands(values, vec![value]);
-    let mut reads = Reads::default();
+    let mut reads = LightReads::default();
     for (id, _) in held.iter().enumerate().filter(|(_, held)| **held) {
         match &values.values[id].node {
             Node::Input(_) => reads.input = true,

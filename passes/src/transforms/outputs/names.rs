@@ -6,7 +6,7 @@ use naga::{
     AddressSpace, Binding, GlobalVariable, Handle, Module, ScalarKind, TypeInner, VectorSize,
 };
 
-use super::authored::{self, Authored, Place};
+use super::authored::{self, Authored, AuthoredPlace};
 use super::extend::Member;
 use super::{Asked, OutputsParams, jitter, list, lit, refusals, unwritten};
 use crate::analysis::opaque::Opaque;
@@ -223,7 +223,7 @@ fn is_unwritten(opaque: &Opaque<'_>, value: &Authored) -> bool {
 
 /// The binding of a value that is an input of the fragment stage.
 pub(crate) fn binding(opaque: &Opaque<'_>, value: &Authored) -> Option<Binding> {
-    let Place::Input(index) = value.place else {
+    let AuthoredPlace::Input(index) = value.place else {
         return None;
     };
     let module = opaque.program.module();

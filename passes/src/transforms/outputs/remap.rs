@@ -12,7 +12,7 @@ use naga::{
 use crate::rebuild::place::{self, CodeBuilder, Replacement, Replacements, Rewrite};
 use naga_edit::link;
 use preshade_dataflow::graph::FunctionId;
-use preshade_plan::mapping::{Mapping, Path, Place, Unknown, name_of};
+use preshade_plan::mapping::{MappedPlace, Mapping, Path, Unknown, name_of};
 
 /// A program that reads another view's resources.
 #[derive(Clone, Debug)]
@@ -48,8 +48,8 @@ const NOWHERE: u32 = u32::MAX / 2;
 #[derive(Clone, Debug)]
 pub(crate) struct Pair {
     /// The author's.
-    pub ours: Place,
-    pub theirs: Place,
+    pub ours: MappedPlace,
+    pub theirs: MappedPlace,
 }
 
 /// Replaces what `mappings` name. `author` is the author's whole module, `module` a slice of it.
@@ -119,7 +119,7 @@ pub(crate) fn remap(
             theirs.name.clone().unwrap_or_default(),
         );
         let place = place_in(&module, global, variable, &place.steps);
-        let inner = |place: &Place| &module.types[place.ty].inner;
+        let inner = |place: &MappedPlace| &module.types[place.ty].inner;
         if inner(&place) != inner(&ours) {
             return Err(Unmapped::Unfit(format!(
                 "`{}` and `{}` are not of one type",
@@ -166,7 +166,7 @@ fn place_in(
     global: Handle<GlobalVariable>,
     variable: &GlobalVariable,
     steps: &[usize],
-) -> Place {
+) -> MappedPlace {
     let mut ty = variable.ty;
     for step in steps {
         ty = match &module.types[ty].inner {
@@ -175,7 +175,7 @@ fn place_in(
             _ => ty,
         };
     }
-    Place {
+    MappedPlace {
         global,
         steps: steps.to_vec(),
         ty,
@@ -197,10 +197,10 @@ fn unused_group(module: &Module) -> ResourceBinding {
 /// them.
 fn declared(
     author: &Module,
-    ours: &[(&Mapping, Place)],
+    ours: &[(&Mapping, MappedPlace)],
 ) -> Result<(String, BTreeMap<String, String>), Unmapped> {
     let mut names = BTreeMap::new();
-    let mut variables: Vec<(&str, Vec<(&Mapping, &Place)>)> = Vec::new();
+    let mut variables: Vec<(&str, Vec<(&Mapping, &MappedPlace)>)> = Vec::new();
     for (mapping, place) in ours {
         let variable = mapping.theirs.variable.as_str();
         match variables.iter_mut().find(|(name, _)| *name == variable) {
@@ -292,7 +292,7 @@ fn written(inner: &TypeInner) -> Option<String> {
 
 /// A part of a variable that an expression is a pointer to, or the value of.
 #[derive(Clone, Debug)]
-struct Part {
+struct AccessedPart {
     global: Handle<GlobalVariable>,
     steps: Vec<usize>,
     is_value: bool,
@@ -301,20 +301,20 @@ struct Part {
 }
 
 /// The parts of variables among the expressions of a function.
-struct Parts(BTreeMap<Handle<Expression>, Part>);
+struct Parts(BTreeMap<Handle<Expression>, AccessedPart>);
 
 impl Parts {
     fn of(function: &Function) -> Self {
-        let mut parts: BTreeMap<Handle<Expression>, Part> = BTreeMap::new();
+        let mut parts: BTreeMap<Handle<Expression>, AccessedPart> = BTreeMap::new();
         for (e, expression) in function.expressions.iter() {
             let part = match *expression {
-                Expression::GlobalVariable(global) => Some(Part {
+                Expression::GlobalVariable(global) => Some(AccessedPart {
                     global,
                     steps: Vec::new(),
                     is_value: false,
                     is_load: false,
                 }),
-                Expression::Load { pointer } => parts.get(&pointer).map(|part| Part {
+                Expression::Load { pointer } => parts.get(&pointer).map(|part| AccessedPart {
                     is_value: true,
                     is_load: true,
                     ..part.clone()
@@ -334,7 +334,7 @@ impl Parts {
 }
 
 impl Pair {
-    fn is_of(&self, part: &Part) -> bool {
+    fn is_of(&self, part: &AccessedPart) -> bool {
         part.global == self.ours.global && part.steps == self.ours.steps
     }
 }
@@ -359,7 +359,7 @@ pub(crate) fn parts_read(function: &Function) -> Vec<(Handle<GlobalVariable>, Ve
 }
 
 /// Fails if a function reads of a replaced variable what has no partner.
-fn check_reads(module: &Module, ours: &[(&Mapping, Place)]) -> Result<(), Unmapped> {
+fn check_reads(module: &Module, ours: &[(&Mapping, MappedPlace)]) -> Result<(), Unmapped> {
     let functions = module.functions.iter().map(|(_, f)| f);
     let entries = module.entry_points.iter().map(|e| &e.function);
     for function in functions.chain(entries) {

@@ -74,7 +74,7 @@ pub(crate) struct Stage<'g, 'p> {
 
 /// What a value that the viewer has no part in reads of the material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Reads {
+enum ViewerReads {
     /// Nothing that differs on its surface: uniforms, the pixel's place.
     Nothing,
     /// Interpolated inputs, or textures at a place of the picture's.
@@ -155,14 +155,14 @@ impl<'g, 'p> Stage<'g, 'p> {
     }
 
     /// What a value reads of the material. Of one that loses the viewer, an input at least is left.
-    fn reads(&self, at: At) -> Reads {
+    fn reads(&self, at: At) -> ViewerReads {
         let decides = self.depends(at) || self.reads_screen(at);
         match self.is_textured(at) {
-            true => Reads::Textures,
+            true => ViewerReads::Textures,
             false if decides || (self.is(&self.interpolated, at) && self.is_varying(at)) => {
-                Reads::Inputs
+                ViewerReads::Inputs
             }
-            false => Reads::Nothing,
+            false => ViewerReads::Nothing,
         }
     }
 

@@ -11,7 +11,7 @@ use super::refuse;
 use crate::analysis::coverage::Decides;
 use crate::analysis::refusals as shared;
 use crate::analysis::values::Values;
-use crate::analysis::zero::{Seen, Zeros};
+use crate::analysis::zero::{ZeroEffect, Zeros};
 use preshade_dataflow::graph::cells::Root;
 use preshade_dataflow::graph::counted::Ends;
 use preshade_dataflow::graph::effect::Effect;
@@ -74,11 +74,11 @@ impl Terms {
         fragment: usize,
         facts: &Facts,
         material: &str,
-    ) -> Result<Seen, Refused> {
+    ) -> Result<ZeroEffect, Refused> {
         let values = Values::new(graph, fragment)
             .map_err(|e| refuse(&shared::TOO_LARGE, e.to_string(), "set a budget"))?;
         let zeros = Zeros::new(&values, facts, material);
-        let mut seen = Seen::Nothing;
+        let mut seen = ZeroEffect::Nothing;
         for term in std::mem::take(&mut self.terms) {
             match zeros.left_out(term.function, term.product, Some(term.tap)) {
                 Ok(more) => {

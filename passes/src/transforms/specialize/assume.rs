@@ -12,12 +12,12 @@ use naga_interp::overrides;
 use preshade_plan::guard::{Assumed, Bounds, Guard, Place, ScalarType};
 use preshade_plan::pass::{Facts, Misnamed};
 use preshade_plan::program::Program;
-use preshade_plan::uniforms::{self, Part, UniformScalar, uniform_scalars};
+use preshade_plan::uniforms::{self, UniformPart, UniformScalar, uniform_scalars};
 
 /// The abstract value of a part of a buffer, from those that `leaf` gives its 32-bit scalars.
 fn content(
-    part: &Part<'_>,
-    leaf: &mut dyn FnMut(&Part<'_>, ScalarType) -> AbstractValue,
+    part: &UniformPart<'_>,
+    leaf: &mut dyn FnMut(&UniformPart<'_>, ScalarType) -> AbstractValue,
 ) -> AbstractValue {
     if let Some(ty) = part.scalar() {
         return leaf(part, ty);
@@ -122,7 +122,7 @@ impl Assumptions {
         for (handle, global) in module.global_variables.iter() {
             let Some(at) = global.binding else { continue };
             if global.space == AddressSpace::Uniform {
-                let content = content(&Part::whole(module, global), &mut |part, ty| {
+                let content = content(&UniformPart::whole(module, global), &mut |part, ty| {
                     let place = Place::Uniform {
                         group: at.group,
                         binding: at.binding,
@@ -308,7 +308,7 @@ fn unknown(program: &Program, name: &str, value: f64) -> Option<Unfit> {
     let mut is_immediate = false;
     for (_, global) in module.global_variables.iter() {
         if global.space == AddressSpace::Immediate {
-            uniforms::list(&Part::whole(module, global), &mut |part| {
+            uniforms::list(&UniformPart::whole(module, global), &mut |part| {
                 is_immediate |= part.name == name || ends_so(&part.name, name);
             });
         }

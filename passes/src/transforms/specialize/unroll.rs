@@ -84,7 +84,7 @@ impl<'p> Folder<'p> {
         if frame.tried == 0 {
             let inside = this.id..frame.f.statements.get(this.id).end;
             let given_up: Vec<StmtId> = frame.hopeless.range(inside.clone()).copied().collect();
-            let before = Snapshot::take(frame, this, Made::Aside);
+            let before = Snapshot::take(frame, this, Unrolled::Aside);
             let fits = self.turns(frame, this).is_some();
             before.restore(frame);
             if !fits {
@@ -96,7 +96,7 @@ impl<'p> Folder<'p> {
                 .hopeless
                 .retain(|id| !inside.contains(id) || given_up.contains(id));
         }
-        let before = Snapshot::take(frame, this, Made::Kept);
+        let before = Snapshot::take(frame, this, Unrolled::Kept);
         let turns = self.turns(frame, this);
         if turns.is_none() {
             before.restore(frame);
@@ -194,7 +194,7 @@ fn head(body: &Block) -> Option<Handle<Expression>> {
 
 /// State of a speculative unroll.
 #[derive(Clone, Copy, PartialEq, Eq)]
-enum Made {
+enum Unrolled {
     /// Built in a copy, and discarded.
     Aside,
     /// Built in place.
@@ -220,7 +220,7 @@ struct Snapshot {
 }
 
 impl Snapshot {
-    fn take(frame: &mut FoldFrame<'_>, this: Loop<'_>, made: Made) -> Self {
+    fn take(frame: &mut FoldFrame<'_>, this: Loop<'_>, made: Unrolled) -> Self {
         // Every field of a frame is saved here, restored by leaving the loop, or listed with a
         // reason.
         let FoldFrame {
@@ -257,7 +257,7 @@ impl Snapshot {
             });
         }
         let (length, in_vain) = (function.expressions.len(), *wasted);
-        let made = (made == Made::Aside).then(|| {
+        let made = (made == Unrolled::Aside).then(|| {
             *tried += 1;
             *wasted = 0;
             (std::mem::take(function), std::mem::take(record), *changed)

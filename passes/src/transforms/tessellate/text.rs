@@ -33,7 +33,7 @@ pub(crate) struct Text<'a> {
     /// Bind slots.
     pub slots: Slots,
     /// How a vertex knows its place.
-    pub place: Place,
+    pub place: VertexPlace,
     /// Use of the buffer of new vertices, and the vector widths in it; `None` without a buffer.
     pub points: Option<(Points, &'a [u8])>,
     /// Order of an edge's ends.
@@ -51,7 +51,7 @@ pub(crate) enum Order {
 
 /// How a new vertex knows its place.
 #[derive(Clone, Copy)]
-pub enum Place {
+pub enum VertexPlace {
     /// From the pattern and the triangle of this instance.
     Pattern {
         /// Vertices of the pattern.
@@ -166,11 +166,11 @@ fn tessellated_instance_of(index: u32) -> u32 {{
 
 /// The uniform buffer of a draw's constants, with this many attributes, and the place's constants
 /// before them.
-pub(crate) fn constants(slots: Slots, attributes: usize, place: Option<Place>) -> String {
+pub(crate) fn constants(slots: Slots, attributes: usize, place: Option<VertexPlace>) -> String {
     let Slots { group, first } = slots;
     let viewport = match place {
-        Some(Place::Adaptive { .. }) => "\n    viewport: vec4<u32>,",
-        Some(Place::Pattern { .. } | Place::Record { .. }) | None => "",
+        Some(VertexPlace::Adaptive { .. }) => "\n    viewport: vec4<u32>,",
+        Some(VertexPlace::Pattern { .. } | VertexPlace::Record { .. }) | None => "",
     };
     let streams = match attributes {
         0 => String::new(),
@@ -208,7 +208,7 @@ impl Text<'_> {
         }
         for width in self.widths {
             blend(&mut out, *width);
-            if let Place::Adaptive { .. } = self.place {
+            if let VertexPlace::Adaptive { .. } = self.place {
                 pick(&mut out, *width);
             }
         }
@@ -225,7 +225,9 @@ impl Text<'_> {
             "@group({group}) @binding({}) var<storage, read> tessellation_pattern: array<u32>;",
             first + 1
         );
-        if let Place::Pattern { denominator, .. } | Place::Record { denominator } = self.place {
+        if let VertexPlace::Pattern { denominator, .. } | VertexPlace::Record { denominator } =
+            self.place
+        {
             let _ = write!(
                 out,
                 "struct TessellatedPlace {{
@@ -241,11 +243,11 @@ fn tessellated_weights(packed: u32) -> vec3<f32> {{
 "
             );
         }
-        if let Place::Pattern { .. } | Place::Adaptive { .. } = self.place {
+        if let VertexPlace::Pattern { .. } | VertexPlace::Adaptive { .. } = self.place {
             out.push_str(&fetch::corners(NAMES, group, first + 2));
         }
         match self.place {
-            Place::Pattern {
+            VertexPlace::Pattern {
                 vertices,
                 batch,
                 denominator,
@@ -275,7 +277,7 @@ fn tessellated_weights(packed: u32) -> vec3<f32> {{
 "
                 );
             }
-            Place::Adaptive {
+            VertexPlace::Adaptive {
                 vertices,
                 batch,
                 edge_pixels,
@@ -304,7 +306,7 @@ fn tessellated_place(vertex: u32, instance: u32) -> TessellatedPlace {{
                     adaptive::text(edge_pixels, most)
                 );
             }
-            Place::Record { .. } => {
+            VertexPlace::Record { .. } => {
                 let _ = write!(
                     out,
                     "fn tessellated_place(vertex: u32, instance: u32) -> TessellatedPlace {{

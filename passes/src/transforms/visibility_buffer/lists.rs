@@ -139,7 +139,7 @@ impl Lists {
                     text: self.tiles(words),
                     when: Phase::Depth,
                     over: Over::Pixels,
-                    reads: Reads::IdsAndTable,
+                    reads: IndexReads::IdsAndTable,
                     buffers: vec![self.entries(), self.listed()],
                 }]
             }
@@ -154,7 +154,7 @@ impl Lists {
                         text: texts(words, COUNT),
                         when: Phase::Depth,
                         over: Over::Pixels,
-                        reads: Reads::IdsAndTable,
+                        reads: IndexReads::IdsAndTable,
                         buffers: vec![INSTANCES],
                     },
                     Pass {
@@ -163,7 +163,7 @@ impl Lists {
                         text: text::entry(Slots { group: 0, first: 0 }, 0) + GROW + SCAN,
                         when: Phase::Classify,
                         over: Over::Instances,
-                        reads: Reads::Entry,
+                        reads: IndexReads::Entry,
                         buffers: vec![self.entries(), INSTANCES],
                     },
                     Pass {
@@ -172,7 +172,7 @@ impl Lists {
                         text: texts(words, SCATTER),
                         when: Phase::Resolve,
                         over: Over::Pixels,
-                        reads: Reads::IdsAndTable,
+                        reads: IndexReads::IdsAndTable,
                         buffers: vec![INSTANCES, self.listed(), self.entries()],
                     },
                 ]
@@ -213,7 +213,7 @@ struct Pass {
     /// phase, except that resolves come last in theirs.
     when: Phase,
     over: Over,
-    reads: Reads,
+    reads: IndexReads,
     /// Frame buffers, bound after its inputs.
     buffers: Vec<&'static str>,
 }
@@ -225,7 +225,7 @@ enum Over {
     Instances,
 }
 
-enum Reads {
+enum IndexReads {
     /// The ids and the draw table, at 0 and 1.
     IdsAndTable,
     /// The draw's entry in the draw table, at 0.
@@ -241,13 +241,13 @@ impl Pass {
         let program = program.with_declared(Declared::default());
         let geometry = |part| BindingSource::Geometry { part };
         let mut sources = match self.reads {
-            Reads::IdsAndTable => vec![
+            IndexReads::IdsAndTable => vec![
                 BindingSource::Attachment {
                     name: IDS.to_owned(),
                 },
                 geometry(GeometryPart::DrawTable),
             ],
-            Reads::Entry => vec![geometry(GeometryPart::Draw {
+            IndexReads::Entry => vec![geometry(GeometryPart::Draw {
                 streams: Vec::new(),
                 formats: Formats::Declared,
             })],

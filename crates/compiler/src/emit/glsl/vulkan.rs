@@ -10,7 +10,7 @@ use preshade_plan::program::Program;
 
 use super::separate_textures::{self, Separate};
 use super::text::Unexpected;
-use crate::emit::combined::{CombinedSamplers, Place, element};
+use crate::emit::combined::{BindingPlace, CombinedSamplers, element};
 use crate::emit::overrides::{SpecIds, Variable};
 use crate::emit::plan_json::StageFile;
 use shader_text::tokens as text;
@@ -96,7 +96,7 @@ pub(super) struct Resources<'a> {
     pub(super) immediate: Option<(&'a str, Handle<Type>)>,
     pub(super) variables: &'a [Variable],
     /// The plan's binding of each `layout(binding = ..)`.
-    pub(super) numbers: &'a BTreeMap<u32, Place>,
+    pub(super) numbers: &'a BTreeMap<u32, BindingPlace>,
     /// The author's `discard` demotes.
     pub(super) demotes: bool,
 }
@@ -251,8 +251,8 @@ fn textures(
     stage_file: &mut StageFile,
     resources: &Resources<'_>,
 ) -> Result<String, Unexpected> {
-    let mut places: BTreeMap<u32, Place> = resources.numbers.clone();
-    let mut apart: HashMap<String, (Place, Option<Place>)> = HashMap::new();
+    let mut places: BTreeMap<u32, BindingPlace> = resources.numbers.clone();
+    let mut apart: HashMap<String, (BindingPlace, Option<BindingPlace>)> = HashMap::new();
     for texture in &mut stage_file.textures {
         let place = texture.texture.into();
         let pair = resources.pairs.all.iter().find(|c| c.texture == place);
@@ -263,7 +263,7 @@ fn textures(
                 texture.unit = Some(pair.place.1);
             }
             _ => {
-                let sampler = texture.sampler.map(Place::from);
+                let sampler = texture.sampler.map(BindingPlace::from);
                 apart.insert(texture.name.clone(), (place, sampler));
             }
         }
@@ -273,7 +273,7 @@ fn textures(
         block.slot = Some(block.binding[1]);
     }
     let mut constructed: HashMap<String, Separate> = HashMap::new();
-    let mut samplers: BTreeMap<Place, String> = BTreeMap::new();
+    let mut samplers: BTreeMap<BindingPlace, String> = BTreeMap::new();
     let mut fetched = false;
     let mut declarations = Vec::new();
     for line in text.lines() {
@@ -341,7 +341,7 @@ fn textures(
 }
 
 /// Replaces `binding = N` of a declaration by the set and binding.
-fn with_set(line: &str, places: &BTreeMap<u32, Place>) -> Result<String, Unexpected> {
+fn with_set(line: &str, places: &BTreeMap<u32, BindingPlace>) -> Result<String, Unexpected> {
     const BINDING: &str = "binding = ";
     let Some(at) = line
         .starts_with("layout(")

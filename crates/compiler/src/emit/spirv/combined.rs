@@ -19,12 +19,12 @@ use rspirv::dr::{Builder, Instruction, Operand};
 use rspirv::spirv::{Decoration, Op, StorageClass};
 
 use super::interface;
-use crate::emit::combined::{Combined, Place};
+use crate::emit::combined::{BindingPlace, Combined};
 use naga_spirv::words::{ids, pointee, replace_ids, rewrite};
 
 /// What a variable or parameter of a texture or a sampler became.
 #[derive(Clone)]
-struct Source {
+struct SampledSource {
     /// Type of the value.
     sampled: u32,
     /// The type of the texture, if it was one.
@@ -38,7 +38,7 @@ struct Source {
     index: Option<u32>,
 }
 
-impl Source {
+impl SampledSource {
     /// Writes the pointer.
     fn pointer(&self, module: &mut Builder, block: &mut Vec<Instruction>) -> u32 {
         let Some((pointer, index)) = self.element else {
@@ -91,7 +91,7 @@ pub(super) fn combine(module: &mut Builder, all: &[Combined]) -> Option<()> {
             if let Some(base) = instruction.operands.first_mut() {
                 *base = Operand::IdRef(array.variable);
             }
-            let element = Source {
+            let element = SampledSource {
                 variable: result,
                 array: None,
                 index: ids(&instruction).nth(1),
@@ -145,9 +145,9 @@ pub(super) fn expected(mut lines: Vec<String>, all: &[Combined]) -> Vec<String> 
 }
 
 /// Declares the combined variables. Returns what to load in place of each old one.
-fn declare(module: &mut Builder, all: &[Combined]) -> Option<HashMap<u32, Source>> {
+fn declare(module: &mut Builder, all: &[Combined]) -> Option<HashMap<u32, SampledSource>> {
     let mut sources = HashMap::new();
-    let mut arrays: BTreeMap<Place, (u32, u32)> = BTreeMap::new();
+    let mut arrays: BTreeMap<BindingPlace, (u32, u32)> = BTreeMap::new();
     // One may move to a place that another one leaves.
     let variables = all.iter().filter_map(|combined| {
         let texture = variable_at(module, combined.texture)?;
@@ -208,7 +208,7 @@ fn declare(module: &mut Builder, all: &[Combined]) -> Option<HashMap<u32, Source
                 module.decorate(variable, decoration, [Operand::LiteralBit32(n)]);
             }
         }
-        let source = |image| Source {
+        let source = |image| SampledSource {
             sampled,
             image,
             variable,
@@ -236,7 +236,7 @@ fn array(module: &Builder, ty: u32) -> Option<[Option<u32>; 2]> {
     })
 }
 
-fn variable_at(module: &Builder, (set, binding): Place) -> Option<u32> {
+fn variable_at(module: &Builder, (set, binding): BindingPlace) -> Option<u32> {
     let decorations = interface::decorations(module.module_ref());
     let is = |id: u32, decoration, n| {
         decorations.get(&(id, decoration)) == Some(&&Operand::LiteralBit32(n))
@@ -268,7 +268,7 @@ fn undecorate(module: &mut Builder, variable: u32, is_gone: bool) {
 }
 
 /// Changes the types of the parameters that receive one of `sources`, and adds them.
-fn parameters(module: &mut Builder, sources: &mut HashMap<u32, Source>) -> Option<()> {
+fn parameters(module: &mut Builder, sources: &mut HashMap<u32, SampledSource>) -> Option<()> {
     loop {
         let mut found = None;
         let functions = &module.module_ref().functions;
@@ -298,7 +298,7 @@ fn parameters(module: &mut Builder, sources: &mut HashMap<u32, Source>) -> Optio
         let ty = module.type_function(result, types);
         let function = &mut module.module_mut().functions[at];
         *function.def.as_mut()?.operands.get_mut(1)? = Operand::IdRef(ty);
-        let received = Source {
+        let received = SampledSource {
             variable: own,
             element: None,
             ..source

@@ -6,7 +6,7 @@ use std::collections::{HashMap, HashSet};
 use rspirv::dr::{Module, Operand};
 use rspirv::spirv::{BuiltIn, Decoration, Op, StorageClass};
 
-use crate::emit::combined::Place;
+use crate::emit::combined::BindingPlace;
 use naga_spirv::words::ids;
 
 /// Instructions of GLSL.std.450 whose results are structs that naga's reader does not declare.
@@ -74,7 +74,7 @@ pub(super) fn lines(module: &Module) -> Vec<String> {
 }
 
 /// The line of a resource.
-pub(super) fn bound((group, binding): Place) -> String {
+pub(super) fn bound((group, binding): BindingPlace) -> String {
     format!("group {group} binding {binding}")
 }
 

@@ -28,7 +28,7 @@ struct Turned {
 }
 
 /// A place in a matrix by rows, by what a path selects of the IR's matrix.
-enum Part {
+enum MatrixPart {
     Matrix,
     Column,
     Element,
@@ -185,7 +185,7 @@ impl Rows {
     }
 
     /// What a path from a type selects, if it enters a member by rows.
-    fn part(&mut self, mut ty: u32, path: &[Option<u32>]) -> Option<(Turned, Part)> {
+    fn part(&mut self, mut ty: u32, path: &[Option<u32>]) -> Option<(Turned, MatrixPart)> {
         let mut path = path.iter();
         while let Some(index) = path.next() {
             let of = self.types.get(&ty)?;
@@ -200,9 +200,9 @@ impl Rows {
                             levels += 1;
                         }
                         let part = match path.len().checked_sub(levels) {
-                            Some(0) => Part::Matrix,
-                            Some(1) => Part::Column,
-                            Some(2) => Part::Element,
+                            Some(0) => MatrixPart::Matrix,
+                            Some(1) => MatrixPart::Column,
+                            Some(2) => MatrixPart::Element,
                             // An array of matrices as a whole.
                             _ => {
                                 self.is_strange = true;
@@ -263,7 +263,7 @@ impl Rows {
                     .collect();
                 let (turned, part) = self.part(pointee, &path)?;
                 let (mut operands, result) = (operands.clone(), result?);
-                if let Part::Element = part {
+                if let MatrixPart::Element = part {
                     let end = operands.len();
                     operands.swap(end - 1, end - 2);
                     block.push(Instruction::new(
@@ -277,7 +277,7 @@ impl Rows {
                 let class = self.class(ty?)?;
                 let pointer = module.type_pointer(None, class, turned.author);
                 let id = match part {
-                    Part::Column => {
+                    MatrixPart::Column => {
                         let column = operands.pop()?;
                         let id = module.id();
                         self.columns.insert(result, (turned, id, column));
@@ -382,16 +382,16 @@ impl Rows {
         let (turned, part) = self.part(*self.results.get(&ids(instruction).next()?)?, &path)?;
         let mut operands = instruction.operands.clone();
         match part {
-            Part::Element => {
+            MatrixPart::Element => {
                 let end = operands.len();
                 operands.swap(end - 1, end - 2);
                 block.push(Instruction::new(Op::CompositeExtract, ty, result, operands));
             }
-            Part::Matrix => {
+            MatrixPart::Matrix => {
                 let read = Read::new(Op::CompositeExtract, operands);
                 self.read(module, block, turned, read, result?);
             }
-            Part::Column => {
+            MatrixPart::Column => {
                 let column = operands.pop()?;
                 let read = Read::new(Op::CompositeExtract, operands);
                 let matrix = module.id();

@@ -20,7 +20,7 @@ use preshade_draw::scene::bind::{Data, Indices, VertexBuffer};
 use preshade_frames::contents::cut;
 use preshade_frames::file::RenderPipeline;
 use preshade_frames::folder::get;
-use preshade_frames::pass::{Part, PassDraw};
+use preshade_frames::pass::{PassDraw, TexturePart};
 
 /// What was made of WebGL's objects so far.
 #[derive(Default)]
@@ -77,7 +77,7 @@ impl Replay<'_> {
         let program = self.program(draw.pipeline, pipeline)?;
         let capture = self.capture;
         let contents = &self.contents;
-        let mut part = |(buffer, offset, size): Part| -> Result<Data, Left> {
+        let mut part = |(buffer, offset, size): TexturePart| -> Result<Data, Left> {
             let bytes = contents.buffer(capture, buffer)?;
             Ok(Data::new(cut(&bytes, offset, size).to_vec()))
         };

@@ -5,7 +5,7 @@ use naga_edit::interface;
 
 use super::{Extending, Failed};
 use crate::rebuild::insert_after::after;
-use crate::transforms::outputs::authored::{Authored, Place};
+use crate::transforms::outputs::authored::{Authored, AuthoredPlace};
 use naga_edit::writer::FunctionWriter;
 use naga_edit::{returns, variable};
 use preshade_dataflow::graph::{FunctionGraph, FunctionId};
@@ -55,14 +55,16 @@ impl Extending<'_, '_> {
     ) -> Result<Captured, Failed> {
         let path = value.path.clone();
         Ok(match value.place {
-            Place::Input(i) => {
+            AuthoredPlace::Input(i) => {
                 let missing = || Failed::Built(format!("no argument has `{}`", value.name));
                 self.input(fragment, i as u32, path).ok_or_else(missing)?
             }
-            Place::Global(variable) => Captured::Global(variable, path),
-            Place::Local(FunctionId::EntryPoint(_), variable) => Captured::Local(variable, path),
-            Place::Argument(FunctionId::EntryPoint(_), i) => Captured::Argument(i, path),
-            Place::Expression(id @ FunctionId::EntryPoint(_), e) => {
+            AuthoredPlace::Global(variable) => Captured::Global(variable, path),
+            AuthoredPlace::Local(FunctionId::EntryPoint(_), variable) => {
+                Captured::Local(variable, path)
+            }
+            AuthoredPlace::Argument(FunctionId::EntryPoint(_), i) => Captured::Argument(i, path),
+            AuthoredPlace::Expression(id @ FunctionId::EntryPoint(_), e) => {
                 if is_at_hand(self.opaque.graph.function(id), e) {
                     return Ok(Captured::Value(e, path));
                 }
@@ -77,19 +79,19 @@ impl Extending<'_, '_> {
                 store_after(function, e, &path, Expression::LocalVariable(variable));
                 Captured::Local(variable, Vec::new())
             }
-            Place::Expression(FunctionId::Function(h), e) => {
+            AuthoredPlace::Expression(FunctionId::Function(h), e) => {
                 let variable = self.private(value);
                 let function = &mut self.module.functions[h];
                 store_after(function, e, &path, Expression::GlobalVariable(variable));
                 Captured::Global(variable, Vec::new())
             }
-            Place::Local(FunctionId::Function(h), local) => {
+            AuthoredPlace::Local(FunctionId::Function(h), local) => {
                 let variable = self.private(value);
                 let function = &mut self.module.functions[h];
                 store_at_end(function, &Captured::Local(local, path), variable);
                 Captured::Global(variable, Vec::new())
             }
-            Place::Argument(FunctionId::Function(h), i) => {
+            AuthoredPlace::Argument(FunctionId::Function(h), i) => {
                 let variable = self.private(value);
                 let function = &mut self.module.functions[h];
                 store_at_end(function, &Captured::Argument(i, path), variable);
@@ -101,7 +103,7 @@ impl Extending<'_, '_> {
     /// Keeps a value in a variable of its own, so that it is available at the returns however the
     /// entry point is rewritten before them.
     pub(super) fn keep(&mut self, entry: usize, value: &Authored) -> Result<Captured, Failed> {
-        let Place::Expression(FunctionId::EntryPoint(_), e) = value.place else {
+        let AuthoredPlace::Expression(FunctionId::EntryPoint(_), e) = value.place else {
             return self.capture(entry, value);
         };
         let variable = self.private(value);

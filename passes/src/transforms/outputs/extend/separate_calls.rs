@@ -6,7 +6,7 @@ use std::collections::BTreeSet;
 use super::{Distance, Extending, Face, Failed, Normal, Shows, Surface, Wanted};
 use crate::analysis::values::{ContextId, Values};
 use crate::rebuild::isolate::isolate;
-use crate::transforms::outputs::authored::{Authored, Place, calls_of};
+use crate::transforms::outputs::authored::{Authored, AuthoredPlace, calls_of};
 use preshade_dataflow::graph::FunctionId;
 
 impl Extending<'_, '_> {
@@ -61,10 +61,12 @@ impl Extending<'_, '_> {
             let copy: FunctionId =
                 *copy.ok_or_else(|| Failed::Built(format!("no call computes `{}`", value.name)))?;
             match &mut value.place {
-                Place::Argument(id, _) | Place::Expression(id, _) | Place::Local(id, _) => {
+                AuthoredPlace::Argument(id, _)
+                | AuthoredPlace::Expression(id, _)
+                | AuthoredPlace::Local(id, _) => {
                     *id = copy;
                 }
-                Place::Input(_) | Place::Global(_) => {}
+                AuthoredPlace::Input(_) | AuthoredPlace::Global(_) => {}
             }
         }
         Ok(())

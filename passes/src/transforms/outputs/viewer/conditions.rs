@@ -3,15 +3,15 @@
 use naga::{BinaryOperator, Expression, Handle, Literal, LocalVariable, Statement, UnaryOperator};
 
 use super::without_viewer::{self, Joined, Mode, Rest};
-use super::{At, Changes, Instead, Reads, Stage, Unclear};
+use super::{At, Changes, Instead, Stage, Unclear, ViewerReads};
 use preshade_dataflow::graph::{FunctionGraph, StmtId};
 
 /// What remains of a condition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Part {
+enum RemainingCondition {
     /// A condition of the author's.
     Author {
-        reads: Reads,
+        reads: ViewerReads,
         /// Whether it was the author's only where something of the viewer's was so, as
         /// `alpha < 0.5` in `near && alpha < 0.5`.
         limited: bool,
@@ -20,8 +20,8 @@ enum Part {
     Viewer,
 }
 
-impl Part {
-    fn author(reads: Reads) -> Self {
+impl RemainingCondition {
+    fn author(reads: ViewerReads) -> Self {
         Self::Author {
             reads,
             limited: false,
@@ -75,14 +75,16 @@ impl Stage<'_, '_> {
                     _ => !discards_if,
                 };
                 let part = self.neutral(at, kept, &mut changes)?;
-                if part == Part::Viewer {
+                if part == RemainingCondition::Viewer {
                     let before = changes.insert(at, Instead::Bool(kept));
                     // Another branch on the same value.
                     if before.is_some_and(|before| before != Instead::Bool(kept)) {
                         return Err(Unclear(at));
                     }
                 }
-                if kept == discards_if || matches!(part, Part::Author { limited: true, .. }) {
+                if kept == discards_if
+                    || matches!(part, RemainingCondition::Author { limited: true, .. })
+                {
                     limits.push((at, id));
                 }
             }
@@ -93,14 +95,19 @@ impl Stage<'_, '_> {
 
     /// Whether nothing remains of a condition without the viewer.
     pub(super) fn is_viewers(&self, at: At) -> bool {
-        self.neutral(at, false, &mut Changes::new()) == Ok(Part::Viewer)
+        self.neutral(at, false, &mut Changes::new()) == Ok(RemainingCondition::Viewer)
     }
 
     /// Takes the viewer out of a condition. Where the viewer alone decides a part, it counts as
     /// `kept`, unless the author's part decides beside it.
-    fn neutral(&self, at: At, kept: bool, changes: &mut Changes) -> Result<Part, Unclear> {
+    fn neutral(
+        &self,
+        at: At,
+        kept: bool,
+        changes: &mut Changes,
+    ) -> Result<RemainingCondition, Unclear> {
         if !self.depends(at) {
-            return Ok(Part::author(self.reads(at)));
+            return Ok(RemainingCondition::author(self.reads(at)));
         }
         let (context, e) = at;
         let f = self.f(context);
@@ -147,9 +154,9 @@ impl Stage<'_, '_> {
         match without_viewer::of(self, at, Mode::Alpha) {
             Rest::Author(author) => {
                 changes.extend(author.changes);
-                Ok(Part::author(self.reads(at)))
+                Ok(RemainingCondition::author(self.reads(at)))
             }
-            Rest::Nothing if !self.has_test(at) => Ok(Part::Viewer),
+            Rest::Nothing if !self.has_test(at) => Ok(RemainingCondition::Viewer),
             _ => Err(Unclear(at)),
         }
     }
@@ -163,16 +170,18 @@ impl Stage<'_, '_> {
         kept: bool,
         either: bool,
         changes: &mut Changes,
-    ) -> Result<Part, Unclear> {
-        let mut parts = [Part::Viewer; 2];
+    ) -> Result<RemainingCondition, Unclear> {
+        let mut parts = [RemainingCondition::Viewer; 2];
         for ((side, negated), part) in sides.iter().zip(&mut parts) {
             *part = self.neutral(*side, kept != *negated, changes)?;
         }
         let (viewer, author, reads, limited) = match parts {
-            [Part::Viewer, Part::Viewer] => return Ok(Part::Viewer),
+            [RemainingCondition::Viewer, RemainingCondition::Viewer] => {
+                return Ok(RemainingCondition::Viewer);
+            }
             [
-                Part::Author { reads, limited },
-                Part::Author {
+                RemainingCondition::Author { reads, limited },
+                RemainingCondition::Author {
                     reads: others,
                     limited: other,
                 },
@@ -181,18 +190,24 @@ impl Stage<'_, '_> {
                 if either && (limited || other) {
                     return Err(Unclear(sides[usize::from(other)].0));
                 }
-                return Ok(Part::Author {
+                return Ok(RemainingCondition::Author {
                     reads: reads.max(others),
                     limited: limited || other,
                 });
             }
-            [Part::Viewer, Part::Author { reads, limited }] => (sides[0], sides[1], reads, limited),
-            [Part::Author { reads, limited }, Part::Viewer] => (sides[1], sides[0], reads, limited),
+            [
+                RemainingCondition::Viewer,
+                RemainingCondition::Author { reads, limited },
+            ] => (sides[0], sides[1], reads, limited),
+            [
+                RemainingCondition::Author { reads, limited },
+                RemainingCondition::Viewer,
+            ] => (sides[1], sides[0], reads, limited),
         };
         // `near && alpha < 0.5` is `alpha < 0.5`; of `near && odd_pixel` nothing remains.
         match reads {
-            Reads::Nothing if !either => return Ok(Part::Viewer),
-            Reads::Inputs if !either => return Err(Unclear(author.0)),
+            ViewerReads::Nothing if !either => return Ok(RemainingCondition::Viewer),
+            ViewerReads::Inputs if !either => return Err(Unclear(author.0)),
             _ => {}
         }
         match (whole, viewer) {
@@ -201,7 +216,7 @@ impl Stage<'_, '_> {
                 changes.insert(side, Instead::Bool((kept == either) != negated))
             }
         };
-        Ok(Part::Author {
+        Ok(RemainingCondition::Author {
             reads,
             limited: limited || !either,
         })
@@ -213,7 +228,7 @@ impl Stage<'_, '_> {
         left: Handle<Expression>,
         right: Handle<Expression>,
         changes: &mut Changes,
-    ) -> Result<Part, Unclear> {
+    ) -> Result<RemainingCondition, Unclear> {
         let sides = [(at.0, left), (at.0, right)];
         let rests = sides.map(|side| match self.depends(side) {
             true => without_viewer::of(self, side, Mode::Alpha),
@@ -223,7 +238,7 @@ impl Stage<'_, '_> {
         match rests {
             [Rest::Unclear, _] | [_, Rest::Unclear] => unclear,
             [Rest::Nothing, Rest::Nothing] if self.has_test(at) => unclear,
-            [Rest::Nothing, Rest::Nothing] => Ok(Part::Viewer),
+            [Rest::Nothing, Rest::Nothing] => Ok(RemainingCondition::Viewer),
             [Rest::Author(a), Rest::Author(b)] => {
                 // A sum's fade may be neutral at another number than 0.
                 let is_sum = [&a, &b].iter().any(|side| side.joined == Joined::Sum);
@@ -232,7 +247,7 @@ impl Stage<'_, '_> {
                 }
                 changes.extend(a.changes);
                 changes.extend(b.changes);
-                Ok(Part::author(self.reads(at)))
+                Ok(RemainingCondition::author(self.reads(at)))
             }
             [Rest::Author(author), Rest::Nothing] => {
                 self.with_threshold(at, author, sides, changes)
@@ -251,15 +266,15 @@ impl Stage<'_, '_> {
         author: without_viewer::Author,
         [value, threshold]: [At; 2],
         changes: &mut Changes,
-    ) -> Result<Part, Unclear> {
-        if self.reads(value) == Reads::Nothing && !self.has_test(at) {
-            return Ok(Part::Viewer);
+    ) -> Result<RemainingCondition, Unclear> {
+        if self.reads(value) == ViewerReads::Nothing && !self.has_test(at) {
+            return Ok(RemainingCondition::Viewer);
         }
         match without_viewer::of(self, threshold, Mode::Threshold) {
             Rest::Author(other) => {
                 changes.extend(author.changes);
                 changes.extend(other.changes);
-                Ok(Part::author(self.reads(at)))
+                Ok(RemainingCondition::author(self.reads(at)))
             }
             _ => Err(Unclear(at)),
         }

@@ -2,7 +2,7 @@
 
 use naga::{Block, Span, Statement};
 
-use super::{Reads, Stage};
+use super::{Stage, ViewerReads};
 use crate::analysis::values::ContextId;
 use preshade_dataflow::graph::{FunctionId, StmtId};
 
@@ -80,13 +80,13 @@ impl Stage<'_, '_> {
                     return found;
                 }
                 match self.reads(at) {
-                    Reads::Nothing => found,
+                    ViewerReads::Nothing => found,
                     // A pattern on the surface, or an alpha that the shader computes.
-                    Reads::Inputs => Kills {
+                    ViewerReads::Inputs => Kills {
                         direct: true,
                         tested: true,
                     },
-                    Reads::Textures => Kills {
+                    ViewerReads::Textures => Kills {
                         direct: false,
                         tested: true,
                     },

@@ -11,7 +11,7 @@ use preshade_dataflow::graph::{Root, StmtId, cells};
 
 /// A store that a load may see.
 #[derive(Clone, Copy, Debug)]
-struct Seen {
+struct ReachingStore {
     statement: StmtId,
     value: Handle<Expression>,
     /// Whether it writes just what the load reads.
@@ -21,7 +21,7 @@ struct Seen {
 /// What a load may see.
 #[derive(Clone, Debug, Default)]
 struct Reaching {
-    stores: Vec<Seen>,
+    stores: Vec<ReachingStore>,
     /// Whether it may see the variable's first value.
     initial: bool,
     /// Whether it may see what nobody looks into.
@@ -44,8 +44,8 @@ impl Search<'_, '_, '_> {
         if seen.other {
             return self.wall(at);
         }
-        let is_viewer = |s: &&Seen| self.is_chosen(context, s.statement);
-        let author: Vec<Seen> = seen
+        let is_viewer = |s: &&ReachingStore| self.is_chosen(context, s.statement);
+        let author: Vec<ReachingStore> = seen
             .stores
             .iter()
             .filter(|s| !is_viewer(s))
@@ -147,7 +147,7 @@ impl Search<'_, '_, '_> {
                             let to = cells::place(module, f.function, *pointer);
                             let exact = to.is_some_and(|to| !to.dynamic && to.path == path);
                             if statements.insert(*by) {
-                                found.stores.push(Seen {
+                                found.stores.push(ReachingStore {
                                     statement: *by,
                                     value: *value,
                                     exact,

@@ -4,7 +4,7 @@ use std::collections::BTreeSet;
 
 use naga::{Scalar, Statement, TypeInner};
 
-use super::{At, Changes, Instead, Reads, Stage, Unclear};
+use super::{At, Changes, Instead, Stage, Unclear, ViewerReads};
 use crate::analysis::reach::with_operands;
 use crate::analysis::values::{ContextId, Node, ValueId};
 use preshade_dataflow::graph::StmtId;
@@ -67,8 +67,8 @@ impl Stage<'_, '_> {
                 continue;
             }
             match self.reads(decider.condition) {
-                Reads::Nothing => {}
-                Reads::Textures if decider.is_around => is_in = true,
+                ViewerReads::Nothing => {}
+                ViewerReads::Textures if decider.is_around => is_in = true,
                 _ => return Err(Unclear(at)),
             }
         }
@@ -105,7 +105,7 @@ impl Stage<'_, '_> {
                 if deciders.iter().any(|d| is_constant(&d))
                     || deciders
                         .iter()
-                        .all(|d| self.reads(d.condition) == Reads::Nothing)
+                        .all(|d| self.reads(d.condition) == ViewerReads::Nothing)
                 {
                     continue;
                 }

@@ -5,7 +5,7 @@ use std::collections::BTreeSet;
 
 use naga::{BinaryOperator, Expression, Handle, Literal, MathFunction, TypeInner};
 
-use super::{At, Changes, Instead, Reads, Stage};
+use super::{At, Changes, Instead, Stage, ViewerReads};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
@@ -188,7 +188,7 @@ impl Search<'_, '_, '_> {
 
     /// The same, where an author's value takes part that may be an alpha.
     fn wall_beside(&self, at: At, free: At) -> Rest {
-        match self.mode == Mode::Alpha && self.stage.reads(free) != Reads::Nothing {
+        match self.mode == Mode::Alpha && self.stage.reads(free) != ViewerReads::Nothing {
             true => Rest::Unclear,
             false => self.wall(at),
         }
