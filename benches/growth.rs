@@ -14,7 +14,7 @@ use preshade_compiler::emit::{self, Options, Target};
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_dataflow::graph::Graph;
-use preshade_passes::examples;
+use preshade_geometry::examples;
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;

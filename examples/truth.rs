@@ -17,9 +17,9 @@ use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use preshade_compiler::recipe::Recipe;
+use preshade_geometry::examples;
 use preshade_lab::measure;
 use preshade_lab::measure::reference::{Nearer, Points, Spread, truth};
-use preshade_passes::examples;
 use preshade_plan::pass::Use;
 
 /// The comments that the tables stand between.

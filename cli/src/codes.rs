@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use preshade_compiler::{emit, lock};
 use preshade_draw::{render, scene};
+use preshade_geometry::{PASSES, pass_named, refusals};
 use preshade_lab::measure;
-use preshade_passes::{PASSES, pass_named, refusals};
 use preshade_plan::contract::Assumption;
 use preshade_scenes::capture;
 use shader_text::nearest::nearest;

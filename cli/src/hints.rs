@@ -2,7 +2,7 @@
 
 use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};
-use preshade_passes::pass_named;
+use preshade_geometry::pass_named;
 
 /// Words that newcomers try, and the command that does it.
 const COMMANDS: [(&str, &str); 13] = [

@@ -7,7 +7,7 @@ use preshade_compiler::emit::{self, PlanFile, Target};
 use preshade_compiler::front::{self, Code, Options, Source};
 use preshade_compiler::pipeline;
 use preshade_compiler::recipe::Step;
-use preshade_passes::PASSES;
+use preshade_geometry::PASSES;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{BindingSource, Plan};
 use preshade_plan::state::MaterialState;
@@ -120,7 +120,7 @@ impl Look<'_> {
         if self.arguments.no_passes {
             return;
         }
-        for pass in PASSES {
+        for pass in PASSES.iter() {
             let name = pass.info().name;
             let step = Step {
                 pass: name.to_owned(),

@@ -11,9 +11,3 @@
 pub mod analysis;
 pub mod rebuild;
 pub mod transforms;
-
-pub use transforms::{PASSES, examples, refusals};
-
-pub fn pass_named(name: &str) -> Option<&'static dyn preshade_plan::pass::AnyPass> {
-    PASSES.iter().copied().find(|p| p.info().name == name)
-}

@@ -9,8 +9,8 @@ use preshade_draw::render::{
     AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
 };
 use preshade_draw::scene::{DrawOrder, Scene};
+use preshade_geometry::examples;
 use preshade_lab::measure::{self, ErrorLadder, Session};
-use preshade_passes::examples;
 use preshade_plan::contract::Contract;
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;

@@ -5,8 +5,8 @@ use std::collections::BTreeMap;
 
 use naga::{BinaryOperator, Expression, Function, Module, SampleLevel, Statement};
 use preshade_compiler::recipe::Recipe;
+use preshade_geometry::examples;
 use preshade_lab::measure::validate_on;
-use preshade_passes::examples;
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;

@@ -1,6 +1,6 @@
 //! Recipes of random passes in random order, on all fixture materials: all compose or refuse.
 
-use preshade_passes::examples;
+use preshade_geometry::examples;
 use preshade_plan::pass::Use;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::CompareFunction;
@@ -51,7 +51,7 @@ fn random_recipes_compose_or_refuse() {
     assert!(tally.refused_whole < count / 2, "{tally:#?}");
     assert_eq!(
         tally.accepted.len(),
-        preshade_passes::PASSES.len(),
+        preshade_geometry::PASSES.len(),
         "{tally:#?}"
     );
 }

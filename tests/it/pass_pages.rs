@@ -9,7 +9,7 @@ use preshade_compiler::emit::{self, Target};
 use preshade_compiler::front::{Source, parse};
 use preshade_compiler::parameters::{Parameter, parameters};
 use preshade_compiler::recipe::Recipe;
-use preshade_passes::PASSES;
+use preshade_geometry::PASSES;
 use preshade_plan::contract::Contract;
 use preshade_plan::pass::{AnyPass, Facts, PassInfo, Use};
 use preshade_plan::plan::Plan;
@@ -72,12 +72,11 @@ fn root() -> &'static Path {
 /// and left out where they stand in parentheses for readers of the code.
 fn comment(name: &str) -> String {
     let file = name.replace('-', "_");
-    let folder = root().join("passes/src/transforms");
-    let candidates = [
-        folder.join(format!("{file}.rs")),
-        folder.join(&file).join("mod.rs"),
-    ];
-    let path = candidates.iter().find(|p| p.is_file()).unwrap();
+    let folders = ["passes/src/transforms", "crates/geometry/src"];
+    let mut candidates = folders
+        .map(|f| root().join(f).join(format!("{file}.rs")))
+        .into_iter();
+    let path = candidates.find(|p| p.is_file()).unwrap();
     let text = fs::read_to_string(path).unwrap();
     let lines = text.lines().take_while(|l| l.starts_with("//!"));
     let lines = lines.map(|l| l.trim_start_matches("//!").strip_prefix(' ').unwrap_or(""));
@@ -271,7 +270,7 @@ fn lists_of_passes_are_complete() {
     ] {
         let path = root().join(file);
         let mut text = fs::read_to_string(&path).unwrap();
-        for pass in PASSES {
+        for pass in PASSES.iter() {
             let PassInfo { name, when, .. } = pass.info();
             let (link, line) = match file {
                 "README.md" => (
@@ -303,7 +302,7 @@ fn lists_of_passes_are_complete() {
 fn each_pass_has_the_page_that_its_source_makes() {
     let folder = root().join("docs/passes");
     let mut expected: Vec<PathBuf> = Vec::new();
-    for pass in PASSES {
+    for pass in PASSES.iter() {
         let path = folder.join(format!("{}.md", pass.info().name));
         let made = page(*pass);
         if updates() {
@@ -330,7 +329,7 @@ fn each_pass_has_the_page_that_its_source_makes() {
 /// What a user of a visibility buffer decides is four parameters. Recipes accept the others.
 #[test]
 fn a_listing_shows_what_a_user_decides() {
-    let pass = preshade_passes::pass_named("visibility-buffer").unwrap();
+    let pass = preshade_geometry::pass_named("visibility-buffer").unwrap();
     let all = parameters(pass);
     let shown = all.iter().filter(|p| !p.expert).map(|p| p.name.as_str());
     let shown: Vec<&str> = shown.collect();

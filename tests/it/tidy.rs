@@ -11,7 +11,7 @@ type Module = Vec<String>;
 
 /// The sources of each crate, and the rooms in it whose order matters, lowest first. A room imports only rooms before
 /// it. Rooms that are not listed are free.
-const CRATES: [(&str, &[&str]); 16] = [
+const CRATES: [(&str, &[&str]); 17] = [
     ("crates/text/src", &[]),
     ("crates/operands/src", &[]),
     ("crates/interp/src", &[]),
@@ -21,6 +21,7 @@ const CRATES: [(&str, &[&str]); 16] = [
     ("crates/plan/src", &[]),
     ("crates/dataflow/src", &["graph", "slice"]),
     ("passes/src", &["analysis", "rebuild", "transforms"]),
+    ("crates/geometry/src", &[]),
     ("crates/validate/src", &[]),
     (
         "crates/compiler/src",

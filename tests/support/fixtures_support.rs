@@ -6,7 +6,7 @@ use std::path::{Path, PathBuf};
 use preshade_compiler::front::{self, Parsed, Source};
 use preshade_dataflow::graph::counted::Ends;
 use preshade_dataflow::graph::{FunctionId, Graph};
-use preshade_passes::examples;
+use preshade_geometry::examples;
 use preshade_plan::pass::Use;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::MaterialState;

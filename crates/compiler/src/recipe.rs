@@ -2,7 +2,7 @@
 
 use std::fmt;
 
-use preshade_passes::{PASSES, pass_named};
+use preshade_geometry::{PASSES, pass_named};
 use preshade_plan::pass::{AnyPass, Facts, Outcome, ParamError, Refusal, Refused};
 use preshade_plan::plan::{Plan, Site};
 use preshade_plan::refusals;

@@ -4,7 +4,7 @@
 //! two, and `form=all` is one for each word that the parameter allows. A range works for any
 //! whole-number parameter of any pass, and words work for any choice.
 
-use preshade_passes::pass_named;
+use preshade_geometry::pass_named;
 use serde_json::Value;
 
 use crate::parameters::{Parameter, parameters};

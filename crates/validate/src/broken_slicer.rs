@@ -9,7 +9,7 @@ use super::environment::TestPoint;
 use super::promise::Pair;
 use super::{By, Effort, Proof, Verdict, validate};
 use preshade_dataflow::slice::fault::{self, Fault};
-use preshade_passes::pass_named;
+use preshade_geometry::pass_named;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
 use preshade_plan::program::Program;

@@ -13,7 +13,7 @@ use super::inputs::{Inputs, Random};
 use super::stage::{Slot, Stage};
 use naga_edit::interface::Io;
 use naga_interp::{Number, Scalar, Value, from_bytes};
-use preshade_passes::transforms::visibility_buffer::Words;
+use preshade_geometry::visibility_buffer::Words;
 use preshade_plan::draw_table::{self, Entry, IDS};
 use preshade_plan::geometry::Stream;
 use preshade_plan::plan::{BindingSource, BindingUse, GeometryPart, Plan};

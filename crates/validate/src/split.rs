@@ -16,7 +16,7 @@ use super::stage::{self, POSITION, Ran, Slot, Stage};
 use naga_edit::interface::Io;
 use naga_interp::bound::exactly;
 use naga_interp::{Environment, Scalar, Stuck, Value};
-use preshade_passes::transforms::visibility_buffer;
+use preshade_geometry::visibility_buffer;
 use preshade_plan::geometry::Geometry;
 use preshade_plan::plan::{
     BindingSource, BindingUse, ComputePass, GeometryPart, GpuPass, Plan, Role,

@@ -69,7 +69,7 @@ pub enum PassEffect {
 
 /// The stages of a main pass, as a pass finds them.
 #[derive(Clone, Debug)]
-pub(crate) struct ImplicitInputs<'a> {
+pub struct ImplicitInputs<'a> {
     plan: &'a Plan,
     pass: &'a GpuPass,
     program: &'a Program,

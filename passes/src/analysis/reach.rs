@@ -15,7 +15,7 @@ pub(crate) fn with_users(values: &Values<'_, '_>, mut work: Vec<ValueId>) -> Vec
 }
 
 /// Values and all their dependences.
-pub(crate) fn with_operands(values: &Values<'_, '_>, mut work: Vec<ValueId>) -> Vec<bool> {
+pub fn with_operands(values: &Values<'_, '_>, mut work: Vec<ValueId>) -> Vec<bool> {
     let mut held = vec![false; values.values.len()];
     while let Some(id) = work.pop() {
         if !std::mem::replace(&mut held[id], true) {

@@ -55,7 +55,7 @@ pub(crate) fn changed(values: &Values<'_, '_>, known: &[SourceRange]) -> Vec<boo
 ///
 /// # Errors
 /// They do.
-pub(crate) fn check(
+pub fn check(
     pass: &str,
     plan: &Plan,
     graph: &Graph<'_>,

@@ -77,7 +77,7 @@ impl Invariance {
 
 /// The slices that make a material depth-only.
 #[derive(Clone, Debug)]
-pub(crate) struct DepthOnly {
+pub struct DepthOnly {
     /// What rasterisation and the fragment slice need of the vertex stage.
     vertex: Slice,
     /// Whether `vertex` or the whole stage is drawn with.
@@ -90,7 +90,7 @@ pub(crate) struct DepthOnly {
 
 /// A depth-only program with its entry points.
 #[derive(Clone, Debug)]
-pub(crate) struct Placed {
+pub struct Placed {
     pub module: Module,
     /// Vertex entry point.
     pub vertex: String,
@@ -100,7 +100,7 @@ pub(crate) struct Placed {
 
 /// Slices a material to what decides position, coverage and depth, and to `outputs` of its fragment
 /// stage.
-pub(crate) fn slice(opaque: &Opaque, stage: VertexStage, outputs: &[OutputFilter]) -> DepthOnly {
+pub fn slice(opaque: &Opaque, stage: VertexStage, outputs: &[OutputFilter]) -> DepthOnly {
     let graph = &opaque.graph;
     let fragment = opaque
         .fragment
@@ -184,7 +184,7 @@ impl DepthOnly {
     ///
     /// # Errors
     /// See [`Opaque::assumptions`].
-    pub(crate) fn assumptions(
+    pub fn assumptions(
         &self,
         opaque: &Opaque,
         plan: &Plan,

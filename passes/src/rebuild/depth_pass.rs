@@ -179,7 +179,7 @@ pub(crate) fn insert_own(
 }
 
 /// Finishes every transform: updates bindings and attributes, derives the contract from the steps.
-pub(crate) fn finish(plan: &mut Plan, fallback: &str) {
+pub fn finish(plan: &mut Plan, fallback: &str) {
     for pass in &mut plan.passes {
         if let Some(program) = plan.programs.get(&pass.program) {
             reflect::fill(pass, program);

@@ -12,7 +12,7 @@ use preshade_dataflow::graph::{FunctionId, StmtId};
 /// the copies. The walk starts at the entry point `entry`, which has the same statements and
 /// expressions as in `values`. Copies keep expression handles, statement numbers and names, because
 /// most originals are removed in the end.
-pub(crate) fn isolate(
+pub fn isolate(
     module: &Module,
     entry: usize,
     values: &Values<'_, '_>,
@@ -58,7 +58,7 @@ pub(crate) fn isolate(
 
 /// For each copied context, the `wanted` contexts it leads to, including itself: data for those
 /// passes through it.
-pub(crate) fn below(
+pub fn below(
     values: &Values<'_, '_>,
     copies: &BTreeMap<ContextId, FunctionId>,
     wanted: &[ContextId],
@@ -72,7 +72,7 @@ pub(crate) fn below(
 }
 
 /// The copies that a context calls, each with the contexts `below` it.
-pub(crate) fn callees<'b>(
+pub fn callees<'b>(
     values: &Values<'_, '_>,
     copies: &BTreeMap<ContextId, FunctionId>,
     below: &'b BTreeMap<ContextId, Vec<usize>>,

@@ -2,15 +2,13 @@
 
 pub mod bounded;
 pub mod color;
-pub(crate) mod corner;
 pub mod count;
 pub mod depth_only;
-pub(crate) mod depth_pass;
-pub(crate) mod fetch;
+pub mod depth_pass;
 pub(crate) mod insert_after;
-pub(crate) mod isolate;
+pub mod isolate;
 pub(crate) mod moved;
-pub(crate) mod outline;
+pub mod outline;
 pub mod place;
 pub(crate) mod prologue;
 pub mod quad;

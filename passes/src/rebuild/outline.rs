@@ -27,7 +27,7 @@ use preshade_plan::program::Program;
 
 /// A value to return.
 #[derive(Clone, Debug)]
-pub(crate) struct Wanted {
+pub struct Wanted {
     /// The chain of calls that computes it.
     pub context: ContextId,
     pub expression: Handle<Expression>,
@@ -92,7 +92,7 @@ pub(crate) struct Hoisted {
 
 /// Why the stages could not be rebuilt.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
-pub(crate) enum Failed {
+pub enum Failed {
     /// The slice depends on an input that the values do not depend on: a decision of the fragment
     /// stage.
     #[error(
@@ -155,7 +155,7 @@ pub(crate) fn add(
 
 /// Values of a fragment stage as a function of its inputs.
 #[derive(Clone, Debug)]
-pub(crate) struct Extracted {
+pub struct Extracted {
     /// The module; the author's functions and entry points are unchanged.
     pub module: Module,
     pub function: Handle<Function>,
@@ -165,7 +165,7 @@ pub(crate) struct Extracted {
 
 /// Names of a function of values, and of its result struct.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Names {
+pub struct Names {
     /// The function's name, and the suffix of its parts.
     pub function: &'static str,
     pub values: &'static str,
@@ -181,7 +181,7 @@ const HOISTED: Names = Names {
 ///
 /// # Errors
 /// [`Failed::Built`].
-pub(crate) fn extract(
+pub fn extract(
     program: &Program,
     values: &Values<'_, '_>,
     wanted: &[Wanted],
@@ -275,7 +275,7 @@ fn location_of(binding: &Binding) -> Option<u32> {
 }
 
 /// An entry point's function made callable: without bindings, with its own name.
-pub(crate) fn as_function(module: &Module, mut function: Function, name: &str) -> Function {
+pub fn as_function(module: &Module, mut function: Function, name: &str) -> Function {
     let taken = |name: &str| {
         module
             .functions

@@ -16,14 +16,14 @@ use preshade_dataflow::graph::FunctionId;
 pub const NOWHERE: u32 = u32::MAX / 2;
 
 /// A module with our own functions.
-pub(crate) struct Linked {
-    pub(crate) module: Module,
-    pub(crate) ours: BTreeMap<String, Handle<Function>>,
+pub struct Linked {
+    pub module: Module,
+    pub ours: BTreeMap<String, Handle<Function>>,
 }
 
 impl Linked {
     /// Adds `wgsl` to `module`.
-    pub(crate) fn new(module: Module, wgsl: &str) -> Result<Self, String> {
+    pub fn new(module: Module, wgsl: &str) -> Result<Self, String> {
         let snippet = naga::front::wgsl::parse_str(wgsl)
             .map_err(|e| format!("our own text does not parse: {}", e.message()))?;
         let linked =
@@ -37,7 +37,7 @@ impl Linked {
     }
 }
 
-pub(crate) fn ours(
+pub fn ours(
     functions: &BTreeMap<String, Handle<Function>>,
     name: &str,
 ) -> Result<Handle<Function>, String> {
@@ -67,7 +67,7 @@ pub(crate) fn link_snippet(
 pub(crate) struct InjectError(pub(crate) String);
 
 /// Defines a function `NAME_SUFFIX` whose body `build` writes.
-pub(crate) fn define(
+pub fn define(
     mut module: Module,
     (name, suffix): (&str, &str),
     arguments: &[(&str, Handle<Type>)],
@@ -102,7 +102,7 @@ pub(crate) fn define(
 }
 
 /// A `u32` type.
-pub(crate) fn word(module: &mut Module) -> Handle<Type> {
+pub fn word(module: &mut Module) -> Handle<Type> {
     let inner = TypeInner::Scalar(Scalar::U32);
     module
         .types

@@ -73,7 +73,7 @@ refusals! {
         "Count its iterations by constants: `for i < 32`.";
 }
 
-pub(crate) struct EarlyAlpha;
+pub struct EarlyAlpha;
 
 /// Parameters.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

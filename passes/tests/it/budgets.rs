@@ -1,7 +1,7 @@
 //! What a budget is based on: pictures of a scene and the values of their branches, or nothing.
 
+use preshade_geometry::{PASSES, pass_named};
 use preshade_passes::transforms::specialize::branches::{Way, branches};
-use preshade_passes::{PASSES, pass_named};
 use preshade_plan::contract::Assumption;
 use preshade_plan::guard::{Assumed, Bounds, Place, ScalarType};
 use preshade_plan::pass::{Facts, Undrawn};
@@ -162,7 +162,7 @@ fn branches_go_the_way_of_the_values() {
 #[test]
 fn no_promise_assumes_nothing() {
     let mut applied = 0;
-    for pass in PASSES {
+    for pass in PASSES.iter() {
         for example in pass.examples() {
             if example.recipe.contains(',')
                 && example.recipe.split(',').any(|p| pass_named(p).is_some())

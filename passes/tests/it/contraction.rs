@@ -9,7 +9,7 @@ use std::sync::Arc;
 use naga::{
     BinaryOperator, Expression, Function, Handle, MathFunction, ScalarKind, Span, TypeInner,
 };
-use preshade_passes::{examples, pass_named};
+use preshade_geometry::{examples, pass_named};
 use preshade_plan::contract::Assumption;
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;

@@ -225,7 +225,7 @@ fn a_specialised_stage_keeps_the_sample_rate() {
     if u.a > 0.5 { color = f32(sample); }
     return vec4<f32>(fract(color * 8.0));",
     );
-    let specialize = preshade_passes::pass_named("specialize").unwrap();
+    let specialize = preshade_geometry::pass_named("specialize").unwrap();
     let params = serde_json::json!({ "set": "u.a=0" });
     let run = |change: fn(&mut MaterialState)| {
         codes(specialize.run(&plan(&source, change), &Facts::default(), &params))
@@ -289,7 +289,7 @@ fn a_budget_says_whether_it_was_measured() {
     let plan = plan(&material(UV, "", body), |_| {});
     let params =
         serde_json::json!({ "budget": 0.1, "finite": "assumed", "vertices-per-fragment": 0 });
-    let hoist = preshade_passes::pass_named("hoist").unwrap();
+    let hoist = preshade_geometry::pass_named("hoist").unwrap();
     let given = |facts: &Facts| {
         let plan = hoist.run(&plan, facts, &params).unwrap().plan;
         assert_eq!(plan.contract.kind(), "approximate");

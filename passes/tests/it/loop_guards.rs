@@ -1,6 +1,6 @@
 //! Loops to a number in a uniform buffer: which guard ends them, and what each pass makes of it.
 
-use preshade_passes::pass_named;
+use preshade_geometry::pass_named;
 use preshade_passes::transforms::half_rate::{self, HalfRate};
 use preshade_passes::transforms::hoist::{self, Hoist};
 use preshade_passes::transforms::preamble::{self, Preamble};

@@ -8,7 +8,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use naga::ShaderStage;
-use preshade_passes::{examples, pass_named};
+use preshade_geometry::{examples, pass_named};
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;

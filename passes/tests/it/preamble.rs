@@ -536,7 +536,7 @@ fn later_passes_keep_the_preamble_or_refuse_it() {
     );
     let next = applied(&plan, &EXACT);
     let run = |name: &str| {
-        let pass = preshade_passes::pass_named(name).unwrap();
+        let pass = preshade_geometry::pass_named(name).unwrap();
         pass.run(&next, &Facts::without_ties(), &serde_json::json!({}))
     };
     for name in ["shadow", "visibility-buffer", "specialize", "early-alpha"] {

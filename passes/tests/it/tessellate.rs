@@ -2,8 +2,8 @@
 //! divide.
 
 use naga_interp::{Environment, Value};
+use preshade_geometry::tessellate::{Tessellate, TessellateParams};
 use preshade_passes::transforms::hoist::{self, Hoist};
-use preshade_passes::transforms::tessellate::{Tessellate, TessellateParams};
 use preshade_plan::geometry::{Constants, Geometry, Stream, Subdivision};
 use preshade_plan::pass::{Facts, Pass, Refusal, Refused};
 use preshade_plan::pattern::{self, Pattern};

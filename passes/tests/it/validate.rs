@@ -6,7 +6,7 @@ use naga::{
     Statement,
 };
 use naga_edit::interface;
-use preshade_passes::{examples, pass_named};
+use preshade_geometry::{examples, pass_named};
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::{Plan, Role};
 use preshade_plan::state::MaterialState;

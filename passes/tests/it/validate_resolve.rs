@@ -1,7 +1,7 @@
 //! The resolve of the visibility buffer is validated on made-up draws: whole variants agree, and
 //! planted faults are found.
 
-use preshade_passes::pass_named;
+use preshade_geometry::pass_named;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
 use preshade_plan::state::{CullMode, MaterialState};

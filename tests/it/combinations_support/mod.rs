@@ -8,7 +8,7 @@ use naga::Module;
 use preshade_compiler::emit::{self, Target};
 use preshade_compiler::parameters::{Parameter, parameters};
 use preshade_compiler::recipe::{Recipe, Step};
-use preshade_passes::{PASSES, examples};
+use preshade_geometry::{PASSES, examples};
 use preshade_plan::pass::{AnyPass, Facts, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::uniforms::uniform_scalars;
@@ -49,7 +49,7 @@ fn step(module: &Module, random: &mut Random) -> Step {
     let pass = match random.below(3) {
         0 => often
             .get(random.below(often.len()))
-            .and_then(|name| preshade_passes::pass_named(name))
+            .and_then(|name| preshade_geometry::pass_named(name))
             .unwrap_or(pass),
         _ => pass,
     };

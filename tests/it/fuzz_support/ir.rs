@@ -5,7 +5,7 @@ use naga::{
     BinaryOperator, Expression, Function, Handle, Literal, MathFunction, Statement, UnaryOperator,
 };
 use preshade_compiler::recipe::Recipe;
-use preshade_passes::examples;
+use preshade_geometry::examples;
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;

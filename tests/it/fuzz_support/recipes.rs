@@ -5,7 +5,7 @@ use std::sync::OnceLock;
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::parameters::{Parameter, parameters};
 use preshade_compiler::recipe::Recipe;
-use preshade_passes::PASSES;
+use preshade_geometry::PASSES;
 use preshade_plan::pass::{AnyPass, Facts};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{CullMode, DepthDirection, DepthFormat, MaterialState};

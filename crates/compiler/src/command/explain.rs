@@ -3,10 +3,10 @@
 use std::fmt;
 
 use naga::ShaderStage;
+use preshade_geometry::{PASSES, pass_named};
 use preshade_passes::transforms::hoist::Hoist;
 use preshade_passes::transforms::specialize::effects::{self, CalledFor, Effect};
 use preshade_passes::transforms::specialize::{Specialize, as_drawn};
-use preshade_passes::{PASSES, pass_named};
 use preshade_plan::guard::Assumed;
 use preshade_plan::pass::{Facts, Frequency, Left, Outcome, Pass, Refusal};
 use preshade_plan::plan::{Change, Plan};

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use preshade_passes::{PASSES, pass_named};
+use preshade_geometry::{PASSES, pass_named};
 use serde::Serialize;
 
 use crate::parameters::{Parameter, parameters};

@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use preshade_dataflow::graph::{FunctionId, Graph};
-use preshade_passes::PASSES;
+use preshade_geometry::PASSES;
 use preshade_plan::contract::Contract;
 use preshade_plan::pass::{AnyPass, Facts, Refusal};
 use preshade_plan::plan::{GpuPass, Plan};

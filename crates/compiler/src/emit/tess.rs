@@ -21,7 +21,7 @@
 use std::collections::BTreeMap;
 
 use naga::{Sampling, Scalar, ScalarKind, ShaderStage, TypeInner};
-use preshade_passes::transforms::tessellate::native::{self, Blend, Native, Patch, PatchVarying};
+use preshade_geometry::tessellate::native::{self, Blend, Native, Patch, PatchVarying};
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 

@@ -9,7 +9,7 @@ use preshade_plan::plan::{
     GeometryPart, HostValue, Plan,
 };
 
-use preshade_passes::transforms::visibility_buffer::Words;
+use preshade_geometry::visibility_buffer::Words;
 
 use super::gpu::Gpu;
 use super::inputs::{DrawInputs, SceneInputs};

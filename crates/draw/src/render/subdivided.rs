@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use preshade_passes::transforms::tessellate::mesh::{self, Mesh};
+use preshade_geometry::tessellate::mesh::{self, Mesh};
 use preshade_plan::geometry::{self, Constants, Form, Geometry, Stream, Subdivision};
 use preshade_plan::plan::{BindingSource, BindingUse, GeometryPart, Plan};
 use preshade_plan::state::Topology;

@@ -5,7 +5,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::ControlFlow;
 
 use preshade_dataflow::graph::Graph;
-use preshade_passes::pass_named;
+use preshade_geometry::pass_named;
 use preshade_passes::transforms::hoist::{
     self, Candidate, Candidates, Computed, Hoist, HoistStages, refusals,
 };

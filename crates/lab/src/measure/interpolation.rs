@@ -8,7 +8,7 @@
 use std::collections::{BTreeMap, HashMap};
 
 use naga_edit::interface;
-use preshade_passes::transforms::tessellate::{self, Tessellate};
+use preshade_geometry::tessellate::{self, Tessellate};
 use preshade_plan::geometry;
 use preshade_plan::pass::{Facts, Interpolation, Pass};
 use preshade_plan::pattern::Pattern;

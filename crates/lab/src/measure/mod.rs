@@ -164,7 +164,7 @@ pub fn known_for(
     recipe: &preshade_compiler::recipe::Recipe,
 ) -> preshade_plan::pass::Facts {
     let reads = |step: &preshade_compiler::recipe::Step| {
-        let pass = preshade_passes::pass_named(&step.pass);
+        let pass = preshade_geometry::pass_named(&step.pass);
         // A budget holds for the branches that the scene draws.
         step.params.contains_key("budget") || pass.is_none_or(|pass| pass.info().reads_scene)
     };

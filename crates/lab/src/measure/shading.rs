@@ -7,8 +7,8 @@
 
 use naga::{Expression, Literal, ShaderStage};
 use naga_edit::interface;
+use preshade_geometry::visibility_buffer;
 use preshade_passes::rebuild::color;
-use preshade_passes::transforms::visibility_buffer;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{BindingSource, BindingUse, GpuPass, Phase, Plan, Role};
 use preshade_plan::program::Program;

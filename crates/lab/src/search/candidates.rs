@@ -1,6 +1,6 @@
 //! The recipes that are tried: those of the passes' examples that are for it.
 
-use preshade_passes::examples;
+use preshade_geometry::examples;
 use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::pass::Use;
 

@@ -31,7 +31,7 @@ pub struct Gltf {
 }
 
 /// A mesh of the file, and the node that places it, if one does.
-pub(crate) type Placed<'g> = (gltf::Mesh<'g>, Option<gltf::Node<'g>>);
+pub type Placed<'g> = (gltf::Mesh<'g>, Option<gltf::Node<'g>>);
 
 /// A mesh with its pose.
 #[derive(Clone, Debug)]

@@ -18,7 +18,7 @@ pub(super) struct Run<'a> {
 }
 
 /// The comparison that decides a discard.
-pub(super) struct Decision {
+pub struct Decision {
     pub(super) spot: Spot,
     /// Texts and values of its operands.
     pub(super) operands: [(String, f32); 2],

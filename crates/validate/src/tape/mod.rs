@@ -82,7 +82,7 @@ pub(super) enum Kind {
 
 /// Two numbers that were compared.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Decision {
+pub struct Decision {
     pub(super) kind: Kind,
     pub(super) sides: [Taped; 2],
     /// Whether the first was less, equal or greater; `None` for NaN.

@@ -64,7 +64,7 @@ pub(crate) fn place(
 
 /// A rebuilt part of a slice.
 #[derive(Clone, Debug)]
-pub(super) struct Placed {
+pub struct Placed {
     pub function: Handle<Function>,
     /// Arguments of the original of which only some members are passed.
     pub arguments: BTreeMap<u32, Narrowed>,
@@ -73,7 +73,7 @@ pub(super) struct Placed {
 }
 
 /// A free function name: `{name}_{suffix}`, with a letter added if it is taken.
-pub(crate) fn free_name(module: &Module, name: &str, suffix: &str) -> String {
+pub fn free_name(module: &Module, name: &str, suffix: &str) -> String {
     let taken = |n: &str| {
         module
             .functions

@@ -19,7 +19,7 @@ mod rewrite;
 pub use builder::CodeBuilder;
 pub(crate) use copies::copy_called;
 pub use discard::without_discard;
-pub(crate) use function::free_name;
+pub use function::free_name;
 use interface::Placement;
 pub use interface::{PositionInvariance, io_struct};
 pub use retain::retain;

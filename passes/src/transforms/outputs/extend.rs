@@ -141,7 +141,7 @@ pub(crate) struct Extended {
 
 /// Why a material cannot be extended.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub(crate) enum Failed {
+pub enum Failed {
     /// No target has a format for the value of this name.
     Type(String),
     /// The position of the previous frame cannot be computed, for this reason.

@@ -13,7 +13,7 @@ use preshade_dataflow::graph::{FunctionId, Graph, Rate, StmtId};
 
 /// The statement kind of a decision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum DecisionKind {
+pub enum DecisionKind {
     /// `if`, with an arm for true and one for false.
     Branch,
     /// `switch`, with an arm per case.
@@ -27,7 +27,7 @@ pub(crate) enum DecisionKind {
 
 /// Statements that run or do not run together.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Arm {
+pub struct Arm {
     /// Ranges of statements, with exclusive ends. If another arm leaves the function or loop, the
     /// statements behind the decision follow.
     pub statements: Vec<(StmtId, StmtId)>,
@@ -35,7 +35,7 @@ pub(crate) struct Arm {
 
 /// A condition that is uniform over a draw.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Decision {
+pub struct Decision {
     /// The function that contains it.
     pub function: FunctionId,
     pub statement: StmtId,
@@ -112,7 +112,7 @@ impl Record {
 
 /// A decision of a stage.
 #[derive(Clone, Debug, PartialEq)]
-pub(crate) struct Placed {
+pub struct Placed {
     /// `vertex` or `fragment`.
     pub stage: &'static str,
     pub decision: Decision,

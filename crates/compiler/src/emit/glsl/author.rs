@@ -215,7 +215,7 @@ fn identifier(name: &str) -> String {
 }
 
 /// Why a program cannot be written.
-pub(super) enum Failed {
+pub enum Failed {
     /// A texture used with several samplers is passed to functions.
     Samplers,
     /// A block layout that GLSL cannot express.

@@ -1,6 +1,6 @@
 //! The final verdict of a variant.
 
-use preshade_passes::transforms::visibility_buffer;
+use preshade_geometry::visibility_buffer;
 use preshade_plan::contract::Verdict;
 use preshade_plan::plan::Plan;
 

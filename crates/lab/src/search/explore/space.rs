@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use preshade_passes::examples;
+use preshade_geometry::examples;
 use preshade_plan::budget::Metric;
 use preshade_plan::pass::{Facts, Frequency, Use};
 

@@ -10,8 +10,8 @@ use naga::{
     SwizzleComponent, TypeInner,
 };
 
-use crate::analysis::values::{Node, ValueId, Values};
 use naga_edit::interface::Io;
+use preshade_passes::analysis::values::{Node, ValueId, Values};
 
 /// What rasteriser and resolve round differently, in a fragment stage sliced to its colours.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -16,9 +16,9 @@ use naga::ShaderStage;
 
 use super::text::{self, Slots};
 use super::{Select, ShadingForm, VisibilityParams, Words};
-use crate::rebuild::place;
-use crate::rebuild::snippet::Linked;
 use naga_edit::declared::Declared;
+use preshade_passes::rebuild::place;
+use preshade_passes::rebuild::snippet::Linked;
 use preshade_plan::draw_table::IDS;
 use preshade_plan::geometry::{Formats, Geometry};
 use preshade_plan::plan::{

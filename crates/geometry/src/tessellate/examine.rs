@@ -10,10 +10,10 @@ use super::split::{self, Outputs, Split};
 use super::{
     DividedMaterial, MOST_EDGE_PIXELS, Slots, Tessellate, TessellateParams, refusals, refuse,
 };
-use crate::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
-use crate::analysis::{refusals as shared, subnormal};
 use naga_edit::interface;
 use preshade_dataflow::graph::Graph;
+use preshade_passes::analysis::implicit_inputs::{ImplicitInputs, PassEffect};
+use preshade_passes::analysis::{refusals as shared, subnormal};
 use preshade_plan::contract::Contract;
 use preshade_plan::geometry::{Form, Subdivision};
 use preshade_plan::pass::{Facts, Pass, Refusal, Refused};

@@ -16,10 +16,10 @@ use naga::{
 
 use super::ids::new_entry;
 use super::resolve::width;
-use crate::rebuild::place::{self, CodeBuilder, Rewrite};
-use crate::rebuild::snippet::{define, ours, word};
 use naga_edit::interface::Io;
 use preshade_dataflow::graph::FunctionId;
+use preshade_passes::rebuild::place::{self, CodeBuilder, Rewrite};
+use preshade_passes::rebuild::snippet::{define, ours, word};
 
 /// Name of the compute entry point.
 pub(crate) const ENTRY: &str = "cs_vertices";

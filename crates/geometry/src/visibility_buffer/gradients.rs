@@ -20,14 +20,14 @@ use naga::{
 };
 
 use super::refusals;
-use crate::analysis::reach::with_operands;
-use crate::analysis::refusals as shared;
-use crate::analysis::values::{ContextId, Node, TooLarge, ValueId, Values};
-use crate::rebuild::isolate::{self, isolate};
-use crate::rebuild::outline::{self, Wanted};
-use crate::rebuild::place::{self, CodeBuilder, Replacement, Rewrite};
 use preshade_dataflow::graph::effect::{self, Effect};
 use preshade_dataflow::graph::{FunctionId, Graph};
+use preshade_passes::analysis::reach::with_operands;
+use preshade_passes::analysis::refusals as shared;
+use preshade_passes::analysis::values::{ContextId, Node, TooLarge, ValueId, Values};
+use preshade_passes::rebuild::isolate::{self, isolate};
+use preshade_passes::rebuild::outline::{self, Wanted};
+use preshade_passes::rebuild::place::{self, CodeBuilder, Replacement, Rewrite};
 use preshade_plan::program::Program;
 use preshade_plan::rasterizer::{Neighbours, Rasterizer};
 use shader_text::refusals::RefusalInfo;
@@ -68,7 +68,7 @@ pub(crate) struct Explicit {
 
 /// Why a derivative cannot be computed from neighbouring evaluations.
 #[derive(Clone, Debug)]
-pub(crate) enum Failed {
+pub enum Failed {
     /// The author's code prevents it: code, reason and place.
     Refused(&'static RefusalInfo, String, Span),
     /// A bug in preshade.

@@ -11,10 +11,10 @@ use super::text::{self, Slots};
 use super::{
     Ids, Select, SplitMaterial, VisibilityBuffer, VisibilityParams, legal, refuse, stored_vertices,
 };
-use crate::rebuild::place;
-use crate::rebuild::snippet::Linked;
 use naga_edit::declared::Declared;
 use naga_edit::interface;
+use preshade_passes::rebuild::place;
+use preshade_passes::rebuild::snippet::Linked;
 use preshade_plan::draw_table::{DRAWS, IDS};
 use preshade_plan::geometry::Geometry;
 use preshade_plan::pass::{Pass, Refusal};

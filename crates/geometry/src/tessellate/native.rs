@@ -16,9 +16,9 @@ use naga::{
 
 use super::split::{self, Carried, Outputs, Split};
 use super::{refusals, refuse};
-use crate::analysis::refusals as shared;
-use crate::rebuild::place::{self, Rewrite};
 use preshade_dataflow::graph::FunctionId;
+use preshade_passes::analysis::refusals as shared;
+use preshade_passes::rebuild::place::{self, Rewrite};
 use preshade_plan::pass::{Pass, Refusal};
 use preshade_plan::plan::{HOIST, Plan, Step};
 use preshade_plan::program::Program;

@@ -15,10 +15,10 @@ use naga::{
 
 use super::split::{Carried, Outputs, Split};
 use super::text::{Order, Text};
-use crate::rebuild::corner::Author;
-use crate::rebuild::place::{self, CodeBuilder, Rewrite};
-use crate::rebuild::snippet::{Linked, define, ours, word};
+use crate::corner::Author;
 use preshade_dataflow::graph::FunctionId;
+use preshade_passes::rebuild::place::{self, CodeBuilder, Rewrite};
+use preshade_passes::rebuild::snippet::{Linked, define, ours, word};
 
 /// The functions, in their module.
 #[derive(Clone, Debug)]
@@ -123,7 +123,7 @@ pub(super) fn corner(
         given: split.given,
         inputs: &split.inputs,
     };
-    crate::rebuild::corner::corner(module, name, &author, fetch)
+    crate::corner::corner(module, name, &author, fetch)
 }
 
 /// The inputs of the interpolation.

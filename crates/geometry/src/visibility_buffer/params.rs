@@ -5,8 +5,8 @@ use serde::{Deserialize, Serialize};
 
 use super::differences::Taken;
 use super::{refusals, refuse};
-use crate::analysis::opaque::Opaque;
-use crate::rebuild::depth_only::{Invariance, VertexStage};
+use preshade_passes::analysis::opaque::Opaque;
+use preshade_passes::rebuild::depth_only::{Invariance, VertexStage};
 use preshade_plan::geometry::Formats;
 use preshade_plan::pass::{Facts, Refusal};
 use preshade_plan::plan::AttachmentFormat;

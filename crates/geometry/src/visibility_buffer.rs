@@ -22,13 +22,13 @@
 //! - gradients as differences between pixels of the quad on the same triangle;
 //! - facing from a bit of the id.
 
-use crate::analysis::implicit_inputs::PassEffect;
-use crate::analysis::opaque::Opaque;
-use crate::analysis::{refusals as shared, subnormal};
-use crate::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
-use crate::rebuild::{depth_pass, place};
 use preshade_dataflow::graph::Graph;
 use preshade_dataflow::slice::{self, Criterion, OutputFilter, Slice};
+use preshade_passes::analysis::implicit_inputs::PassEffect;
+use preshade_passes::analysis::opaque::Opaque;
+use preshade_passes::analysis::{refusals as shared, subnormal};
+use preshade_passes::rebuild::depth_only::{self, DepthOnly, Invariance, VertexStage};
+use preshade_passes::rebuild::{depth_pass, place};
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::{Assumption, Contract, Surface, Turned};
 use preshade_plan::draw_table::IDS;

@@ -12,8 +12,8 @@ use super::gradients::{GRADIENTS, Level};
 use super::ids::Facing;
 use super::legal::Stored;
 use super::resolve::{Runs, VertexStage, width};
-use crate::rebuild::place::CodeBuilder;
 use naga_edit::interface::Io;
+use preshade_passes::rebuild::place::CodeBuilder;
 use preshade_plan::rasterizer::Neighbours;
 
 /// An input of the fragment stage.

@@ -9,8 +9,8 @@ use naga::{
     TypeInner,
 };
 
-use crate::rebuild::place::CodeBuilder;
-use crate::rebuild::snippet::{define, word};
+use preshade_passes::rebuild::place::CodeBuilder;
+use preshade_passes::rebuild::snippet::{define, word};
 
 /// The author's vertex stage, as a function.
 pub(crate) struct Author<'a> {

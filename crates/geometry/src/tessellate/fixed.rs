@@ -19,10 +19,10 @@ use naga::{
 use super::build::{self, Functions, access, vertex_inputs};
 use super::split::Origin;
 use super::stored::{self, Evaluation, Stored};
-use crate::rebuild::place::{self, PositionInvariance, Rewrite};
-use crate::rebuild::snippet::{ours, word};
 use preshade_dataflow::graph::{FunctionId, Graph};
 use preshade_dataflow::slice::{self, Criterion, OutputFilter};
+use preshade_passes::rebuild::place::{self, PositionInvariance, Rewrite};
+use preshade_passes::rebuild::snippet::{ours, word};
 use preshade_plan::plan::{BindingSource, BindingUse};
 use preshade_plan::program::Program;
 

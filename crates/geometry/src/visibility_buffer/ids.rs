@@ -14,12 +14,12 @@ use naga_edit::interface;
 
 use super::Words;
 use super::text::{self, Slots};
-use crate::rebuild::corner::{Author, corner};
-use crate::rebuild::outline::as_function;
-use crate::rebuild::place::{self, CodeBuilder, Rewrite};
-use crate::rebuild::snippet::{Linked, ours, word};
+use crate::corner::{Author, corner};
 use naga_edit::interface::Io;
 use preshade_dataflow::graph::FunctionId;
+use preshade_passes::rebuild::outline::as_function;
+use preshade_passes::rebuild::place::{self, CodeBuilder, Rewrite};
+use preshade_passes::rebuild::snippet::{Linked, ours, word};
 use preshade_plan::geometry::Formats;
 use preshade_plan::plan::AttributeUse;
 

@@ -20,9 +20,9 @@ use naga::{Expression, Function, Handle, Module, Statement};
 use super::build::{self, access, vertex_inputs};
 use super::split::{Carried, Origin, Outputs, Split};
 use super::text::Text;
-use crate::rebuild::place::{self, CodeBuilder, Rewrite};
-use crate::rebuild::snippet::{Linked, ours, word};
 use preshade_dataflow::graph::FunctionId;
+use preshade_passes::rebuild::place::{self, CodeBuilder, Rewrite};
+use preshade_passes::rebuild::snippet::{Linked, ours, word};
 
 /// `module` with its vertex entry point drawing the pattern.
 ///

@@ -31,8 +31,8 @@ use serde::{Deserialize, Serialize};
 
 use naga::{Handle, Module, ShaderStage};
 
-use crate::rebuild::place;
 use preshade_dataflow::graph::{FunctionId, Graph};
+use preshade_passes::rebuild::place;
 use preshade_plan::contract::Contract;
 use preshade_plan::geometry::{Form, Geometry, Subdivision};
 use preshade_plan::pass::{

@@ -11,9 +11,9 @@ use naga::{
 use super::Slots;
 use super::build::{Functions, access, vertex_inputs};
 use super::text::{self, Points, WORKGROUP};
-use crate::rebuild::place::{self, CodeBuilder, Rewrite};
-use crate::rebuild::snippet::{Linked, ours, word};
 use preshade_dataflow::graph::FunctionId;
+use preshade_passes::rebuild::place::{self, CodeBuilder, Rewrite};
+use preshade_passes::rebuild::snippet::{Linked, ours, word};
 
 /// A member of a vertex stage's result in the buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
