@@ -453,7 +453,7 @@ fn make(
         made.messages.extend(rewrite::draws_depth_alone(original));
         made.messages.extend(messages);
         made.messages
-            .extend(rewrite::told(&plan, materials.asked.len() == 1));
+            .extend(rewrite::messages(&plan, materials.asked.len() == 1));
         let bar = args.validate.then(output::spinner);
         let told = |role: Role, promise: &str| {
             if let Some(bar) = &bar {
@@ -476,7 +476,7 @@ fn make(
         });
         let checks = validation.iter().flatten();
         made.messages
-            .extend(rewrite::said(&plan.material, "", checks));
+            .extend(rewrite::check_messages(&plan.material, "", checks));
         let validation_on = validation.as_ref().and_then(|_| {
             let gpu = adapter().as_ref()?;
             Some(OnAdapter {
@@ -493,7 +493,7 @@ fn make(
             Some(OnAdapter { adapter, checks }) => {
                 let place = format!(" on {adapter}");
                 made.messages
-                    .extend(rewrite::said(&plan.material, &place, checks));
+                    .extend(rewrite::check_messages(&plan.material, &place, checks));
             }
             None if args.validate => made.messages.push(format!(
                 "note: `{}` is not run on an adapter: none is at hand",

@@ -144,7 +144,7 @@ impl Accuracy {
 
     /// The least that may become of the least number. A part of it and a flush do not change its
     /// sign.
-    pub fn below(self, least: f64) -> f64 {
+    pub fn lower_bound(self, least: f64) -> f64 {
         self.beyond(least, -1.0)
     }
 

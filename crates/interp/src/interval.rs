@@ -103,7 +103,7 @@ impl Interval {
     /// The result of an operation as accurate as this.
     #[must_use]
     pub fn rounded(self, accuracy: Accuracy) -> Self {
-        Self::new(accuracy.below(self.low), accuracy.above(self.high))
+        Self::new(accuracy.lower_bound(self.low), accuracy.above(self.high))
     }
 
     /// The inverses; unbounded if 0 is among the numbers.

@@ -96,7 +96,7 @@ fn inline(module: &Module, wrapper: &Function, at: usize, main: &Function) -> Fu
     };
     outer.unevaluated();
     let writer = std::mem::take(&mut outer.copying.writer);
-    let mut inner = outer.beside(Copying::new(main, writer));
+    let mut inner = outer.for_callee(Copying::new(main, writer));
     inner.add_locals();
     outer.copying.writer = std::mem::take(&mut inner.copying.writer);
     for statement in &wrapper.body[..at] {
@@ -254,7 +254,7 @@ struct Inliner<'a> {
 
 impl<'a> Inliner<'a> {
     /// Copies another function into the same entry point.
-    fn beside(&self, copying: Copying<'a>) -> Self {
+    fn for_callee(&self, copying: Copying<'a>) -> Self {
         Self {
             copying,
             inputs: self.inputs,
@@ -293,7 +293,7 @@ impl<'a> Inliner<'a> {
             return;
         };
         let writer = std::mem::take(&mut self.copying.writer);
-        let mut epilogue = self.beside(Copying {
+        let mut epilogue = self.for_callee(Copying {
             original: wrapper,
             copies: copies.clone(),
             writer,

@@ -808,7 +808,7 @@ fn shared_binding(
     let Some((span, reason, remedy)) = shared() else {
         return refused;
     };
-    if run(&shared_binding::apart(plan)).is_err_and(|refused| is_bug(&refused)) {
+    if run(&shared_binding::separated(plan)).is_err_and(|refused| is_bug(&refused)) {
         return refused;
     }
     for refusal in refused.refusals.iter_mut().filter(|r| is_internal(r)) {

@@ -10,7 +10,7 @@ use super::reflect;
 
 /// The plan with a binding of its own for each variable. Of several variables of immediate data, all
 /// but the first become buffers.
-pub(crate) fn apart(plan: &Plan) -> Plan {
+pub(crate) fn separated(plan: &Plan) -> Plan {
     let mut plan = plan.clone();
     for program in plan.programs.values_mut() {
         let mut module = program.module().clone();

@@ -14,7 +14,7 @@ use super::environment::{self, PassStages, TestPoint, Texels};
 use super::inputs::{Inputs, Profile};
 use super::promise::{Attached, Pair};
 use super::stage::Ran;
-use super::trial::{asked, is_whole, of_compared};
+use super::trial::{color_rule, is_whole, of_compared};
 use super::verdict::{Counterexample, Verdict, not_evaluated};
 use naga_interp::bound::Interval;
 use naga_interp::{Scalar, Stuck, Value};
@@ -118,7 +118,7 @@ impl Pair<'_> {
             if self.folds_floats() && !is_ordinary {
                 continue;
             }
-            let colors = asked(colors, &inputs);
+            let colors = color_rule(colors, &inputs);
             let (_, attached) = self.rule(place, colors, Some(&inputs));
             let world = environment::concrete(&inputs, &attached, Texels::Plain);
             let ended = world
@@ -172,7 +172,7 @@ impl Pair<'_> {
         let first = self.first_diverging(&world, place);
         Judged::Differs(Box::new(Counterexample {
             seed: inputs.seed,
-            inputs: self.said(inputs, place),
+            inputs: self.inputs_as_text(inputs, place),
             output: found.output,
             original: found.original,
             variant: found.variant,

@@ -228,7 +228,7 @@ impl Inputs {
 
     /// The same inputs, with what `more` has beside them.
     #[must_use]
-    pub fn beside(self, more: Self) -> Self {
+    pub fn merged(self, more: Self) -> Self {
         let mut resources = Arc::unwrap_or_clone(more.resources);
         resources.extend(Arc::unwrap_or_clone(self.resources));
         let left_out = [self.left_out, more.left_out].concat();

@@ -285,7 +285,7 @@ impl<'a> Drawn<'a> {
     }
 
     /// The draw as text, beside the inputs of the original.
-    pub(super) fn said(&self) -> Vec<(String, String)> {
+    pub(super) fn as_text(&self) -> Vec<(String, String)> {
         let of = |name: &str, value: String| (name.to_owned(), value);
         let inputs = self.vertex.inputs();
         let stepping = inputs.iter().filter_map(|io| match io.binding {

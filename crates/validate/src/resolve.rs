@@ -22,7 +22,7 @@ use super::promise::NOT_DRAWN;
 use super::quad::{Float, Triangle};
 use super::split::{Split, positions};
 use super::stage::Ran;
-use super::trial::{QUOTA, of_compared, said, unfilled};
+use super::trial::{QUOTA, inputs_as_text, of_compared, unfilled};
 use super::verdict::{Counterexample, Verdict, not_evaluated};
 use super::{By, Check};
 use naga_interp::{Scalar, Stuck, Value};
@@ -262,8 +262,8 @@ impl Split<'_> {
             fragment: None,
             ..self.original.stages
         };
-        let mut told = said(vertex, inputs, TestPoint::Inside);
-        told.extend(drawn.said());
+        let mut told = inputs_as_text(vertex, inputs, TestPoint::Inside);
+        told.extend(drawn.as_text());
         Counterexample {
             seed: inputs.seed,
             inputs: told,

@@ -125,10 +125,10 @@ impl<'p> Stage<'p> {
             })
             .collect::<Result<Vec<_>, _>>()?;
         let outcome = naga_interp::entry_point(module, self.entry, &arguments, environment)?;
-        Ok(self.told(outcome))
+        Ok(self.ran(outcome))
     }
 
-    fn told<F: Number>(self, outcome: RunResult<F>) -> Ran<F> {
+    fn ran<F: Number>(self, outcome: RunResult<F>) -> Ran<F> {
         let is_struct = self
             .function()
             .result

@@ -31,7 +31,7 @@ impl Pair<'_> {
                 continue;
             }
             // Rounding bounds hold for ordinary numbers only.
-            let asked = asked(colors, &inputs);
+            let asked = color_rule(colors, &inputs);
             tried += 1;
             let (mut ended, mut is_kept) = (true, false);
             for place in places {
@@ -110,8 +110,8 @@ impl Pair<'_> {
             None => Tried::Same { discarded },
             Some(found) => {
                 let first = self.first_diverging(&world, place);
-                let mut said = self.said(inputs, place);
-                said.extend(drawn.iter().flat_map(Drawn::said));
+                let mut said = self.inputs_as_text(inputs, place);
+                said.extend(drawn.iter().flat_map(Drawn::as_text));
                 Tried::Differs(Box::new(Counterexample {
                     seed: inputs.seed,
                     inputs: said,
@@ -124,8 +124,12 @@ impl Pair<'_> {
         }
     }
 
-    pub(super) fn said(&self, inputs: &Inputs, place: TestPoint) -> Vec<(String, String)> {
-        said(self.original, inputs, place)
+    pub(super) fn inputs_as_text(
+        &self,
+        inputs: &Inputs,
+        place: TestPoint,
+    ) -> Vec<(String, String)> {
+        inputs_as_text(self.original, inputs, place)
     }
 
     /// The first value in the source that both compute differently.
@@ -197,7 +201,7 @@ pub(super) fn unfilled<'p>(
 }
 
 /// The inputs of the original's stages, as text.
-pub(super) fn said(
+pub(super) fn inputs_as_text(
     stages: PassStages<'_>,
     inputs: &Inputs,
     place: TestPoint,
@@ -253,7 +257,7 @@ pub(super) fn said(
 }
 
 /// The colour rule for an input: rounding bounds hold for ordinary numbers only.
-pub(super) fn asked(colors: Colors, inputs: &Inputs) -> Colors {
+pub(super) fn color_rule(colors: Colors, inputs: &Inputs) -> Colors {
     let is_rounded = matches!(colors, Colors::Within(_) | Colors::Numbers);
     match is_rounded && inputs.profile != Profile::Ordinary {
         true => Colors::Ignored,

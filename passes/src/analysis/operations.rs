@@ -46,8 +46,8 @@ impl Threshold {
     pub fn is_avoided(self, x: Interval, y: Interval) -> bool {
         match self {
             Self::Steps(function) => same(x, function),
-            Self::Equal => apart(x, y),
-            Self::Cut => (y.low > 0.0 && apart(y, ZERO)) || apart(x, ZERO),
+            Self::Equal => are_distinct(x, y),
+            Self::Cut => (y.low > 0.0 && are_distinct(y, ZERO)) || are_distinct(x, ZERO),
             Self::Once | Self::Many => false,
             Self::Earlier => true,
         }
@@ -291,7 +291,7 @@ fn same(range: Interval, function: fn(f64) -> f64) -> bool {
 }
 
 /// Whether two ranges are apart by more than rounding.
-fn apart(a: Interval, b: Interval) -> bool {
+fn are_distinct(a: Interval, b: Interval) -> bool {
     let (a, b) = (widened(a), widened(b));
     a.high < b.low || b.high < a.low
 }
@@ -309,8 +309,8 @@ mod tests {
         assert!(!same(range(1.25, 1.999_999_9), f64::floor));
         assert!(same(range(-0.25, 0.25), f64::trunc));
         assert!(!same(Interval::ANYTHING, f64::floor));
-        assert!(apart(range(0.0, 1.0), range(1.5, 2.0)));
-        assert!(!apart(range(0.0, 1.0), range(1.0, 2.0)));
-        assert!(!apart(Interval::ANYTHING, range(1.0, 2.0)));
+        assert!(are_distinct(range(0.0, 1.0), range(1.5, 2.0)));
+        assert!(!are_distinct(range(0.0, 1.0), range(1.0, 2.0)));
+        assert!(!are_distinct(Interval::ANYTHING, range(1.0, 2.0)));
     }
 }

@@ -15,7 +15,7 @@ use preshade_plan::pass::Left;
 
 /// The cost of values and all their dependences, each counted once, and the inputs among the
 /// dependences.
-pub(crate) fn below(
+pub(crate) fn transitive_cost(
     values: &Values<'_, '_>,
     of: impl Iterator<Item = ValueId>,
 ) -> (f64, Vec<usize>) {
@@ -332,7 +332,7 @@ mod tests {
         let all: Vec<ValueId> = (0..values.values.len()).collect();
         let alone: Vec<f64> = all
             .iter()
-            .map(|id| below(&values, [*id].into_iter()).0)
+            .map(|id| transitive_cost(&values, [*id].into_iter()).0)
             .collect();
         let dear = alone.iter().filter(|cost| **cost > 3.0).count();
         assert!(dear > 2 * Above::MOST, "{dear} of {}", all.len());

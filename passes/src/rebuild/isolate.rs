@@ -58,7 +58,7 @@ pub fn isolate(
 
 /// For each copied context, the `wanted` contexts it leads to, including itself: data for those
 /// passes through it.
-pub fn below(
+pub fn reachable_contexts(
     values: &Values<'_, '_>,
     copies: &BTreeMap<ContextId, FunctionId>,
     wanted: &[ContextId],

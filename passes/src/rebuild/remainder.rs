@@ -33,7 +33,7 @@ pub(crate) fn rebuild(
     let contexts: Vec<ContextId> = wanted.iter().map(|w| w.context).collect();
     let (mut module, copies) = isolate(module, entry, values, &contexts.iter().copied().collect());
     // The values of each context: its own, and those of the contexts it calls.
-    let below = isolate::below(values, &copies, &contexts);
+    let below = isolate::reachable_contexts(values, &copies, &contexts);
     for (context, id) in &copies {
         let children = isolate::callees(values, &copies, &below, *context);
         module = place::rewritten(&module, *id, |build| {

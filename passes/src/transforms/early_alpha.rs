@@ -290,7 +290,7 @@ impl Test {
             },
             Span::UNDEFINED,
         );
-        tells(module.functions.get_mut(test.function), bool);
+        return_discarded(module.functions.get_mut(test.function), bool);
         let (module, vote) = quad::vote(module).map_err(|e| e.to_string())?;
         Ok(place::prologue(&module, self.slice.entry, |build| {
             let Some(fails) = test.call(build, "fails") else {
@@ -333,7 +333,7 @@ fn cost_ahead(graph: &Graph<'_>, id: FunctionId, last: StmtId) -> f64 {
 }
 
 /// Makes a function return whether it discarded. It goes on after a discard, as WGSL does.
-fn tells(function: &mut Function, bool: Handle<Type>) {
+fn return_discarded(function: &mut Function, bool: Handle<Type>) {
     let yes = Expression::Literal(Literal::Bool(true));
     let no = Expression::Literal(Literal::Bool(false));
     let init = function.expressions.append(no, Span::UNDEFINED);

@@ -472,7 +472,9 @@ impl<'v, 'g, 'p> HoistedValues<'v, 'g, 'p> {
     /// stay without a reader beside them.
     fn roundings(&self) -> u32 {
         let of = self.choice.carried.iter().map(|(id, _)| *id);
-        transitive_cost::below(self.moved.values, of).0.ceil() as u32
+        transitive_cost::transitive_cost(self.moved.values, of)
+            .0
+            .ceil() as u32
             + self.choice.rounded_anew.len() as u32
     }
 }

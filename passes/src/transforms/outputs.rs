@@ -172,7 +172,7 @@ impl Pass for Outputs {
     }
 
     fn run(plan: &Plan, _facts: &Facts, params: &OutputsParams) -> Result<Outcome, Refused> {
-        let asked = params.asked();
+        let asked = params.requested();
         let from_light = asked.contains(&Asked::Shadow) || asked.contains(&Asked::Distance);
         check(plan, &asked, from_light)?;
         let tested = cutoff::tested(plan, params.cutoff)?;
@@ -183,7 +183,7 @@ impl Pass for Outputs {
         };
         let authors = steady.as_ref().unwrap_or(authors);
         let whole = depth_pass::alone(authors, NAME)?;
-        let said = viewer_uniforms::said(whole.program.module(), params.viewer.as_deref())?;
+        let said = viewer_uniforms::parse(whole.program.module(), params.viewer.as_deref())?;
         let drops = from_light && params.view == Viewer::Drop;
         let dropped = match drops {
             true => without_viewer(&whole, &said)?,

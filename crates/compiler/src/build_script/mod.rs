@@ -254,7 +254,7 @@ impl BuildConfig {
     /// The shader, the lock file or a recipe cannot be read, or the files cannot be written. A
     /// refused pass is only a warning.
     pub fn compile(&self, shader: impl AsRef<Path>) -> Result<(), BuildError> {
-        self.tell(&[shader.as_ref()])
+        self.print_watched(&[shader.as_ref()])
     }
 
     /// Compiles a material of a vertex and a fragment file.
@@ -266,7 +266,7 @@ impl BuildConfig {
         vertex: impl AsRef<Path>,
         fragment: impl AsRef<Path>,
     ) -> Result<(), BuildError> {
-        self.tell(&[vertex.as_ref(), fragment.as_ref()])
+        self.print_watched(&[vertex.as_ref(), fragment.as_ref()])
     }
 
     /// Refuses a second material of the same name, since its module would overwrite the first.
@@ -301,7 +301,7 @@ impl BuildConfig {
         }
     }
 
-    fn tell(&self, files: &[&Path]) -> Result<(), BuildError> {
+    fn print_watched(&self, files: &[&Path]) -> Result<(), BuildError> {
         // Also on failure: an edited file must run the build again.
         for file in files {
             println!("cargo::rerun-if-changed={}", file.display());

@@ -11,8 +11,8 @@ use shader_text::nearest::unknown;
 
 /// What a scene showed of both programs.
 pub trait Drawn: Serialize {
-    /// It, a line each.
-    fn told(&self, relation: Relation) -> Vec<String>;
+    /// The comparison, a line each.
+    fn lines(&self, relation: Relation) -> Vec<String>;
 
     /// What breaks the relation, in words.
     fn differs(&self, relation: Relation) -> Option<String>;
@@ -23,7 +23,7 @@ pub trait Drawn: Serialize {
 pub enum Undrawn {}
 
 impl Drawn for Undrawn {
-    fn told(&self, _: Relation) -> Vec<String> {
+    fn lines(&self, _: Relation) -> Vec<String> {
         Vec::new()
     }
 
@@ -267,12 +267,12 @@ impl<D: Drawn> Report<D> {
                 let _ = writeln!(out, "  {}: {}", held.promise, pair.outcome(&held.promise));
             }
             for judged in &pair.findings {
-                told(&mut out, judged, pair.agreement.relation, verbose);
+                write_judged(&mut out, judged, pair.agreement.relation, verbose);
             }
             for line in pair
                 .drawn
                 .iter()
-                .flat_map(|b| b.told(pair.agreement.relation))
+                .flat_map(|b| b.lines(pair.agreement.relation))
             {
                 let _ = writeln!(out, "  {line}");
             }
@@ -406,7 +406,7 @@ impl<D: Drawn> Report<D> {
             let lines = pair
                 .drawn
                 .iter()
-                .flat_map(|b| b.told(pair.agreement.relation));
+                .flat_map(|b| b.lines(pair.agreement.relation));
             lines.for_each(|line| {
                 let _ = writeln!(out, "- {line}");
             });
@@ -436,7 +436,7 @@ fn cell(text: &str) -> String {
     text.replace('|', "\\|").replace('\n', " ")
 }
 
-fn told(out: &mut String, judged: &Judged, relation: Relation, verbose: bool) {
+fn write_judged(out: &mut String, judged: &Judged, relation: Relation, verbose: bool) {
     let finding = &judged.finding;
     let level = match (&judged.waived, judged.breaks) {
         (Some(_), _) => "waived",

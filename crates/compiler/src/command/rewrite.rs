@@ -143,7 +143,7 @@ pub fn read_layouts(
 
 /// What to tell of a variant: what its budget leaves open, and its notes. Of several materials, each has
 /// a part of the values that a recipe names.
-pub fn told(plan: &Plan, is_alone: bool) -> Vec<String> {
+pub fn messages(plan: &Plan, is_alone: bool) -> Vec<String> {
     let mut messages: Vec<String> = unmeasured(plan).into_iter().collect();
     for note in &plan.notes {
         let is_stale = note.starts_with("`carry` names") && is_alone;
@@ -212,7 +212,7 @@ fn notes(files: &[File]) -> Vec<String> {
 }
 
 /// The results of checks, as messages: one for all that fail to run for one reason.
-pub fn said<'c>(
+pub fn check_messages<'c>(
     material: &str,
     place: &str,
     checks: impl IntoIterator<Item = &'c Check>,
@@ -322,7 +322,7 @@ pub fn removed_discard(plan: &Plan) -> Option<String> {
 mod tests {
     use preshade_plan::plan::Role;
 
-    use super::said;
+    use super::check_messages;
     use preshade_validate::Check;
     use preshade_validate::verdict::Verdict;
 
@@ -348,7 +348,7 @@ mod tests {
             check(Role::Main, "discards", agreed()),
             check(Role::Main, "ids", unrun("a budget")),
         ];
-        let said = said("m", " on this adapter", &checks);
+        let said = check_messages("m", " on this adapter", &checks);
         assert_eq!(said.len(), 4, "{said:?}");
         let first = "warning: `m`, main pass, positions; main pass, colours on this adapter: not \
                      evaluated: no buffers";

@@ -209,7 +209,7 @@ pub(super) fn path_of(source: &Source, options: &Options) -> std::path::PathBuf 
 
 /// The folder of a file.
 #[cfg(any(feature = "naga-oil", feature = "wesl"))]
-pub(super) fn beside(path: &Path) -> &Path {
+pub(super) fn folder_of(path: &Path) -> &Path {
     match path.parent() {
         Some(folder) if !folder.as_os_str().is_empty() => folder,
         _ => Path::new("."),

@@ -25,7 +25,7 @@ use shader_text::source::{Language, Searched, Wanted};
 
 use super::Source;
 use super::dialect::{
-    Compiled, CompiledFrom, Defined, beside, definitions, files_below, no_module, path_of,
+    Compiled, CompiledFrom, Defined, definitions, files_below, folder_of, no_module, path_of,
 };
 use crate::wgsl::{self, WgslError};
 use shader_text::error::{Code, Error};
@@ -107,7 +107,7 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, CompiledFrom),
         })
         .collect();
     let path = path_of(source, options);
-    let own = beside(&path).to_owned();
+    let own = folder_of(&path).to_owned();
     let mut folders: Vec<&Path> = vec![&own];
     folders.extend(options.include.iter().map(PathBuf::as_path));
     let mut library = Library {

@@ -21,7 +21,7 @@ use wesl::{
 
 use super::Source;
 use super::dialect::{
-    Compiled, CompiledFrom, Defined, beside, definitions, no_module, path_of, text_within,
+    Compiled, CompiledFrom, Defined, definitions, folder_of, no_module, path_of, text_within,
 };
 use shader_text::error::{Code, Error};
 use shader_text::memory::Memory;
@@ -41,7 +41,7 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Er
         on.insert(name);
     }
     let file = path_of(source, options);
-    let root = package(beside(&file));
+    let root = package(folder_of(&file));
     let below = file.strip_prefix(&root).unwrap_or(&file).with_extension("");
     let components: Vec<String> = below
         .iter()

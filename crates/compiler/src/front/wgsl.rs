@@ -104,7 +104,7 @@ fn replacement(text: &str, parsed: &Result<Module, ParseError>) -> Option<Replac
     }
     message
         .is_some_and(swizzles::is_rejected)
-        .then(|| swizzles::apart(text, part))
+        .then(|| swizzles::assign_components(text, part))
         .flatten()
 }
 

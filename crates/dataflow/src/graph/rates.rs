@@ -372,7 +372,7 @@ impl<'a, 'p> Analysis<'a, 'p> {
         self.out
     }
 
-    fn seen(&self, versions: &[VersionId], path: Option<(&[u32], u32)>) -> Dependence {
+    fn dependence_of(&self, versions: &[VersionId], path: Option<(&[u32], u32)>) -> Dependence {
         let mut out = Dependence::default();
         for version in versions {
             let relevant = path.is_none_or(|(base, member)| {
@@ -415,7 +415,7 @@ impl<'a, 'p> Analysis<'a, 'p> {
                 let place = super::cells::place(self.module, self.f.function, *pointer);
                 match (place, self.f.memory.loads.get(&e)) {
                     (Some(place), Some(seen)) if !place.dynamic => {
-                        self.seen(seen, Some((&place.path, member)))
+                        self.dependence_of(seen, Some((&place.path, member)))
                     }
                     _ => self.out.expressions[e.index()].clone(),
                 }
@@ -480,7 +480,7 @@ impl<'a, 'p> Analysis<'a, 'p> {
 
     /// The fact of memory content.
     fn content(&self, seen: &[VersionId]) -> Dependence {
-        let mut out = self.seen(seen, None);
+        let mut out = self.dependence_of(seen, None);
         if self.reads_shared(seen) {
             out.own.rate = out.own.rate.join(Rate::Fragment);
         }

@@ -110,7 +110,7 @@ pub enum BrowserError {
         message: String,
     },
     /// A condition never holds.
-    #[error("{condition} was waited for in vain for {} s{}", .time.as_secs(), said(.page))]
+    #[error("{condition} was waited for in vain for {} s{}", .time.as_secs(), joined(.page))]
     Condition {
         /// What was waited for.
         condition: String,
@@ -120,7 +120,7 @@ pub enum BrowserError {
         page: Vec<String>,
     },
     /// The recorder says why.
-    #[error("{message}{}", said(.page))]
+    #[error("{message}{}", joined(.page))]
     Page {
         /// The recorder's message.
         message: String,
@@ -148,7 +148,7 @@ impl BrowserError {
     }
 }
 
-fn said(errors: &[String]) -> String {
+fn joined(errors: &[String]) -> String {
     errors
         .iter()
         .map(|error| format!("\n  the page says: {error}"))
@@ -182,12 +182,12 @@ impl Heard {
             }
             "Runtime.exceptionThrown" => {
                 let details = &parameters["exceptionDetails"];
-                self.says(&thrown(details));
+                self.keep_message(&thrown(details));
             }
             "Runtime.consoleAPICalled" if parameters["type"] == "error" => {
                 let values = parameters["args"].as_array().into_iter().flatten();
                 let values: Vec<String> = values.map(shown).collect();
-                self.says(&values.join(" "));
+                self.keep_message(&values.join(" "));
             }
             "Page.loadEventFired" => self.is_loaded = true,
             "Runtime.executionContextCreated" => {
@@ -206,8 +206,8 @@ impl Heard {
     }
 
     /// Keeps a message, once.
-    fn says(&mut self, text: &str) {
-        let text = told(text);
+    fn keep_message(&mut self, text: &str) {
+        let text = shortened(text);
         if !text.is_empty() && self.errors.len() < TOLD && !self.errors.contains(&text) {
             self.errors.push(text);
         }
@@ -299,7 +299,7 @@ fn thrown(details: &Value) -> String {
 }
 
 /// A message without its stack: some lines, as a shader's log has, and not more than a screen holds.
-fn told(text: &str) -> String {
+fn shortened(text: &str) -> String {
     let lines = text
         .lines()
         .map(str::trim_end)
@@ -405,7 +405,7 @@ fn drive(client: &mut Client, visit: &Visit, heard: &mut Heard) -> Result<(), Br
         evaluate(client, "preshadeCapture.errors()", context, heard)
     {
         for text in of_api {
-            heard.says(text.as_str().unwrap_or_default());
+            heard.keep_message(text.as_str().unwrap_or_default());
         }
     }
     result.map_err(|message| heard.page_error(message))?;
@@ -539,6 +539,6 @@ fn evaluate(
     let Some(details) = result.get("exceptionDetails") else {
         return Ok(Ok(result["result"]["value"].take()));
     };
-    let text = told(&thrown(details));
+    let text = shortened(&thrown(details));
     Ok(Err(text.trim_start_matches("Error: ").to_owned()))
 }

@@ -57,7 +57,7 @@ pub(crate) fn adaptive(
         .collect::<Result<_, String>>()?;
     let fetch = build::fetch(&by_name, text)?;
     let (module, corner) = build::corner(module, &name, split, &fetch)?;
-    let (mut module, rest) = build::rest(module, &name, split);
+    let (mut module, rest) = build::code_behind(module, &name, split);
     let origins = split
         .origins()
         .ok_or("the vertex stage's result is not put together")?;

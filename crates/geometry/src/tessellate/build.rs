@@ -80,7 +80,7 @@ pub(crate) fn add(
             outputs,
         },
     )?;
-    let (module, rest) = rest(module, name, &split);
+    let (module, rest) = code_behind(module, name, &split);
     Ok(Functions {
         module,
         place,
@@ -102,7 +102,11 @@ pub(super) fn fetch(
 }
 
 /// The code behind the author's stage, as a function of the author's outputs.
-pub(super) fn rest(mut module: Module, name: &str, split: &Split) -> (Module, Handle<Function>) {
+pub(super) fn code_behind(
+    mut module: Module,
+    name: &str,
+    split: &Split,
+) -> (Module, Handle<Function>) {
     let rest = Function {
         name: Some(place::free_name(&module, name, "rest")),
         ..split.rest.clone()

@@ -581,7 +581,7 @@ impl Round {
         let contexts: BTreeSet<ContextId> = self.sites.iter().map(|s| s.context).collect();
         let (mut module, copies) = isolate(module, values.entry, values, &contexts);
         let wanted: Vec<ContextId> = self.wanted.iter().map(|w| w.context).collect();
-        let below = isolate::below(values, &copies, &wanted);
+        let below = isolate::reachable_contexts(values, &copies, &wanted);
         for (context, id) in &copies {
             let children = isolate::callees(values, &copies, &below, *context);
             let own = values.function(*context).function;

@@ -93,7 +93,7 @@ impl Drawn for Beside {
         is_broken.then(|| format!("seen by `{camera}`, the two draw {what} otherwise"))
     }
 
-    fn told(&self, relation: Relation) -> Vec<String> {
+    fn lines(&self, relation: Relation) -> Vec<String> {
         let [first, second] = relation.names();
         let camera = &self.camera;
         let mut lines = Vec::new();

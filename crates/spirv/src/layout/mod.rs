@@ -199,7 +199,7 @@ impl Layouts {
         name.unwrap_or_else(|| format!("_{id}"))
     }
 
-    fn held(&self, of: Word, member: u32) -> Option<Held> {
+    fn member(&self, of: Word, member: u32) -> Option<Held> {
         let all = self.members.get(&(of, member))?;
         let find = |kind: Decoration| {
             let mut all = all.iter();
@@ -407,7 +407,7 @@ impl Layouts {
         let mut members = Vec::new();
         let types: Vec<Word> = self.globals.get(&ty).into_iter().flat_map(ids).collect();
         for (n, member) in types.iter().enumerate() {
-            let held = self.held(ty, n as u32);
+            let held = self.member(ty, n as u32);
             let memory = self.memory(module, *member, held)?;
             members.push(self.aligned(ty, n as u32, memory)?);
         }
@@ -472,7 +472,7 @@ impl Layouts {
                 && *of == ty
             {
                 copied.extend(indices.get(*n as usize).map(|at| (*at, member.clone())));
-                if self.held(ty, *n).is_some_and(|held| held.is_row_major) {
+                if self.member(ty, *n).is_some_and(|held| held.is_row_major) {
                     self.rows.push((name.to_owned(), member.clone()));
                 }
             }

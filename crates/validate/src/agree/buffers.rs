@@ -4,7 +4,7 @@ use naga::{AddressSpace, GlobalVariable, Handle, Module, Type};
 
 use super::Relation;
 use super::fed::{Cast, Rule, cast, cast_by, offsets, plain};
-use super::matched_parts::{MatchedPart, beside};
+use super::matched_parts::{MatchedPart, paired_paths};
 use super::matching::{By, Matcher};
 use preshade_plan::mapping;
 
@@ -108,7 +108,7 @@ impl Matcher<'_> {
         {
             let ours = mapping::name_of(self.ours, *our, &[]).to_string();
             let theirs = MatchedPart::of(self.theirs, global, &[]);
-            let parts = beside(&Cast::Same, &theirs, &MatchedPart::of(self.ours, *our, &[]));
+            let parts = paired_paths(&Cast::Same, &theirs, &MatchedPart::of(self.ours, *our, &[]));
             self.found_parts(name, ours, *by, parts);
             return;
         }
@@ -193,7 +193,7 @@ impl Matcher<'_> {
         };
         let theirs = mapping::name_of(self.theirs, global, to_steps);
         let ours = mapping::name_of(self.ours, our, from_steps);
-        let parts = beside(
+        let parts = paired_paths(
             &cast,
             &MatchedPart::of(self.theirs, global, to_steps),
             &MatchedPart::of(self.ours, our, from_steps),

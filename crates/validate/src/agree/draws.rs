@@ -72,7 +72,7 @@ impl Two<'_> {
         let first = Inputs::of_places(ours, None, seed, &is_read, &mut spare);
         let is_left = |at, member| is_read(at, member) && !first.resources.contains_key(&at);
         let second = Inputs::of_places(theirs, None, seed, &is_left, &mut spare);
-        let mut inputs = first.beside(second);
+        let mut inputs = first.merged(second);
         if inputs.profile == Profile::Ordinary && !seed.is_multiple_of(6) {
             inputs = inputs.spread(&self.numbers, [ours, theirs]);
         }

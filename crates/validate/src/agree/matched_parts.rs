@@ -68,7 +68,7 @@ impl<'m> MatchedPart<'m> {
 }
 
 /// Their paths and ours: `spots[].tint` and `lights[].color`.
-pub(super) fn beside(
+pub(super) fn paired_paths(
     cast: &Cast,
     theirs: &MatchedPart<'_>,
     ours: &MatchedPart<'_>,
@@ -76,7 +76,7 @@ pub(super) fn beside(
     let mut all = Vec::new();
     let mut pair = |cast: &Cast, theirs: Option<MatchedPart<'_>>, ours: Option<MatchedPart<'_>>| {
         if let (Some(theirs), Some(ours)) = (theirs, ours) {
-            all.extend(beside(cast, &theirs, &ours));
+            all.extend(paired_paths(cast, &theirs, &ours));
         }
     };
     match cast {

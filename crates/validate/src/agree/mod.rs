@@ -440,7 +440,7 @@ pub fn agree(
         budget: &budget,
         undefined: &undefined,
     };
-    let (mut promises, mut findings) = two.held();
+    let (mut promises, mut findings) = two.check_promises();
     findings.extend(notes::variant(&two, &promises));
     let early = early::finding([(ours, &our_program), (theirs, &their_program)], relation);
     if let Some(finding) = early {

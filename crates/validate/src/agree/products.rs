@@ -116,7 +116,7 @@ impl Matcher<'_> {
         let [ours, theirs] = [first, second].map(|stages| chains(stages.vertex));
         for their in &theirs {
             for our in &ours {
-                let Some([(a, b), (from, to)]) = self.beside(their, our) else {
+                let Some([(a, b), (from, to)]) = self.partners(their, our) else {
                     continue;
                 };
                 let theirs: Vec<Leaf> = their[a..b].iter().flatten().cloned().collect();
@@ -160,7 +160,7 @@ impl Matcher<'_> {
 
     /// The parts of two chains that stand for each other, if one is one matrix: none has a partner,
     /// and the same stands before and behind both.
-    fn beside(&self, their: &Chain, our: &Chain) -> Option<[(usize, usize); 2]> {
+    fn partners(&self, their: &Chain, our: &Chain) -> Option<[(usize, usize); 2]> {
         let is_lost = |leaf: &Option<Leaf>| {
             let place = leaf.as_ref().and_then(|leaf| self.their_place(leaf));
             place.is_some_and(|(at, steps)| {

@@ -110,7 +110,7 @@ pub(super) fn short(value: &Value) -> String {
 }
 
 /// Two texts of values, with as few digits of each number as tell them apart.
-pub(super) fn apart(texts: [&str; 2]) -> [String; 2] {
+pub(super) fn distinguished(texts: [&str; 2]) -> [String; 2] {
     let mut all = (3..9).map(|count| texts.map(|text| fewer(text, count)));
     let found = all.find(|[a, b]| a != b);
     found.unwrap_or_else(|| texts.map(str::to_owned))

@@ -96,7 +96,7 @@ pub(super) enum What {
 
 impl<'a> Two<'a> {
     /// Checks the promises of the relation.
-    pub(super) fn held(&self) -> (Vec<Held>, Vec<Finding>) {
+    pub(super) fn check_promises(&self) -> (Vec<Held>, Vec<Finding>) {
         let (mut held, mut findings) = (Vec::new(), Vec::new());
         let promises = self.promises();
         let count = promises.len() as u64;

@@ -8,7 +8,7 @@ use naga::Span;
 use super::differences::BIASED;
 use super::draws::Point;
 use super::fed::Rule;
-use super::quote::{apart, digits};
+use super::quote::{digits, distinguished};
 use super::traced::{Decision, Pairing, Run, beginnings, decisions, kills};
 use super::trial::{Two, What};
 use super::{Class, Finding, Relation, Spot};
@@ -198,7 +198,7 @@ pub(super) fn finding(
         decisions: &decisions,
         spots: &spots,
     };
-    let words = words.said();
+    let words = words.text();
     let [first, second] = spots.map(|spot| spot.filter(|_| !is_decided));
     let [first_decides, second_decides] = decisions.map(|d| d.map(|d| d.spot));
     Finding {
@@ -211,7 +211,7 @@ pub(super) fn finding(
         second_decides,
         output: Some(example.output.clone()),
         seed: Some(example.point.seed),
-        inputs: trial::said(two.first, &inputs, example.place),
+        inputs: trial::inputs_as_text(two.first, &inputs, example.place),
     }
 }
 
@@ -242,12 +242,12 @@ struct Sentence<'a> {
 }
 
 impl Sentence<'_> {
-    fn said(&self) -> String {
+    fn text(&self) -> String {
         let [first, second] = self.two.relation.names();
         let [output, ours, theirs] = &self.example.output;
         let [ours, theirs] = match self.class {
             Class::Rounding => [ours.clone(), theirs.clone()],
-            _ => apart([ours, theirs]),
+            _ => distinguished([ours, theirs]),
         };
         let what = match output.as_str() {
             _ if self.class == Class::Undefined => {

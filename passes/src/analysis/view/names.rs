@@ -150,11 +150,11 @@ pub(super) fn words(name: &str) -> Vec<String> {
     if found.len() > 1 {
         found.retain(|word| word.len() > 1);
     }
-    found.iter().flat_map(|word| apart(word)).collect()
+    found.iter().flat_map(|word| compounds(word)).collect()
 }
 
 /// A word, or the words that it is written together from.
-fn apart(word: &str) -> Vec<String> {
+fn compounds(word: &str) -> Vec<String> {
     if let Some(of_depth) = word.strip_prefix('z')
         && RANGE.contains(&of_depth)
     {

@@ -17,7 +17,7 @@ use crate::analysis::cut::{self, Cut, Item};
 use crate::analysis::loops::{LoopEnds, iterated};
 use crate::analysis::named;
 use crate::analysis::reach::{with_operands, with_users};
-use crate::analysis::transitive_cost::{below, is_cheap};
+use crate::analysis::transitive_cost::{is_cheap, transitive_cost};
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use preshade_dataflow::graph::StmtId;
 use preshade_dataflow::graph::rate::Rate;
@@ -226,10 +226,13 @@ fn choice(
         fits
     });
     let targets = words(carried, widths.into_iter()).div_ceil(4);
-    let half = below(values, moved.iter().chain(&guides).copied()).0;
+    let half = transitive_cost(values, moved.iter().chain(&guides).copied()).0;
     let read = LOADS * f64::from(targets) + WEIGHTS + COMPARED * guides.len() as f64;
     Some(CarriedValues {
-        after: cut.total(items) + below(values, guides.iter().copied()).0 + read + half / 4.0,
+        after: cut.total(items)
+            + transitive_cost(values, guides.iter().copied()).0
+            + read
+            + half / 4.0,
         moved,
         guides,
         before,
@@ -306,7 +309,7 @@ fn guides(values: &Values<'_, '_>, moved: &[ValueId]) -> Vec<ValueId> {
             };
             width(values, id).is_some()
                 && is_always_run(values, context, at)
-                && below(values, std::iter::once(id)).0 <= MOST_GUIDE
+                && transitive_cost(values, std::iter::once(id)).0 <= MOST_GUIDE
         };
         if is_fit(part) {
             found.push((part, image, context));

@@ -8,7 +8,7 @@ use super::pack::{self, Load, VaryingSlot};
 use crate::analysis::contraction::Pruned;
 use crate::analysis::cut::{self, Cut, Item};
 use crate::analysis::reach::with_operands;
-use crate::analysis::transitive_cost::below;
+use crate::analysis::transitive_cost::transitive_cost;
 use crate::analysis::values::{Node, ValueId, Values};
 use preshade_dataflow::graph::rate::Interpolated;
 
@@ -174,7 +174,7 @@ fn cut_at(
         })
         .collect();
     let slots = pack::pack(&loads, kept.len(), limit)?;
-    let (vertex, read) = below(values, carried.iter().map(|(id, _)| *id));
+    let (vertex, read) = transitive_cost(values, carried.iter().map(|(id, _)| *id));
     Some(CarriedValues {
         after: cut.total(items),
         carried,

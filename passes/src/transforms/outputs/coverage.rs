@@ -56,7 +56,7 @@ pub(crate) fn dropped(opaque: &Opaque<'_>, follows: &[String]) -> Result<Option<
                 false => stage.coordinates(),
                 true => stage.conditions().map_err(|at| unclear(&stage, at))?,
             };
-            (without(&stage, fragment, &changes), told(&stage, &changes))
+            (without(&stage, fragment, &changes), notes(&stage, &changes))
         };
         if !told.is_empty() {
             let rebuilt = program.with_module(module);
@@ -130,7 +130,7 @@ fn without(stage: &Stage<'_, '_>, fragment: usize, changes: &Changes) -> Module 
     module
 }
 
-fn told(stage: &Stage<'_, '_>, changes: &Changes) -> Vec<String> {
+fn notes(stage: &Stage<'_, '_>, changes: &Changes) -> Vec<String> {
     changes
         .iter()
         .map(|((context, e), instead)| {

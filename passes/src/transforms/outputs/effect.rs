@@ -46,7 +46,7 @@ pub(crate) fn slip(params: &OutputsParams) -> Option<Misnamed> {
 
 /// The first parameter that has no effect, and what it needs.
 fn without_effect(params: &OutputsParams) -> Option<(&'static str, &'static str)> {
-    let asked = params.asked();
+    let asked = params.requested();
     let has = |of: &Asked| asked.contains(of);
     let has_faces = params.faces.is_some();
     let from_light = has(&Asked::Shadow) || has(&Asked::Distance);

@@ -206,7 +206,7 @@ pub(crate) fn extend(
         host_loose: None,
     };
     let first = [extending.free_location(), extending.free_attribute()];
-    let wanted = extending.apart(wanted)?;
+    let wanted = extending.separate(wanted)?;
     let varyings = extending.vertex_stage(&wanted)?;
     let (fragment, formats) = extending.fragment_stage(&wanted, &varyings)?;
     let program = opaque.program.with_module(extending.module);

@@ -41,10 +41,13 @@ pub(crate) fn misnamed(opaque: &Opaque<'_>, params: &OutputsParams) -> Option<Mi
             known,
         })
     };
-    let named = params.asked().into_iter().filter_map(|asked| match asked {
-        Asked::Named(name) => Some(name),
-        _ => None,
-    });
+    let named = params
+        .requested()
+        .into_iter()
+        .filter_map(|asked| match asked {
+            Asked::Named(name) => Some(name),
+            _ => None,
+        });
     let mut named = named
         .chain(params.normal.clone())
         .chain(params.position.clone());

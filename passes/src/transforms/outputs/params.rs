@@ -220,7 +220,7 @@ impl OutputsParams {
     }
 
     /// The words of `write`, each once.
-    pub fn asked(&self) -> Vec<Asked> {
+    pub fn requested(&self) -> Vec<Asked> {
         let mut found = Vec::new();
         for word in list(Some(&self.write)) {
             let asked = match word {

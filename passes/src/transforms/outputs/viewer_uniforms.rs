@@ -8,7 +8,7 @@ use crate::analysis::view::{self, Said};
 use preshade_plan::pass::{Misnamed, Refusal};
 
 /// What the words of `viewer` say. A word with a minus sign in front names a uniform that stays.
-pub(crate) fn said(module: &Module, viewer: Option<&str>) -> Result<Said, Box<Refusal>> {
+pub(crate) fn parse(module: &Module, viewer: Option<&str>) -> Result<Said, Box<Refusal>> {
     let mut said = Said::default();
     for word in list(viewer) {
         let (name, found) = match word.strip_prefix('-') {

@@ -74,7 +74,7 @@ pub(crate) fn position(
     let mut products = Vec::new();
     let mut seen = vec![false; values.values.len()];
     for value in &positions {
-        search.below(*value, &mut seen, &mut products);
+        search.innermost_products(*value, &mut seen, &mut products);
     }
     let [(product, at)] = products[..] else {
         return Err(match products.is_empty() {
@@ -112,7 +112,12 @@ impl Search<'_, '_, '_> {
     }
 
     /// The innermost products with matrices of the view that a value is computed from.
-    fn below(&self, value: ValueId, seen: &mut [bool], found: &mut Vec<(Product, ValueId)>) {
+    fn innermost_products(
+        &self,
+        value: ValueId,
+        seen: &mut [bool],
+        found: &mut Vec<(Product, ValueId)>,
+    ) {
         let mut work = vec![value];
         while let Some(value) = work.pop() {
             if std::mem::replace(&mut seen[value], true) {
@@ -127,7 +132,7 @@ impl Search<'_, '_, '_> {
             if self.is_dependent(product.context, product.vector)
                 && let Some(vector) = self.values.named(product.context, product.vector)
             {
-                self.below(vector, seen, &mut inner);
+                self.innermost_products(vector, seen, &mut inner);
             }
             match inner.is_empty() {
                 true => found.push((product, value)),

@@ -15,7 +15,7 @@ use crate::analysis::loops::{LoopEnds, iterated};
 use crate::analysis::reach::{with_operands, with_users};
 use crate::analysis::rounding::Roundings;
 use crate::analysis::subnormal;
-use crate::analysis::transitive_cost::{below, is_cheap};
+use crate::analysis::transitive_cost::{is_cheap, transitive_cost};
 use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use preshade_dataflow::graph::rate::Rate;
 use preshade_plan::pass::SourceRange;
@@ -332,7 +332,8 @@ fn choice(
     if moved.is_empty() || (!is_exact && judged.roundings.together(&rounded, anew) > judged.most) {
         return None;
     }
-    let roundings = below(values, rounded.iter().copied()).0.ceil() as u32 + anew.len() as u32;
+    let roundings =
+        transitive_cost(values, rounded.iter().copied()).0.ceil() as u32 + anew.len() as u32;
     Some(StoredValues {
         moved: stored(values, moved.clone()),
         class: match is_exact {
@@ -342,7 +343,7 @@ fn choice(
         roundings,
         before,
         after,
-        once: below(values, moved.into_iter()).0,
+        once: transitive_cost(values, moved.into_iter()).0,
     })
 }
 

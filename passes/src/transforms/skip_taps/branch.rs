@@ -51,7 +51,7 @@ impl<'p> CopyFunction<'p> for TermCopier<'_, 'p> {
     fn emit(&mut self, range: naga::Range<Expression>, span: Span) {
         for e in range {
             match self.late.contains_key(&e) {
-                true => self.ahead(e),
+                true => self.evaluate_gradients(e),
                 false => self.evaluate(e),
             }
         }
@@ -114,7 +114,7 @@ impl<'a, 'p> TermCopier<'a, 'p> {
     }
 
     /// Evaluates the gradients of an implicit sample, before the branch.
-    fn ahead(&mut self, e: Handle<Expression>) {
+    fn evaluate_gradients(&mut self, e: Handle<Expression>) {
         let Expression::ImageSample {
             coordinate,
             level: SampleLevel::Auto,

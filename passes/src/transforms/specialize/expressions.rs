@@ -146,7 +146,7 @@ impl<'p> Folder<'p> {
             let copy = match self.held_as(frame, e, same) {
                 Some(ty) if !ahead => {
                     frame.flush(out);
-                    held(frame, e, same, ty)
+                    read_variable(frame, e, same, ty)
                 }
                 _ => frame.mapped(same),
             };
@@ -592,7 +592,7 @@ fn is_constant(function: &Function, e: Handle<Expression>) -> bool {
 }
 
 /// Reads a constant from a variable in place of `e`.
-fn held(
+fn read_variable(
     frame: &mut FoldFrame<'_>,
     e: Handle<Expression>,
     constant: Handle<Expression>,

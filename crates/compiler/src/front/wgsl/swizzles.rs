@@ -14,7 +14,7 @@ pub(super) type Replaced = Vec<(Range<usize>, String)>;
 
 /// The statement that assigns to `target`, and a block that assigns to one component after the
 /// other. In the head of a `for`, which holds no block, a loop that holds the statement.
-pub(super) fn apart(text: &str, target: Range<usize>) -> Option<Replaced> {
+pub(super) fn assign_components(text: &str, target: Range<usize>) -> Option<Replaced> {
     let tokens = tokens(text);
     if let Some(at) = head_around(&tokens, target.start) {
         return without_head(text, &tokens[at..]);

@@ -71,7 +71,7 @@ impl Extending<'_, '_> {
                 let ty = self.ty(value.inner.clone());
                 let function = &mut self.module.entry_points[fragment].function;
                 let variable = LocalVariable {
-                    name: Some(kept(value)),
+                    name: Some(variable_name(value)),
                     ty,
                     init: None,
                 };
@@ -140,12 +140,12 @@ impl Extending<'_, '_> {
     /// A private variable for a value of a function.
     fn private(&mut self, value: &Authored) -> Handle<GlobalVariable> {
         let ty: Handle<Type> = self.ty(value.inner.clone());
-        variable::private(&mut self.module, &kept(value), ty, None)
+        variable::private(&mut self.module, &variable_name(value), ty, None)
     }
 }
 
 /// The name of a variable that keeps a value.
-fn kept(value: &Authored) -> String {
+fn variable_name(value: &Authored) -> String {
     let is_word = |c: char| c.is_ascii_alphanumeric() || c == '_';
     let last = value.name.rsplit('.').next().unwrap_or_default();
     match !last.is_empty() && last.chars().all(is_word) {

@@ -11,7 +11,7 @@ use preshade_dataflow::graph::FunctionId;
 
 impl Extending<'_, '_> {
     /// The wanted values, in functions that only their own calls run.
-    pub(super) fn apart(&mut self, wanted: &[Wanted]) -> Result<Vec<Wanted>, Failed> {
+    pub(super) fn separate(&mut self, wanted: &[Wanted]) -> Result<Vec<Wanted>, Failed> {
         let mut wanted = wanted.to_vec();
         let mut fragment: Vec<&mut Authored> = Vec::new();
         let mut vertex: Vec<&mut Authored> = Vec::new();

@@ -93,7 +93,7 @@ impl Search<'_, '_, '_> {
 
     /// The value that a value is without any operation.
     fn root(&mut self, value: At) -> Option<At> {
-        match self.rest(value) {
+        match self.remainder(value) {
             Rest::Author(author) => author.root,
             _ => None,
         }
@@ -185,7 +185,7 @@ impl Search<'_, '_, '_> {
         for (_, value) in &returns {
             let rest = match of {
                 Some(of) => self.component(*value, of),
-                None => self.rest(*value),
+                None => self.remainder(*value),
             };
             match rest {
                 Rest::Author(author) => {
@@ -261,7 +261,7 @@ impl Search<'_, '_, '_> {
         let (context, e) = base;
         let f = self.stage.f(context);
         let module = self.stage.values.graph.module();
-        let whole = |search: &mut Self| match search.rest(base) {
+        let whole = |search: &mut Self| match search.remainder(base) {
             Rest::Author(author) => Rest::Author(Author {
                 root: None,
                 ..author
@@ -278,7 +278,7 @@ impl Search<'_, '_, '_> {
                         _ => 1,
                     };
                     if of.iter().copied().eq(at..at + count) {
-                        return self.rest((context, *component));
+                        return self.remainder((context, *component));
                     }
                     at += count;
                 }

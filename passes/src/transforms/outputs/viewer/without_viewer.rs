@@ -67,7 +67,7 @@ pub(super) fn of(stage: &Stage<'_, '_>, at: At, mode: Mode) -> Rest {
         open: BTreeSet::new(),
         looked_at: 0,
     };
-    search.rest(at)
+    search.remainder(at)
 }
 
 pub(super) struct Search<'s, 'g, 'p> {
@@ -79,7 +79,7 @@ pub(super) struct Search<'s, 'g, 'p> {
 }
 
 impl Search<'_, '_, '_> {
-    pub(super) fn rest(&mut self, at: At) -> Rest {
+    pub(super) fn remainder(&mut self, at: At) -> Rest {
         if !self.stage.depends(at) {
             return Rest::Author(Author {
                 root: Some(self.stage.origin(at)),
@@ -170,7 +170,7 @@ impl Search<'_, '_, '_> {
                 self.lifted(at, rest)
             }
             Expression::FunctionArgument(i) => match self.stage.argument(context, *i) {
-                Some(outer) => self.rest(outer),
+                Some(outer) => self.remainder(outer),
                 None => self.wall(at),
             },
             _ => self.wall(at),
@@ -209,7 +209,7 @@ impl Search<'_, '_, '_> {
     fn operand(&mut self, of: At, operand: At) -> Rest {
         match self.mode == Mode::Coordinates && !self.is_alike(of, operand) {
             true => Rest::Nothing,
-            false => self.rest(operand),
+            false => self.remainder(operand),
         }
     }
 
@@ -218,7 +218,7 @@ impl Search<'_, '_, '_> {
         if at.0 != value.0 || !self.is_alike(at, value) {
             return self.wall(at);
         }
-        match self.rest(value) {
+        match self.remainder(value) {
             Rest::Author(mut author) => {
                 author.changes.insert(at, Instead::Other(value.1));
                 author.joined = author.joined.max(joined);
@@ -236,7 +236,7 @@ impl Search<'_, '_, '_> {
                 base |= self.stage.is_varying(*operand);
                 continue;
             }
-            match self.rest(*operand) {
+            match self.remainder(*operand) {
                 Rest::Author(author) => {
                     base = true;
                     all.joined = all.joined.max(author.joined);
@@ -441,7 +441,7 @@ impl Search<'_, '_, '_> {
             if is_free && !self.is_base(value) {
                 continue;
             }
-            match self.rest(value) {
+            match self.remainder(value) {
                 Rest::Author(author) => found.push((value, author.root)),
                 Rest::Nothing => {}
                 Rest::Unclear => return Rest::Unclear,
