@@ -7,7 +7,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use preshade_compiler::command::agree::{
     Compared, Cost, FailOn, Side, breaks, compare, parse_class,
 };
-use preshade_compiler::command::agreed::{Pair, Report};
+use preshade_compiler::command::agree_text::{Pair, Report};
 use preshade_compiler::recipe::Recipe;
 use preshade_lab::measure::Beside;
 use preshade_plan::mapping::Equation;

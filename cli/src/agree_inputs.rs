@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use preshade_compiler::command::agree::class_named;
-use preshade_compiler::command::agreed::Waiver;
+use preshade_compiler::command::agree_text::Waiver;
 use preshade_plan::mapping::Equation;
 use preshade_validate::agree::Relation;
 use serde::Deserialize;

@@ -5,7 +5,7 @@ use std::ops::ControlFlow;
 use preshade_compiler::command::explain::{
     self, Explained, Explanation, Order, every_step, explain,
 };
-use preshade_compiler::command::explained;
+use preshade_compiler::command::explain_text;
 use preshade_compiler::command::rewrite::draws_depth_alone;
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
@@ -70,7 +70,7 @@ pub fn largest_saving(shader: &ShaderArgs, drawn: &[&str]) -> Result<Option<Stri
     for plan in &materials.asked {
         let (known, frame) = (&materials.known, &materials.frame);
         let explained = explain(plan, &steps, known, frame, &[], Order::Apart);
-        let Some((step, share)) = explained::largest(&explained, drawn) else {
+        let Some((step, share)) = explain_text::largest(&explained, drawn) else {
             continue;
         };
         if best.as_ref().is_none_or(|(_, most)| share > *most) {
@@ -128,8 +128,8 @@ pub fn run(args: &ExplainArgs) -> Result<Ending, Failure> {
         if args.format == Format::Human {
             let between = if materials.is_empty() { "" } else { "\n" };
             let text = match args.verbose || !args.passes.is_empty() {
-                true => explained::all(&explained, plan),
-                false => explained::brief(&explained),
+                true => explain_text::all(&explained, plan),
+                false => explain_text::brief(&explained),
             };
             output::data(&format!("{between}{text}"))?;
         }

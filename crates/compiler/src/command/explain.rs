@@ -448,7 +448,7 @@ mod tests {
     use preshade_plan::plan::{Site, SiteCost};
 
     use super::*;
-    use crate::command::explained;
+    use crate::command::explain_text;
 
     fn pass(name: &str, ops: f64) -> PassExplained {
         PassExplained {
@@ -492,7 +492,7 @@ mod tests {
             ],
             frequencies: Vec::new(),
         };
-        let told = |drawn: &[&str]| explained::largest(&explained, drawn).map(|(step, _)| step);
+        let told = |drawn: &[&str]| explain_text::largest(&explained, drawn).map(|(step, _)| step);
         assert_eq!(
             told(&["early-alpha"]).as_deref(),
             Some("hoist, which saves 20 of 100 ops of the fragment stage (20 %)")

@@ -3,9 +3,9 @@
 //! reads a flag or a file.
 
 pub mod agree;
-pub mod agreed;
+pub mod agree_text;
 pub mod explain;
-pub mod explained;
+pub mod explain_text;
 pub mod material;
 pub mod passes;
 pub mod refusal;

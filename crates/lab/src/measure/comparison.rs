@@ -10,7 +10,7 @@ use super::record::{Picture, Pictures};
 use super::{
     Clock, Error, ErrorLadder, Estimate, FrameTime, Session, TimingSettings, compare, time,
 };
-use preshade_compiler::command::agreed::Drawn;
+use preshade_compiler::command::agree_text::Drawn;
 use preshade_draw::render::{self, Gpu, Rendered, ShaderForm};
 use preshade_draw::scene::{DrawOrder, Frame, Scene};
 use preshade_scenes::{StandIn, stand_in};

@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 use preshade_compiler::command::agree::{
     Compared, Cost, FailOn, Side, breaks, compare, parse_class,
 };
-use preshade_compiler::command::agreed::{Pair, Report};
+use preshade_compiler::command::agree_text::{Pair, Report};
 use preshade_plan::mapping::Equation;
 use shader_text::nearest::unknown;
 use shader_text::options::ClipSpace;

@@ -1,7 +1,7 @@
 //! `explain`.
 
 use preshade_compiler::command::explain::{Explanation, explain, steps};
-use preshade_compiler::command::explained;
+use preshade_compiler::command::explain_text;
 use preshade_plan::pass::Facts;
 
 use crate::request::Explain;
@@ -17,8 +17,8 @@ pub fn answer(asked: &Explain) -> Result<Answer<Explanation>, Failure> {
     recipe.check_names(frame).map_err(|e| usage(&e))?;
     let material = explain(&plan, &steps, &Facts::default(), frame, &[], order);
     let text = match asked.verbose || !recipe.steps.is_empty() {
-        true => explained::all(&material, &plan),
-        false => explained::brief(&material),
+        true => explain_text::all(&material, &plan),
+        false => explain_text::brief(&material),
     };
     let explanation = Explanation::from(vec![material]);
     let stdout = match asked.format {
