@@ -3,8 +3,8 @@
 //!
 //! ```no_run
 //! // build.rs
-//! fn main() -> Result<(), crate::build_script::BuildError> {
-//!     crate::build_script::configure().pass("depth-prepass").compile("shaders/lit.wgsl")
+//! fn main() -> Result<(), preshade_compiler::build_script::BuildError> {
+//!     preshade_compiler::build_script::configure().pass("depth-prepass").compile("shaders/lit.wgsl")
 //! }
 //! ```
 //!

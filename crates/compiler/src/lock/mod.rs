@@ -8,10 +8,11 @@
 //! reports a mismatch, ship the original.
 //!
 //! ```
-//! use crate::lock::{Inputs, Lock, Locked};
-//! use crate::front::{Options, Source, parse};
-//! use preshade_passes::{pass::Facts, plan::Plan, state::MaterialState};
-//! use crate::recipe::Recipe;
+//! use preshade_compiler::lock::{Inputs, Lock, Locked};
+//! use preshade_compiler::front::{Source, parse};
+//! use shader_text::options::Options;
+//! use preshade_plan::{pass::Facts, plan::Plan, state::MaterialState};
+//! use preshade_compiler::recipe::Recipe;
 //!
 //! let text = "@vertex fn vs(@location(0) p: vec4<f32>) -> @builtin(position) vec4<f32> { return p; }
 //!             @fragment fn fs() -> @location(0) vec4<f32> { return vec4<f32>(1.0); }";
