@@ -10,18 +10,18 @@
 use std::hint::black_box;
 use std::time::Instant;
 
-use preshade_compiler::emit::{self, Options, Target};
+use preshade_compiler::emit::{self, Options};
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_dataflow::graph::Graph;
 use preshade_geometry::examples;
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use preshade_plan::program::Program;
 use preshade_plan::state::MaterialState;
 use shader_text::error::Color;
-use shader_text::files;
-use shader_text::options;
+use shader_text::{files, options};
 
 type Result<T> = std::result::Result<T, Box<dyn std::error::Error>>;
 

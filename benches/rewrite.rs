@@ -11,7 +11,7 @@
 use std::path::{Path, PathBuf};
 use std::time::Instant;
 
-use preshade_compiler::emit::{self, Options, Target};
+use preshade_compiler::emit::{self, Options};
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_dataflow::graph::Graph;
@@ -19,6 +19,7 @@ use preshade_passes::transforms::hoist::movable::Finite;
 use preshade_passes::transforms::hoist::{self, Candidates, Hoist, HoistStages};
 use preshade_plan::pass::{Facts, Pass, Refusal};
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::MaterialState;
 use shader_text::error::Color;
 use shader_text::options;

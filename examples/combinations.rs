@@ -22,13 +22,14 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::render::{AdapterChoice, Gpu};
 use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_geometry::visibility_buffer;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade_plan::contract::{Contract, Verdict};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_scenes::ShaderForm;
 use preshade_validate::Effort;
 use preshade_validate::inputs::Random;
 

@@ -18,12 +18,11 @@ use std::path::{Path, PathBuf};
 use std::process::ExitCode;
 
 use image::{RgbImage, imageops};
-use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::render::{AdapterChoice, Gpu};
 use preshade_draw::scene::DrawOrder;
 use preshade_lab::measure::Session;
-use preshade_scenes::Access;
-use preshade_scenes::Shading;
-use preshade_scenes::Variables;
+use preshade_scenes::ShaderForm;
+use preshade_scenes::{Access, Shading, Variables};
 
 fn main() -> ExitCode {
     let mut arguments = std::env::args().skip(1);

@@ -37,8 +37,6 @@
 #[cfg(feature = "compiler")]
 pub use preshade_compiler::build_script::{self, compile, configure};
 #[cfg(feature = "compiler")]
-pub use preshade_compiler::emit::Target;
-#[cfg(feature = "compiler")]
 pub use preshade_compiler::front::Source;
 #[cfg(feature = "compiler")]
 pub use preshade_compiler::pipeline::{Output, Shader, Skipped, rewrite};
@@ -50,6 +48,8 @@ pub use preshade_plan::contract::Contract;
 pub use preshade_plan::pass::{Facts, Refusal};
 #[cfg(feature = "compiler")]
 pub use preshade_plan::plan::{BindingSource, BindingUse, GpuPass, Plan};
+#[cfg(feature = "compiler")]
+pub use preshade_plan::plan_file::Target;
 #[cfg(feature = "compiler")]
 pub use preshade_plan::state::{ColorTarget, CullMode, MaterialState};
 #[cfg(feature = "compiler")]

@@ -7,7 +7,7 @@ use std::time::Duration;
 
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::render::{AdapterChoice, Gpu};
 use preshade_draw::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene, Value};
 use preshade_lab::measure::{self, Estimate, Session, TimingSettings};
 use preshade_plan::pass::Facts;
@@ -16,6 +16,7 @@ use preshade_plan::plan::{
 };
 use preshade_plan::reflect;
 use preshade_plan::state::{CompareFunction, CullMode, DepthBias, MaterialState};
+use preshade_scenes::ShaderForm;
 use serde::Serialize;
 use shader_text::options::Options;
 

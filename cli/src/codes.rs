@@ -17,6 +17,7 @@ use crate::Failure;
 fn infos() -> impl Iterator<Item = &'static RefusalInfo> {
     let errors = [
         shader_text::codes::REFUSALS,
+        preshade_plan::codes::REFUSALS,
         emit::codes::REFUSALS,
         lock::codes::REFUSALS,
         scene::codes::REFUSALS,

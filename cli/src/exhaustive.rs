@@ -3,7 +3,7 @@
 use std::path::Path;
 
 use clap::CommandFactory;
-use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm, cards};
+use preshade_draw::render::{AdapterChoice, Gpu, cards};
 use preshade_draw::scene::Scene;
 use preshade_lab::jobs::{EVERY, Exhaustive, Kind, Outcome, Results, adapter_id};
 use preshade_lab::measure::{self, Session};
@@ -12,6 +12,7 @@ use preshade_lab::search::plan::model::Observation;
 use preshade_lab::search::{candidates, plan as decide};
 use preshade_plan::budget::Budget;
 use preshade_plan::pass::Facts;
+use preshade_scenes::ShaderForm;
 use shader_text::files;
 
 use crate::evaluate::{self, Settings};

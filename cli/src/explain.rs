@@ -8,12 +8,13 @@ use preshade_compiler::command::explain::{
 use preshade_compiler::command::explain_text;
 use preshade_compiler::command::rewrite::draws_depth_alone;
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::render::{AdapterChoice, Gpu};
 use preshade_draw::scene::Scene;
 use preshade_lab::measure::{self, Detail, Session};
 use preshade_passes::transforms::specialize::SpecializeParams;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_scenes::ShaderForm;
 
 use crate::input::{Materials, ShaderArgs};
 use crate::view::ViewArgs;

@@ -6,13 +6,14 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use preshade_draw::render::{self, AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::render::{self, AdapterChoice, Gpu};
 use preshade_draw::scene::DrawOrder;
 use preshade_lab::search::explore::{self, Journal, Settings};
 use preshade_lab::{measure, report};
 use preshade_passes::transforms::specialize::SpecializeParams;
 use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::contract::Verdict;
+use preshade_scenes::ShaderForm;
 use shader_text::files::File;
 use shader_text::limits::Limits;
 

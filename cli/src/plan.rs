@@ -9,7 +9,7 @@ use preshade_compiler::command::explain::EffectUse;
 use preshade_compiler::command::rewrite;
 use preshade_compiler::emit;
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::render::{AdapterChoice, Gpu};
 use preshade_draw::scene::{DrawOrder, Rows, Scene};
 use preshade_lab::measure::{self, Detail, Session, TimingSettings, Variant};
 use preshade_lab::report;
@@ -21,6 +21,8 @@ use preshade_passes::transforms::specialize;
 use preshade_plan::budget::Budget;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
+use preshade_scenes::ShaderForm;
 use shader_text::{files, regular};
 
 use crate::input::{self, FrameArgs, ShaderArgs, unread};
@@ -494,10 +496,10 @@ pub fn prepare(
 /// fractions of a pixel, which a smaller attachment needs.
 fn writable(
     mut recipes: Vec<Recipe>,
-    target: emit::Target,
+    target: Target,
     (session, facts): (&Session<'_>, &Facts),
 ) -> Vec<Recipe> {
-    if !matches!(target, emit::Target::GlslEs100 | emit::Target::GlslEs300) {
+    if !matches!(target, Target::GlslEs100 | Target::GlslEs300) {
         return recipes;
     }
     recipes.retain(|recipe| {

@@ -7,7 +7,7 @@ use std::collections::BTreeMap;
 use std::sync::Mutex;
 use std::sync::atomic::{AtomicUsize, Ordering};
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::recipe::{Recipe, RecipeError};
 use preshade_draw::render::{AdapterReport, Gpu};
 use preshade_draw::scene::Scene;
@@ -21,6 +21,7 @@ use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::contract::{Contract, Verdict};
 use preshade_plan::pass::{Facts, Pass};
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use preshade_scenes::Variables;
 use serde::{Deserialize, Serialize};
 

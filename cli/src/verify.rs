@@ -9,7 +9,7 @@ use preshade_compiler::command::rewrite;
 use preshade_compiler::parameters::parameters;
 use preshade_compiler::recipe::Recipe;
 use preshade_compiler::sweep::Sweep;
-use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::render::{AdapterChoice, Gpu};
 use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_geometry::{examples, pass_named};
 use preshade_lab::measure::crossover::{Point, Series};
@@ -19,6 +19,7 @@ use preshade_lab::report;
 use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
+use preshade_scenes::ShaderForm;
 use preshade_scenes::Variables;
 
 use crate::explain::largest_saving;

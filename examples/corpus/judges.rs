@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 use std::process::Command;
 
-use preshade_compiler::emit::Target;
+use preshade_plan::plan_file::Target;
 
 use crate::file_name;
 use crate::reflection_support::{self, Interface};

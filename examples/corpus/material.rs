@@ -3,13 +3,14 @@
 use std::collections::{BTreeSet, HashSet};
 use std::path::{Path, PathBuf};
 
-use preshade_compiler::emit::{self, PlanFile, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{self, Code, Options, Source};
 use preshade_compiler::pipeline;
 use preshade_compiler::recipe::Step;
 use preshade_geometry::PASSES;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{BindingSource, Plan};
+use preshade_plan::plan_file::{PlanFile, Target};
 use preshade_plan::state::MaterialState;
 use shader_text::files::{self, File};
 

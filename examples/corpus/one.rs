@@ -3,8 +3,9 @@
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{self, Options, Source};
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::MaterialState;
 
 /// The files' sources. Bytes that are neither text nor SPIR-V are replaced.

@@ -5,12 +5,13 @@ use std::path::{Path, PathBuf};
 
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{SelfTestResult, ShaderForm};
+use preshade_draw::render::SelfTestResult;
 use preshade_draw::scene::Scene;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, record};
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Use;
 use preshade_plan::state::MaterialState;
+use preshade_scenes::ShaderForm;
 use shader_text::error::Color;
 use shader_text::options::Options;
 

@@ -3,9 +3,9 @@
 use std::fs;
 
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::ShaderForm;
 use preshade_frames::folder::Capture;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
+use preshade_scenes::ShaderForm;
 use preshade_scenes::capture::{self, Choice, check};
 use shader_text::limits::Limits;
 

@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{SceneInputs, ShaderForm};
+use preshade_draw::render::SceneInputs;
 use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_lab::measure::{Session, TimingSettings};
 use preshade_lab::search::plan::assign::{Assignment, FramePredictor, Taken};
@@ -20,6 +20,7 @@ use preshade_lab::search::plan::{
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Facts;
 use preshade_plan::state::{ColorTarget, CompareFunction, DepthDirection, DepthFormat};
+use preshade_scenes::ShaderForm;
 
 use crate::render_support::*;
 

@@ -6,7 +6,7 @@ use std::path::Path;
 use std::time::Duration;
 
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::render::{AdapterChoice, Gpu};
 use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_lab::measure::record::Unfinished;
 use preshade_lab::measure::{self, Detail, Session, Settings, Timed, TimingSettings, verify};
@@ -16,6 +16,7 @@ use preshade_lab::search::explore::{
 use preshade_plan::budget::Metric;
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Facts;
+use preshade_scenes::ShaderForm;
 
 /// One of its own: it is lost.
 fn gpu() -> Gpu {

@@ -4,7 +4,7 @@
 use std::path::Path;
 
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant};
+use preshade_draw::render::{FrameSettings, Prepared, Rendered, SceneInputs};
 use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_lab::measure::{self, Counter, ErrorLadder, counting};
 use preshade_passes::transforms::early_discard::PREPASS_PACKED;
@@ -13,6 +13,7 @@ use preshade_plan::contract::Contract;
 use preshade_plan::pass::{Facts, Refusal};
 use preshade_plan::plan::{AttachmentFormat, BindingSource, ClearValue, Plan, Role};
 use preshade_plan::state::{CompareFunction, DepthBias, DepthDirection, DepthFormat};
+use preshade_scenes::ShaderForm;
 
 use crate::render_support::{gpu, planes, with_depth, with_samples};
 use preshade_lab::measure::originals;
@@ -84,7 +85,7 @@ fn transformed(scene: &Scene, recipe: &str) -> Vec<Plan> {
 
 fn draw(scene: &Scene, plans: &[Plan], form: ShaderForm) -> Vec<Rendered> {
     let inputs = SceneInputs::new(gpu(), scene).unwrap();
-    let variant = Variant::new(plans, form).unwrap();
+    let variant = preshade_scenes::variant(plans, form).unwrap();
     let mut prepared = Prepared::new(&inputs, &variant, &FrameSettings::of(scene)).unwrap();
     let mut pictures = Vec::new();
     for (_, frame) in scene.frames() {
@@ -257,7 +258,7 @@ fn lanes_with_gradients_taken_first_need_a_budget() {
     let plan = apply(original, "early-discard:quad=lane,budget=0.02").unwrap();
     let files = preshade_compiler::emit::emit(
         &plan,
-        &[preshade_compiler::emit::Target::Wgsl],
+        &[preshade_plan::plan_file::Target::Wgsl],
         &preshade_compiler::emit::Options::default(),
     )
     .unwrap();
@@ -489,7 +490,8 @@ fn it_saves_where_the_hardware_cannot_test_early() {
 
 #[test]
 fn packed_depth_is_for_webgl() {
-    use preshade_compiler::emit::{self, Target};
+    use preshade_compiler::emit;
+    use preshade_plan::plan_file::{PlanFile, Target};
     let scene = scene("frag-depth.toml");
     for plan in transformed(&self::scene("simple.toml"), "early-discard:texture=packed") {
         let files = emit::emit(&plan, &[Target::GlslEs300], &emit::Options::default()).unwrap();
@@ -505,7 +507,7 @@ fn packed_depth_is_for_webgl() {
         // Without fine derivatives a vote shields nobody: the form says so, where there is somebody
         // to shield.
         let json = files.iter().find(|f| f.name.ends_with(".json")).unwrap();
-        let host: emit::PlanFile = serde_json::from_slice(&json.bytes).unwrap();
+        let host: PlanFile = serde_json::from_slice(&json.bytes).unwrap();
         let samples = text(".main.").contains("texture(");
         let weaker = host.forms.get(&Target::GlslEs300);
         assert_eq!(weaker.is_some(), samples, "{}", plan.material);

@@ -3,9 +3,10 @@
 
 use std::sync::OnceLock;
 
-use preshade_draw::render::{AdapterChoice, Gpu, ShaderForm};
+use preshade_draw::render::{AdapterChoice, Gpu};
 use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_lab::measure::{self, Session};
+use preshade_scenes::ShaderForm;
 
 use crate::render_support::{draw, material, scene};
 

@@ -7,9 +7,7 @@ use std::fmt::Write as _;
 use glam::{Mat4, Vec3};
 use naga_interp::{Environment, Scalar, Value};
 use preshade_compiler::front;
-use preshade_draw::render::{
-    ColorImage, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant,
-};
+use preshade_draw::render::{ColorImage, FrameSettings, Prepared, SceneInputs};
 use preshade_draw::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Light, Material, Mesh, Scene, Stream,
 };
@@ -17,6 +15,7 @@ use preshade_lab::measure::originals;
 use preshade_plan::state::{
     ColorTarget, CullMode, DepthDirection, DepthFormat, MaterialState, PrimitiveState,
 };
+use preshade_scenes::ShaderForm;
 use shader_text::options;
 
 use crate::render_support::gpu;
@@ -267,7 +266,7 @@ fn drawn(parsed: front::Parsed, size: [u32; 2]) -> ColorImage {
         },
     };
     let inputs = SceneInputs::new(gpu(), &scene).unwrap();
-    let variant = Variant::new(&originals(&scene), ShaderForm::Text).unwrap();
+    let variant = preshade_scenes::variant(&originals(&scene), ShaderForm::Text).unwrap();
     let mut prepared = Prepared::new(&inputs, &variant, &FrameSettings::of(&scene)).unwrap();
     prepared.aim(&scene.cameras[0].frames[0], DrawOrder::AsGiven);
     let mut colors = prepared.render().unwrap().colors.into_iter();

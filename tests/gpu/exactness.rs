@@ -5,9 +5,7 @@ use std::path::{Path, PathBuf};
 use std::sync::OnceLock;
 
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{
-    AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
-};
+use preshade_draw::render::{AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs};
 use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_geometry::examples;
 use preshade_lab::measure::{self, ErrorLadder, Session};
@@ -15,6 +13,7 @@ use preshade_plan::contract::Contract;
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{DepthBias, DepthDirection, DepthFormat};
+use preshade_scenes::ShaderForm;
 
 /// Sorted both ways, and as an unsorted host draws.
 const ORDERS: [DrawOrder; 3] = [
@@ -65,7 +64,7 @@ fn pictures(
     plans: &[Plan],
     form: ShaderForm,
 ) -> Vec<Rendered> {
-    let variant = Variant::new(plans, form).unwrap();
+    let variant = preshade_scenes::variant(plans, form).unwrap();
     let mut prepared = Prepared::new(inputs, &variant, &FrameSettings::of(scene)).unwrap();
     let mut pictures = Vec::new();
     for (_, frame) in scene.frames() {

@@ -6,7 +6,6 @@ use std::path::Path;
 use std::time::Duration;
 
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::ShaderForm;
 use preshade_draw::scene::Scene;
 use preshade_lab::search::explore::{
     Ended, Explored, Fate, Journal, Point, SearchStage, Settings, explore,
@@ -14,6 +13,7 @@ use preshade_lab::search::explore::{
 use preshade_lab::{measure, report};
 use preshade_plan::budget::Metric;
 use preshade_plan::contract::Verdict;
+use preshade_scenes::ShaderForm;
 
 use crate::render_support::gpu;
 

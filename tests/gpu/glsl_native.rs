@@ -4,14 +4,15 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::ShaderForm;
 use preshade_draw::scene::DrawOrder;
 use preshade_lab::measure;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::{self, Target};
 use preshade_plan::state::{CullMode, MaterialState};
+use preshade_scenes::ShaderForm;
 use preshade_scenes::synthesise;
 
 use crate::native::both::{self, Both, Difference};
@@ -217,7 +218,7 @@ fn difference_of_written(gl: &Native, path: &Path) -> Result<Difference, String>
     let (Some(vertex), Some(fragment)) = (text(".main.vert"), text(".main.frag")) else {
         return Err("no fragment stage".to_owned());
     };
-    let plan: emit::PlanFile = serde_json::from_str(&text(".plan.json").unwrap()).unwrap();
+    let plan: plan_file::PlanFile = serde_json::from_str(&text(".plan.json").unwrap()).unwrap();
     let needs_more = original.passes[0].features.iter().any(|f| !f.is_empty());
     let targets = &original.passes[0].targets;
     if needs_more || targets.len() != 1 {

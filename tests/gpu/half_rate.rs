@@ -4,14 +4,13 @@
 use std::path::Path;
 
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{
-    ColorImage, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant,
-};
+use preshade_draw::render::{ColorImage, FrameSettings, Prepared, SceneInputs};
 use preshade_draw::scene::Scene;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_scenes::ShaderForm;
 
 use crate::render_support::gpu;
 
@@ -27,7 +26,7 @@ fn load(name: &str, size: [u32; 2]) -> Scene {
 
 fn picture(scene: &Scene, plans: &[Plan]) -> ColorImage {
     let inputs = SceneInputs::new(gpu(), scene).unwrap();
-    let variant = Variant::new(plans, ShaderForm::Text).unwrap();
+    let variant = preshade_scenes::variant(plans, ShaderForm::Text).unwrap();
     let prepared = Prepared::new(&inputs, &variant, &FrameSettings::of(scene)).unwrap();
     inputs.set_frame(&scene.cameras[0].frames[0]).unwrap();
     let rendered = prepared.render().unwrap();
@@ -130,7 +129,8 @@ fn several_draws_of_a_material_are_told() {
     let mut scene = load("scenes/deferred.toml", SIZES[0]);
     scene.draws.push(scene.draws[0].clone());
     let inputs = SceneInputs::new(gpu(), &scene).unwrap();
-    let variant = Variant::new(&halved(&scene, "half-rate:budget=1"), ShaderForm::Text).unwrap();
+    let variant =
+        preshade_scenes::variant(&halved(&scene, "half-rate:budget=1"), ShaderForm::Text).unwrap();
     let error = Prepared::new(&inputs, &variant, &FrameSettings::of(&scene)).unwrap_err();
     assert!(
         error.to_string().contains("draws it several times"),

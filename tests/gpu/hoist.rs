@@ -5,12 +5,12 @@ use std::ops::ControlFlow;
 use std::path::Path;
 
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::ShaderForm;
 use preshade_draw::scene::Scene;
 use preshade_lab::measure::record::VariantReport;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::{Facts, Source};
+use preshade_scenes::ShaderForm;
 
 use crate::render_support::gpu;
 

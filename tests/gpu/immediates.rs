@@ -3,11 +3,11 @@
 use std::path::Path;
 
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::ShaderForm;
 use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, verify};
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Facts;
+use preshade_scenes::ShaderForm;
 
 use crate::render_support::gpu;
 

@@ -4,11 +4,11 @@
 use std::ops::ControlFlow;
 use std::path::Path;
 
-use preshade_draw::render::ShaderForm;
 use preshade_draw::scene::Scene;
 use preshade_lab::measure::{self, Detail, Session};
 use preshade_passes::transforms::hoist::{self, Hoist};
 use preshade_plan::pass::{Bound, Facts, Frequency, Pass};
+use preshade_scenes::ShaderForm;
 
 use crate::render_support::gpu;
 

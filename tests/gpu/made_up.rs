@@ -4,9 +4,9 @@
 use std::path::Path;
 
 use preshade_compiler::front::{self, Source};
-use preshade_draw::render::ShaderForm;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, record};
 use preshade_plan::state::MaterialState;
+use preshade_scenes::ShaderForm;
 use shader_text::error::Color;
 use shader_text::options::Options;
 

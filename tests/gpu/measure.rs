@@ -3,13 +3,14 @@
 use std::time::Duration;
 
 use glam::{Mat4, Vec3};
-use preshade_draw::render::{FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
+use preshade_draw::render::{FrameSettings, Prepared, SceneInputs};
 use preshade_draw::scene::{DrawOrder, Scene, Value};
 use preshade_lab::measure::error::ulps;
 use preshade_lab::measure::timing::estimate;
 use preshade_lab::measure::{self, CountProgram, Counter, Discarded, Session, TimingSettings};
 use preshade_plan::plan::{GpuPass, Plan};
 use preshade_plan::state::{ColorTarget, DepthDirection, DepthFormat};
+use preshade_scenes::ShaderForm;
 
 use crate::render_support::*;
 
@@ -234,7 +235,7 @@ fn timing_is_interleaved_positive_and_told_with_its_samples() {
     let gpu = gpu();
     let scene = planes([64, 64], 2);
     let inputs = SceneInputs::new(gpu, &scene).unwrap();
-    let variant = Variant::new(&originals(&scene), ShaderForm::Text).unwrap();
+    let variant = preshade_scenes::variant(&originals(&scene), ShaderForm::Text).unwrap();
     let settings = FrameSettings::of(&scene);
     let a = Prepared::new(&inputs, &variant, &settings).unwrap();
     let b = Prepared::new(&inputs, &variant, &settings).unwrap();
@@ -265,7 +266,7 @@ fn invocations_are_the_adapters_own_count() {
     let scene = planes([64, 64], 3);
     let inputs = SceneInputs::new(gpu, &scene).unwrap();
     let plans: Vec<Plan> = originals(&scene).iter().map(with_prepass).collect();
-    let variant = Variant::new(&plans, ShaderForm::Text).unwrap();
+    let variant = preshade_scenes::variant(&plans, ShaderForm::Text).unwrap();
     let prepared = Prepared::new(&inputs, &variant, &FrameSettings::of(&scene)).unwrap();
     let counted = measure::statistics::invocations(gpu, &prepared).unwrap();
     match counted {

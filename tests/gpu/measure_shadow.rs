@@ -4,7 +4,6 @@
 use std::path::Path;
 
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::ShaderForm;
 use preshade_draw::scene::{self, Scene};
 use preshade_lab::measure::record::VariantReport;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
@@ -12,6 +11,7 @@ use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{GpuPass, Phase};
 use preshade_plan::state::{DepthDirection, DepthFormat};
+use preshade_scenes::ShaderForm;
 
 use crate::render_support::*;
 

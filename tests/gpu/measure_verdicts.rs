@@ -6,7 +6,6 @@ use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::ShaderForm;
 use preshade_draw::scene::{self, Scene};
 use preshade_lab::measure::record::{Report, VariantReport};
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
@@ -15,6 +14,7 @@ use preshade_plan::contract::{Contract, Verdict};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{Blend, ColorTarget, CompareFunction, MaterialState};
+use preshade_scenes::ShaderForm;
 use shader_text::options;
 
 use crate::render_support::*;

@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use preshade_draw::render::ShaderForm;
 use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_lab::measure::{
     self, Session, Settings, Timed, TimingSettings, Variant, Verified, record, verify,
@@ -12,6 +11,7 @@ use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::contract::{Assumption, Contract, Surface, Turned, Verdict};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::CompareFunction;
+use preshade_scenes::ShaderForm;
 
 use crate::render_support::*;
 

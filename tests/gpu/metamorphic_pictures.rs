@@ -7,13 +7,13 @@ use std::path::Path;
 
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::ShaderForm;
 use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_geometry::examples;
 use preshade_lab::measure::record::VariantReport;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Use;
+use preshade_scenes::ShaderForm;
 use shader_text::options::Options;
 
 use crate::metamorphic_support::injection;

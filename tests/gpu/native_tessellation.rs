@@ -3,14 +3,16 @@
 
 use std::path::Path;
 
-use preshade_compiler::emit::{self, ClipSpace, PlanFile, Target};
+use preshade_compiler::emit::{self, ClipSpace};
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{ColorImage, DepthImage, Rendered, ShaderForm};
+use preshade_draw::render::{ColorImage, DepthImage, Rendered};
 use preshade_draw::scene::{DrawOrder, Scene, bind};
 use preshade_lab::measure;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::{PlanFile, Target};
 use preshade_plan::state::{CompareFunction, CullMode, FrontFace};
+use preshade_scenes::ShaderForm;
 
 use crate::native::{Attribute, Native, PatchDraw};
 use crate::render_support;

@@ -4,13 +4,13 @@
 use std::collections::{BTreeMap, BTreeSet};
 
 use glam::{DVec3, DVec4, Mat4, Vec3};
-use preshade_draw::render::ShaderForm;
 use preshade_draw::scene::{Draw, Scene, Value};
 use preshade_lab::measure::outputs::{self, MOST_LEFT_OUT, TOLERANCE};
 use preshade_lab::measure::{Session, Timed, originals, verify};
 use preshade_plan::contract::Verdict;
 use preshade_plan::plan::{BindingSource, Plan, Role};
 use preshade_plan::reflect;
+use preshade_scenes::ShaderForm;
 
 use crate::outputs_support::{
     Row, Subject, alone, drawn, drawn_after, earlier, fixtures, limited, load, moving_scenes,

@@ -6,12 +6,13 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
 use glam::{Mat4, Vec3};
-use preshade_compiler::emit::{self, PlanFile, Target};
+use preshade_compiler::emit;
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
+use preshade_draw::render::{self, FrameSettings, Prepared, Rendered, SceneInputs};
 use preshade_draw::scene::{DrawOrder, Scene, Stream, Value};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::{PlanFile, Target};
 use preshade_plan::state::{
     Blend, ColorTarget, CompareFunction, CullMode, DepthBias, DepthFormat, StencilFace,
     StencilOperation, StencilState,
@@ -692,7 +693,7 @@ fn files_of(case: Case, scene: &Scene) -> (Vec<Vec<File>>, usize) {
 
 fn draw_files(scene: &Scene, files: &[Vec<File>]) -> Result<Rendered, render::Error> {
     let inputs = SceneInputs::new(gpu(), scene)?;
-    let variant = Variant::from_files(files)?;
+    let variant = preshade_scenes::from_files(files)?;
     let mut prepared = Prepared::new(&inputs, &variant, &FrameSettings::of(scene))?;
     let frame = &scene.cameras[0].frames[0];
     prepared.aim(frame, DrawOrder::AsGiven);

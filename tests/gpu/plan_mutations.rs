@@ -5,11 +5,12 @@
 
 use std::collections::BTreeSet;
 
-use preshade_compiler::emit::{self, PlanFile, Target};
+use preshade_compiler::emit;
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{self, FrameSettings, Prepared, Rendered, SceneInputs, Variant};
+use preshade_draw::render::{self, FrameSettings, Prepared, Rendered, SceneInputs};
 use preshade_draw::scene::DrawOrder;
 use preshade_plan::pass::{Facts, Use};
+use preshade_plan::plan_file::{PlanFile, Target};
 use rayon::prelude::*;
 use serde_json::{Value as Json, json};
 use shader_text::files::File;
@@ -205,7 +206,7 @@ fn matches(pattern: &str, pointer: &str) -> bool {
 
 fn drawn(inputs: &SceneInputs<'_>, files: Vec<File>) -> Result<Rendered, render::Error> {
     let scene = inputs.scene();
-    let variant = Variant::from_files(&[files])?;
+    let variant = preshade_scenes::from_files(&[files])?;
     let mut prepared = Prepared::new(inputs, &variant, &FrameSettings::of(scene))?;
     prepared.aim(&scene.cameras[0].frames[0], DrawOrder::AsGiven);
     prepared.render()

@@ -6,17 +6,17 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
 
-use preshade_compiler::emit::{self, PlanFile, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{
-    AdapterChoice, Error, FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant,
-};
+use preshade_draw::render::{AdapterChoice, Error, FrameSettings, Gpu, Prepared, SceneInputs};
 use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_lab::measure;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::{PlanFile, Target};
 use preshade_plan::state::{ColorTarget, MaterialState};
+use preshade_scenes::ShaderForm;
 use preshade_scenes::synthesise;
 use shader_text::options;
 
@@ -71,7 +71,7 @@ fn recipe(scene: &Scene, steps: &[&str]) -> Vec<Plan> {
 fn draw(scene: &Scene, plans: &[Plan], needs: &Needs) -> Result<(), Error> {
     let gpu = Gpu::with_needs(&AdapterChoice::Best, &needs.features, &needs.limits)?;
     let inputs = SceneInputs::new(&gpu, scene)?;
-    let variant = Variant::new(plans, ShaderForm::Text)?;
+    let variant = preshade_scenes::variant(plans, ShaderForm::Text)?;
     let mut prepared = Prepared::new(&inputs, &variant, &FrameSettings::of(scene))?;
     let (_, frame) = scene.frames().next().unwrap();
     inputs.set_frame(frame)?;

@@ -2,12 +2,13 @@
 //! several samples, viewports.
 
 use glam::{Mat4, Vec3};
-use preshade_draw::render::{self, AdapterChoice, Gpu, SceneInputs, ShaderForm, Variant};
+use preshade_draw::render::{self, AdapterChoice, Gpu, SceneInputs};
 use preshade_draw::scene::DrawOrder;
 use preshade_plan::plan::{BindingKind, BindingSource, BindingUse, GpuPass, Plan, SCENE_DEPTH};
 use preshade_plan::state::{
     Blend, ColorTarget, CompareFunction, DepthDirection, DepthFormat, Topology,
 };
+use preshade_scenes::ShaderForm;
 use shader_text::limits::Limits;
 
 use crate::render_support::*;
@@ -304,7 +305,7 @@ fn a_forgotten_requirement_is_an_error() {
     let scene = planes([8, 8], 1);
     let inputs = SceneInputs::new(gpu, &scene).unwrap();
     let prepare = |plan: Plan| {
-        let variant = Variant::new(&[plan], ShaderForm::Text).unwrap();
+        let variant = preshade_scenes::variant(&[plan], ShaderForm::Text).unwrap();
         let settings = render::FrameSettings::of(&scene);
         render::Prepared::new(&inputs, &variant, &settings)
             .unwrap_err()
@@ -344,7 +345,7 @@ fn a_frame_without_pixels_is_an_error() {
     let gpu = gpu();
     let scene = planes([0, 8], 1);
     let inputs = SceneInputs::new(gpu, &scene).unwrap();
-    let variant = Variant::new(&originals(&scene), ShaderForm::Text).unwrap();
+    let variant = preshade_scenes::variant(&originals(&scene), ShaderForm::Text).unwrap();
     let settings = render::FrameSettings::of(&scene);
     let error = render::Prepared::new(&inputs, &variant, &settings).unwrap_err();
     assert_eq!(error.to_string(), "cannot draw a frame of 0x8 pixels");

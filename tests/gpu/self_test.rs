@@ -11,7 +11,7 @@ use naga::{
 use naga_edit::returns;
 use naga_edit::writer::FunctionWriter;
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{SceneInputs, SelfTestResult, ShaderForm, self_test};
+use preshade_draw::render::{SceneInputs, SelfTestResult};
 use preshade_draw::scene::Scene;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
 use preshade_lab::report::table;
@@ -19,6 +19,8 @@ use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role, SamplesPassed};
 use preshade_plan::state::{CompareFunction, DepthBias};
+use preshade_scenes::ShaderForm;
+use preshade_scenes::self_test;
 
 use crate::render_support::{scene as scene_of, *};
 

@@ -4,11 +4,11 @@
 use std::path::Path;
 
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::ShaderForm;
 use preshade_lab::measure::record::VariantReport;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade_plan::contract::Verdict;
 use preshade_plan::pass::Facts;
+use preshade_scenes::ShaderForm;
 
 use crate::render_support::gpu;
 

@@ -7,7 +7,7 @@ use preshade_compiler::emit;
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_dataflow::graph::Graph;
-use preshade_draw::render::{FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant};
+use preshade_draw::render::{FrameSettings, Prepared, Rendered, SceneInputs};
 use preshade_draw::scene::bind::{self, BufferBinding};
 use preshade_draw::scene::{Scene, Value};
 use preshade_lab::measure::record::VariantReport;
@@ -18,6 +18,8 @@ use preshade_plan::contract::Verdict;
 use preshade_plan::guard::Assumed;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::{PlanFile, Target};
+use preshade_scenes::ShaderForm;
 use shader_text::options::Options;
 
 use crate::render_support::gpu;
@@ -71,7 +73,7 @@ fn verified(scene: &Scene, variant: measure::Variant) -> VariantReport {
 
 fn drawn(scene: &Scene, plans: &[Plan]) -> Rendered {
     let inputs = SceneInputs::new(gpu(), scene).unwrap();
-    let variant = Variant::new(plans, ShaderForm::Text).unwrap();
+    let variant = preshade_scenes::variant(plans, ShaderForm::Text).unwrap();
     let settings = FrameSettings::of(scene);
     Prepared::new(&inputs, &variant, &settings)
         .unwrap()
@@ -231,7 +233,7 @@ fn initial_values_of_glsl_locals_stay() {
     for recipe in ["specialize:set=density=0", "skip-taps:budget=0.1"] {
         let recipe = Recipe::parse_list(recipe).unwrap();
         let plan = recipe.apply(&original, &Facts::default()).unwrap();
-        let files = emit::emit(&plan, &[emit::Target::Wgsl], &options).unwrap();
+        let files = emit::emit(&plan, &[Target::Wgsl], &options).unwrap();
         let main = files.iter().find(|f| f.name == "grade.main.wgsl").unwrap();
         let text = String::from_utf8(main.bytes.clone()).unwrap();
         assert!(text.contains("0.59719f"), "{recipe}\n{text}");
@@ -296,12 +298,12 @@ fn the_guard_travels_with_the_plan() {
     for recipe in ["specialize", "specialize,depth-prepass:form=equal"] {
         for plan in specialized(&scene, recipe).plans {
             let options = emit::Options::default();
-            let files = emit::emit(&plan, &[emit::Target::Wgsl], &options).unwrap();
+            let files = emit::emit(&plan, &[Target::Wgsl], &options).unwrap();
             let json = files
                 .iter()
                 .find(|f| f.name.ends_with(".plan.json"))
                 .unwrap();
-            let read: emit::PlanFile = serde_json::from_slice(&json.bytes).unwrap();
+            let read: PlanFile = serde_json::from_slice(&json.bytes).unwrap();
             let guard = read.plan.guard.clone().unwrap();
             assert!(!guard.values.is_empty());
             assert_eq!(Some(guard), plan.guard);

@@ -5,12 +5,12 @@ use std::collections::BTreeMap;
 
 use glam::{Mat4, Vec3};
 use preshade_compiler::sweep::Sweep;
-use preshade_draw::render::ShaderForm;
 use preshade_draw::scene::{Draw, Frame, Scene};
 use preshade_lab::measure::record::{Choice, Chosen, SweepReport};
 use preshade_lab::measure::{self, Estimate, Session, Settings, Timed, TimingSettings, Verified};
 use preshade_plan::budget::Budget;
 use preshade_plan::pass::Facts;
+use preshade_scenes::ShaderForm;
 use preshade_scenes::mesh::Sphere;
 
 use crate::render_support::{self, gpu, material, scene};

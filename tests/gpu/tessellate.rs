@@ -5,12 +5,13 @@ use std::collections::BTreeMap;
 
 use glam::{Mat4, Vec3};
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{ColorImage, Rendered, ShaderForm};
+use preshade_draw::render::{ColorImage, Rendered};
 use preshade_draw::scene::{Draw, DrawOrder, Frame, Scene};
 use preshade_lab::measure;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{Blend, ColorTarget, CompareFunction};
+use preshade_scenes::ShaderForm;
 use preshade_scenes::mesh::Sphere;
 
 use crate::render_support::{self, gpu, material, render_as, scene};

@@ -5,11 +5,12 @@ use std::collections::BTreeMap;
 
 use glam::{Mat4, Vec3};
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant};
+use preshade_draw::render::{FrameSettings, Prepared, Rendered, SceneInputs};
 use preshade_draw::scene::{Draw, DrawOrder, Frame, Scene};
 use preshade_lab::measure;
 use preshade_plan::pass::{Facts, Refusal};
 use preshade_plan::plan::{Plan, When};
+use preshade_scenes::ShaderForm;
 use preshade_scenes::mesh::Sphere;
 
 use crate::render_support::{self, gpu, material, scene};
@@ -78,7 +79,7 @@ fn plans(scene: &Scene, tessellate: &str, facts: &Facts) -> Result<Vec<Plan>, Bo
 /// All frames, drawn by one prepared variant, and what that says of its cost.
 fn draw(scene: &Scene, plans: &[Plan]) -> (Vec<Rendered>, [u64; 2]) {
     let inputs = SceneInputs::new(gpu(), scene).unwrap();
-    let variant = Variant::new(plans, ShaderForm::Text).unwrap();
+    let variant = preshade_scenes::variant(plans, ShaderForm::Text).unwrap();
     let mut prepared = Prepared::new(&inputs, &variant, &FrameSettings::of(scene)).unwrap();
     let frames = scene.cameras[0].frames.iter();
     let drawn = frames

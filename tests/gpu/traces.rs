@@ -4,11 +4,11 @@ use std::path::Path;
 use std::sync::OnceLock;
 
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::ShaderForm;
 use preshade_frames::browser::prepare;
 use preshade_frames::folder::Capture;
 use preshade_frames::trace::{Wanted, convert};
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
+use preshade_scenes::ShaderForm;
 use preshade_scenes::capture::{self, Choice, check};
 use shader_text::limits::Limits;
 use tempfile::TempDir;

@@ -4,12 +4,12 @@
 use std::path::Path;
 
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::ShaderForm;
 use preshade_draw::scene::Scene;
 use preshade_lab::measure::record::Report;
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings, Variant, verify};
 use preshade_plan::contract::{Assumption, Verdict};
 use preshade_plan::pass::Facts;
+use preshade_scenes::ShaderForm;
 
 use crate::render_support::gpu;
 

@@ -5,19 +5,19 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 use glam::{Mat4, Vec3};
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{
-    FrameSettings, Prepared, Rendered, SceneInputs, SelfTestResult, ShaderForm, Variant, self_test,
-};
+use preshade_draw::render::{FrameSettings, Prepared, Rendered, SceneInputs, SelfTestResult};
 use preshade_draw::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream, Value};
 use preshade_lab::measure::{self, Counter};
 use preshade_plan::contract::{Assumption, Contract, Surface, Turned};
 use preshade_plan::draw_table::Entry;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
+use preshade_plan::plan_file::Target;
 use preshade_plan::rasterizer::{Corners, Neighbours, Rasterizer};
 use preshade_plan::state::{ColorTarget, CullMode, FrontFace};
+use preshade_scenes::{ShaderForm, self_test};
 
 use crate::render_support::*;
 
@@ -493,7 +493,7 @@ fn every_word_of_the_draw_table_is_needed() {
     let plans = originals(&scene);
     let drawn = |form: &str, amend: fn(&mut Entry)| {
         let split: Vec<Plan> = plans.iter().map(|p| split(p, form)).collect();
-        let variant = Variant::new(&split, ShaderForm::Text).unwrap();
+        let variant = preshade_scenes::variant(&split, ShaderForm::Text).unwrap();
         let settings = FrameSettings::of(&scene);
         let mut prepared =
             Prepared::with_entries(&inputs, &variant, &settings, amend).unwrap();
@@ -716,7 +716,7 @@ fn coarse_derivatives_are_those_of_the_adapter() {
 fn not_drawn(scene: &Scene, recipe: &str) -> String {
     let plans: Vec<Plan> = originals(scene).iter().map(|p| split(p, recipe)).collect();
     let inputs = SceneInputs::new(gpu(), scene).unwrap();
-    let variant = Variant::new(&plans, ShaderForm::Text).unwrap();
+    let variant = preshade_scenes::variant(&plans, ShaderForm::Text).unwrap();
     let error = Prepared::new(&inputs, &variant, &FrameSettings::of(scene)).unwrap_err();
     error.to_string()
 }
@@ -766,7 +766,7 @@ fn more_than_ids_and_buffers_hold_is_told_before_it_is_drawn() {
             .iter()
             .map(|p| split(p, &recipe))
             .collect();
-        let variant = Variant::new(&plans, ShaderForm::Text).unwrap();
+        let variant = preshade_scenes::variant(&plans, ShaderForm::Text).unwrap();
         Prepared::new(&inputs, &variant, &FrameSettings::of(&scene)).unwrap();
     }
 }
@@ -868,7 +868,7 @@ fn assert_drawn(scene: &Scene, what: &str) {
         "visibility-buffer:form=compute,vertices=kept",
     ] {
         let split: Vec<Plan> = plans.iter().map(|p| split(p, form)).collect();
-        let targets = [preshade_compiler::emit::Target::Wgsl];
+        let targets = [preshade_plan::plan_file::Target::Wgsl];
         preshade_compiler::emit::emit(
             &split[0],
             &targets,
@@ -948,7 +948,7 @@ fn colours_are_stored_where_there_is_a_target() {
         "visibility-buffer:form=binned",
     ] {
         let plan = split(&originals(&half)[0], form);
-        let targets = [preshade_compiler::emit::Target::Wgsl];
+        let targets = [preshade_plan::plan_file::Target::Wgsl];
         preshade_compiler::emit::emit(
             &plan,
             &targets,

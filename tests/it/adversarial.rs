@@ -3,9 +3,10 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade_compiler::emit::{self, EmitError, Target};
+use preshade_compiler::emit::{self, EmitError};
 use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::{Facts, Use};
+use preshade_plan::plan_file::Target;
 use preshade_validate::{Effort, validate};
 use rayon::prelude::*;
 

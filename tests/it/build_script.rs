@@ -7,12 +7,12 @@ use std::path::{Path, PathBuf};
 use std::time::SystemTime;
 
 use preshade_compiler::build_script::{BuildConfig, BuildError, Built, configure};
-use preshade_compiler::emit::Target;
 use preshade_compiler::front::{Source, parse};
 use preshade_compiler::lock::{Inputs, Lock, Locked};
 use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::{Blend, ColorTarget, CompareFunction, DepthFormat, MaterialState};
 use shader_text::options::Options;
 

@@ -3,9 +3,10 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::MaterialState;
 use shader_text::memory::Memory;
 use shader_text::options::Options;

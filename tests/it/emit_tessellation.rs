@@ -3,10 +3,11 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use preshade_compiler::emit::{self, ClipSpace, EmitError, PlanFile, Target};
+use preshade_compiler::emit::{self, ClipSpace, EmitError};
 use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::{PlanFile, Target};
 use shader_text::files::File;
 
 use crate::fixtures_support;

@@ -1,9 +1,10 @@
 //! Damaged source never takes the process down: it is a program or an error. And what parses is
 //! emitted, read back and equal.
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use preshade_plan::program::Program;
 use preshade_plan::state::MaterialState;
 use shader_text::options;

@@ -1,11 +1,12 @@
 //! What GLSL says: which function is called, how blocks lie, what the preprocessor is asked, and
 //! errors in GLSL's words.
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{self, Parsed, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::MaterialState;
 use shader_text::error::{Code, Color};
 use shader_text::options::{self, Options};

@@ -1,10 +1,11 @@
 //! GLSL for Vulkan: what WebGPU can say is read, and the rest is refused by its name.
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{self, Parsed, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::MaterialState;
 use shader_text::error::{Code, Color};
 use shader_text::options::Options;

@@ -1,9 +1,10 @@
 //! Both stages of `half-rate` in every language.
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
+use preshade_plan::plan_file::Target;
 
 use crate::fixtures_support::root;
 

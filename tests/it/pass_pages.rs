@@ -5,7 +5,7 @@ use std::fmt::Write;
 use std::fs;
 use std::path::{Path, PathBuf};
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{Source, parse};
 use preshade_compiler::parameters::{Parameter, parameters};
 use preshade_compiler::recipe::Recipe;
@@ -13,6 +13,7 @@ use preshade_geometry::PASSES;
 use preshade_plan::contract::Contract;
 use preshade_plan::pass::{AnyPass, Facts, PassInfo, Use};
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::{CompareFunction, MaterialState};
 use shader_text::options::Options;
 

@@ -1,7 +1,7 @@
 //! What the depth transforms refuse, by name and with a remedy: a refusal is a normal outcome, and
 //! the original is kept.
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_passes::analysis::neighbours;
@@ -9,6 +9,7 @@ use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::frame::{FrameLoad, FramePlan};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::{
     Blend, ColorTarget, CompareFunction, DepthBias, MaterialState, StencilFace, StencilOperation,
     StencilState, Topology,

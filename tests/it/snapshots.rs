@@ -4,10 +4,11 @@
 use std::collections::BTreeMap;
 use std::fmt::Write as _;
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 
 use crate::fixtures_support::{original, recipes};
 

@@ -2,11 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use preshade_compiler::emit::{self, EmitError, Meaning, Target};
+use preshade_compiler::emit::{self, EmitError, Meaning};
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::MaterialState;
 use preshade_validate::Effort;
 use rayon::prelude::*;

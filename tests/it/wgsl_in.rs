@@ -3,11 +3,11 @@
 use std::fs;
 use std::path::Path;
 
-use preshade_compiler::emit::Target;
 use preshade_compiler::front::Source;
 use preshade_compiler::pipeline::{Shader, rewrite};
 use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::MaterialState;
 use shader_text::options::Options;
 

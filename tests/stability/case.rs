@@ -4,9 +4,7 @@ use std::collections::BTreeMap;
 use std::ops::ControlFlow;
 
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{
-    FrameSettings, Prepared, Rendered, SceneInputs, ShaderForm, Variant as Host,
-};
+use preshade_draw::render::{FrameSettings, Prepared, Rendered, SceneInputs, Variant as Host};
 use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_lab::measure::verdict::breaks;
 use preshade_lab::measure::{self, Counter, ErrorLadder, Session};
@@ -14,6 +12,7 @@ use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
 use preshade_plan::state::{DepthDirection, DepthFormat};
+use preshade_scenes::ShaderForm;
 use serde::{Deserialize, Serialize};
 
 use super::mutate::{Moved, Mutation, Plain, judged, moved, seen};
@@ -256,7 +255,7 @@ const ORDERS: [DrawOrder; 2] = [DrawOrder::BackToFront, DrawOrder::AsGiven];
 impl<'a> Stage<'a> {
     pub fn new(inputs: &'a SceneInputs<'a>) -> Self {
         let originals = measure::originals(inputs.scene());
-        let host = Host::new(&originals, ShaderForm::Text).unwrap();
+        let host = preshade_scenes::variant(&originals, ShaderForm::Text).unwrap();
         let reference = pictures(inputs, &host).unwrap();
         let scene = inputs.scene();
         let facts = measure::facts(&Session::new(gpu(), scene, ShaderForm::Text).unwrap()).unwrap();
@@ -377,7 +376,7 @@ fn draw(stage: &Stage<'_>, setup: Setup, recipe: &str, expect: Expect) -> Run {
     }
     let contract = contract(&variant.plans);
     run.contract = contract.kind().to_owned();
-    let host = Host::new(&variant.plans, ShaderForm::Text).unwrap();
+    let host = preshade_scenes::variant(&variant.plans, ShaderForm::Text).unwrap();
     match stage.compare(&host) {
         Err(e) => run.result = e,
         Ok(error) => {

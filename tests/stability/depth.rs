@@ -1,11 +1,12 @@
 //! Depth: two passes that must agree on it to the bit, formats that round it, surfaces that share
 //! it.
 
-use preshade_draw::render::{SelfTestResult, ShaderForm, Variant as Host, self_test};
+use preshade_draw::render::SelfTestResult;
 use preshade_plan::plan::{Plan, Role};
 use preshade_plan::state::DepthBias;
 use preshade_plan::state::DepthDirection::{self, Forward, Reversed};
 use preshade_plan::state::DepthFormat::{Depth16unorm, Depth24plus, Depth32float};
+use preshade_scenes::{ShaderForm, self_test};
 
 use super::case::Expect::{Holds, Refused, Shades, Untied, Withstands};
 use super::case::{ALL, Case, REFUSED, Red, SAMPLED, Stage, contract, setup};
@@ -301,7 +302,7 @@ fn self_tested(stage: &Stage<'_>) -> Red {
         }
     }
     let fallback = stage
-        .compare(&Host::new(&fallbacks, ShaderForm::Text).unwrap())
+        .compare(&preshade_scenes::variant(&fallbacks, ShaderForm::Text).unwrap())
         .unwrap();
     match failed == plans.iter().filter(|p| p.self_test.is_some()).count()
         && failed > 0

@@ -11,10 +11,11 @@ use std::fmt::Write as _;
 
 use glam::{DMat4, DVec3, Mat4, Vec3};
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{SceneInputs, ShaderForm, Variant as Host};
+use preshade_draw::render::SceneInputs;
 use preshade_draw::scene::{Draw, Scene, Value};
 use preshade_lab::measure;
 use preshade_lab::measure::reference::{Points, Spread, Truth, truth_beyond};
+use preshade_scenes::ShaderForm;
 
 use super::case::{Red, Stage, load};
 use super::render_support::gpu;
@@ -211,7 +212,7 @@ pub fn jitters(stage: &Stage<'_>) -> Red {
         let moved = Moved::new(base, 1e7, form).scene;
         let inputs = SceneInputs::new(gpu(), &moved).unwrap();
         let originals = measure::originals(&moved);
-        let host = Host::new(&originals, ShaderForm::Text).unwrap();
+        let host = preshade_scenes::variant(&originals, ShaderForm::Text).unwrap();
         let pictures = super::case::pictures(&inputs, &host).unwrap();
         let compared = stage.reference.iter().zip(&pictures);
         let errors = compared.map(|(a, b)| measure::compare(a, b).unwrap());

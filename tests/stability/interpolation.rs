@@ -1,9 +1,10 @@
 //! Interpolation: what a triangle makes of its corners, where they are behind the viewer, far away,
 //! or without a value.
 
-use preshade_draw::render::{ColorImage, Rendered, ShaderForm, Variant as Host};
+use preshade_draw::render::{ColorImage, Rendered, Variant as Host};
 use preshade_plan::contract::Contract;
 use preshade_plan::plan::Role;
+use preshade_scenes::ShaderForm;
 
 use super::case::Expect::{self, Holds, OffNearPlane, Refused, Untied};
 use super::case::{ALL, COLORS, Case, DIRECTIONS, Red, SAMPLED, Stage, pictures};
@@ -389,7 +390,10 @@ fn on_near_plane(stage: &Stage<'_>) -> Red {
 /// adapter's own interpolation of the original may make either, and is not asked.
 fn divided(stage: &Stage<'_>) -> Red {
     let plans = stage.chosen(AS_GIVEN).plans;
-    let guarded = no_numbers(stage, &Host::new(&plans, ShaderForm::Text).unwrap());
+    let guarded = no_numbers(
+        stage,
+        &preshade_scenes::variant(&plans, ShaderForm::Text).unwrap(),
+    );
     assert_eq!(guarded, 0, "pixels are no number with the guard");
     let edits = [(
         "select(edges / vec3(sum), vec3(0.33333334f), sum == 0f)",

@@ -7,15 +7,16 @@ use naga::{
 };
 use naga_edit::returns;
 use naga_edit::writer::FunctionWriter;
-use preshade_compiler::emit::{self, Target};
-use preshade_compiler::front;
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{ShaderForm, Variant as Host};
+use preshade_compiler::{emit, front};
+use preshade_draw::render::Variant as Host;
 use preshade_lab::measure;
 use preshade_lab::measure::verdict::breaks;
 use preshade_plan::contract::Contract;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
+use preshade_plan::plan_file::Target;
+use preshade_scenes::ShaderForm;
 use shader_text::options;
 
 use super::case::{Red, Stage, contract};
@@ -94,7 +95,7 @@ impl Mutation {
                 let contract = contract(&variant.plans);
                 let host = match self {
                     Self::Driver { recipe, does, .. } => edited(recipe, &variant.plans, does),
-                    _ => Host::new(&variant.plans, ShaderForm::Text).unwrap(),
+                    _ => preshade_scenes::variant(&variant.plans, ShaderForm::Text).unwrap(),
                 };
                 Plain::Drawn(Box::new(host), contract)
             }
@@ -159,7 +160,7 @@ impl Mutation {
 pub fn judged(stage: &Stage<'_>, plans: &[Plan], contract: &Contract) -> Red {
     seen(
         stage,
-        &Host::new(plans, ShaderForm::Text).unwrap(),
+        &preshade_scenes::variant(plans, ShaderForm::Text).unwrap(),
         contract,
     )
 }
@@ -184,7 +185,7 @@ pub fn edited(recipe: &str, plans: &[Plan], edits: &[(&str, &str)]) -> Host {
         used.iter().all(|u| *u),
         "{recipe}: no longer in the text: {used:?}"
     );
-    Host::from_files(&files).unwrap()
+    preshade_scenes::from_files(&files).unwrap()
 }
 
 pub fn seen(stage: &Stage<'_>, host: &Host, contract: &Contract) -> Red {

@@ -7,9 +7,7 @@ use std::time::Duration;
 
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{
-    self, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm,
-};
+use preshade_draw::render::{FrameSettings, Gpu, Prepared, Rendered, SceneInputs};
 use preshade_draw::scene::{Draw, DrawOrder, Scene};
 use preshade_lab::measure::outputs::{self, OutputsReport};
 use preshade_lab::measure::{
@@ -19,6 +17,7 @@ use preshade_plan::contract::Verdict;
 use preshade_plan::plan::{Attachment, GpuPass, Phase, Plan, Role, SCENE_DEPTH};
 use preshade_plan::reflect;
 use preshade_plan::state::MaterialState;
+use preshade_scenes::ShaderForm;
 use shader_text::options::Options;
 
 use crate::fixtures_support::{materials, root};
@@ -282,7 +281,7 @@ pub fn drawn(gpu: &Gpu, scene: &Scene, plans: &[Plan]) -> Rendered {
 pub fn drawn_after(gpu: &Gpu, earlier: &Scene, scene: &Scene, plans: &[Plan]) -> Rendered {
     let previous = SceneInputs::new(gpu, earlier).unwrap();
     let inputs = SceneInputs::new(gpu, scene).unwrap().after(&previous);
-    let variant = render::Variant::new(plans, ShaderForm::Text).unwrap();
+    let variant = preshade_scenes::variant(plans, ShaderForm::Text).unwrap();
     let mut prepared = Prepared::new(&inputs, &variant, &FrameSettings::of(scene)).unwrap();
     prepared.aim(&scene.cameras[0].frames[0], DrawOrder::FrontToBack);
     prepared.render().unwrap()

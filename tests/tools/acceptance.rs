@@ -3,11 +3,12 @@
 
 use std::path::{Path, PathBuf};
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::recipe::Recipe;
 use preshade_passes::analysis::uniformity::non_uniform;
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use rayon::prelude::*;
 use shader_text::files::File;
 

@@ -5,7 +5,7 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::scene::bind::{self, DrawBindings, TextureContent};
 use preshade_draw::scene::{Address, Filter, Sampler, Scene};
@@ -14,6 +14,7 @@ use preshade_plan::contract::{Assumption, Contract};
 use preshade_plan::geometry::Geometry;
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::{BindingKind, BindingSource, Plan};
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::MaterialState;
 use preshade_scenes::synthesise;
 use rayon::prelude::*;

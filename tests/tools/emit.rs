@@ -1,10 +1,11 @@
 //! What is emitted reads back, keeps the author's interface, and is the same bytes each time.
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
+use preshade_plan::plan_file::{self, Target};
 use preshade_plan::program::Program;
 use preshade_plan::state::{ColorTarget, MaterialState};
 use shader_text::error::Color;
@@ -692,7 +693,8 @@ fn passes_that_share_a_program_share_its_files() {
         ]
     );
     assert!(!text(&files, "lit.main.wgsl").contains("unused"));
-    let plan_file: emit::PlanFile = serde_json::from_str(text(&files, "lit.plan.json")).unwrap();
+    let plan_file: plan_file::PlanFile =
+        serde_json::from_str(text(&files, "lit.plan.json")).unwrap();
     assert_eq!(plan_file.plan.passes, plan.passes);
     let of = |pass: usize, target| {
         let files = &plan_file.files[pass];

@@ -5,11 +5,12 @@
 use std::collections::BTreeMap;
 use std::path::Path;
 
-use preshade_compiler::emit::{self, PlanFile, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::{PlanFile, Target};
 use preshade_plan::state::MaterialState;
 use shader_text::error::Color;
 use shader_text::files::File;

@@ -5,11 +5,13 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use naga_edit::interface;
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{self, Parsed, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Plan, Role};
+use preshade_plan::plan_file::PlanFile;
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::MaterialState;
 use shader_text::error::{Code, Color};
 use shader_text::files::File;
@@ -185,7 +187,7 @@ fn a_depth_only_pass_has_an_empty_fragment_stage_in_glsl_es() {
             .iter()
             .find(|f| f.name.ends_with(".plan.json"))
             .unwrap();
-        let json: emit::PlanFile = serde_json::from_slice(&json.bytes).unwrap();
+        let json: PlanFile = serde_json::from_slice(&json.bytes).unwrap();
         assert_eq!(json.plan.passes[depth].fragment, None);
         let fragment = &json.files[depth].fragment;
         assert_eq!(

@@ -4,9 +4,10 @@
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::MaterialState;
 use preshade_validate::Effort;
 use preshade_validate::agree::{Relation, agree};

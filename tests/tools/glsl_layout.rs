@@ -6,12 +6,12 @@ use std::fmt::Write as _;
 use std::path::Path;
 use std::process::Command;
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::MaterialState;
-use shader_text::files;
-use shader_text::options;
+use shader_text::{files, options};
 
 /// Offset and kind of each number of a block.
 type Numbers = BTreeSet<(u32, char)>;

@@ -1,9 +1,10 @@
 //! GLSL out keeps the author's own names for whatever an engine sees of a program: uniforms outside
 //! of blocks, blocks, samplers, attributes, outputs.
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::{self, Target};
 use preshade_plan::state::MaterialState;
 use shader_text::files::File;
 use shader_text::options;
@@ -372,7 +373,8 @@ fn numbers_are_the_authors() {
     ] {
         assert!(fragment.contains(line), "{line}\n{fragment}");
     }
-    let plan: emit::PlanFile = serde_json::from_str(text(&files, "numbered.plan.json")).unwrap();
+    let plan: plan_file::PlanFile =
+        serde_json::from_str(text(&files, "numbered.plan.json")).unwrap();
     let said = &plan.files[0].fragment[&Target::Glsl450];
     let units: Vec<_> = said
         .textures

@@ -3,9 +3,10 @@
 
 use std::collections::BTreeMap;
 
-use preshade_compiler::emit::{self, EmitError, Target};
+use preshade_compiler::emit::{self, EmitError};
 use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::MaterialState;
 use rayon::prelude::*;
 use shader_text::error::Color;

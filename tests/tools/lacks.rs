@@ -2,9 +2,10 @@
 //! compilers take it, or refused by name. One small stage for each.
 
 use naga::{Binding, BuiltIn};
-use preshade_compiler::emit::{self, EmitError, Target};
+use preshade_compiler::emit::{self, EmitError};
 use preshade_compiler::front::{self, Source};
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::MaterialState;
 use shader_text::error::Color;
 use shader_text::options;

@@ -4,10 +4,11 @@
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use preshade_compiler::emit::{self, PassFiles, Target};
+use preshade_compiler::emit;
 use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{BindingSource, GpuPass, Plan};
+use preshade_plan::plan_file::{PassFiles, Target};
 use preshade_plan::state::CullMode;
 
 use crate::reflection::{compiled, names};

@@ -6,11 +6,12 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use naga_edit::declared::{CombinedSampler, Declared};
-use preshade_compiler::emit::{self, PlanFile, StageFile, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{BindingSource, Plan};
+use preshade_plan::plan_file::{PlanFile, StageFile, Target};
 use preshade_plan::state::MaterialState;
 use shader_text::files::File;
 use shader_text::options;

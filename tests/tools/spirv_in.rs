@@ -5,8 +5,9 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 
 use naga::ShaderStage;
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{self, Parsed, Source};
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::MaterialState;
 use shader_text::error::Error;
 use shader_text::options;

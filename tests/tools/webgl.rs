@@ -7,7 +7,7 @@ use std::collections::{BTreeMap, HashMap};
 use std::path::Path;
 use std::process::Command;
 
-use preshade_compiler::emit::{PassFiles, PlanFile, StageFile, Target};
+use preshade_plan::plan_file::{PassFiles, PlanFile, StageFile, Target};
 use serde_json::Value;
 use shader_text::files::File;
 

@@ -7,16 +7,16 @@ use std::path::{Path, PathBuf};
 use std::process::Command;
 use std::sync::atomic::{AtomicU32, Ordering};
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_geometry::{PASSES, examples};
 use preshade_lab::measure;
 use preshade_plan::pass::{Facts, Use};
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use preshade_plan::state::MaterialState;
-use preshade_scenes::Access;
-use preshade_scenes::Variables;
+use preshade_scenes::{Access, Variables};
 use shader_text::options;
 
 /// Bytes by file name.

@@ -10,9 +10,10 @@ use preshade_plan::state::MaterialState;
 use shader_text::options;
 use shader_text::refusals::RefusalInfo;
 
-use crate::emit::{self, Target};
+use crate::emit;
 use crate::front::{self, Parsed};
 use crate::recipe::{Recipe, Step};
+use preshade_plan::plan_file::Target;
 use shader_text::files::File;
 
 /// A material's source, and how to read it.

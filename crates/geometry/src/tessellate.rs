@@ -51,7 +51,6 @@ mod adaptive;
 mod build;
 mod examine;
 mod fixed;
-pub mod mesh;
 pub mod native;
 pub mod refusals;
 mod split;

@@ -61,7 +61,7 @@ pub use count::counted;
 use differences::Reached;
 use gradients::Shaded;
 use lists::Lists;
-pub use params::{Ids, Select, ShadingForm, Vertices, VisibilityParams, Words};
+pub use params::{Ids, Select, ShadingForm, Vertices, VisibilityParams};
 
 pub(crate) struct VisibilityBuffer;
 

@@ -3,8 +3,9 @@
 use crate::measure::record::Report;
 use crate::measure::{self, Error, Session, Settings, Timed, TimingSettings};
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{Gpu, ShaderForm};
+use preshade_draw::render::Gpu;
 use preshade_draw::scene::Scene;
+use preshade_scenes::ShaderForm;
 
 /// Draws every view of `scene` with the original and with one variant for each recipe. Compares all
 /// pixels, and times the first camera. The original is the report's first variant.

@@ -10,13 +10,44 @@
 //! bits depends on the frame's draws ([`triangle_bits`]), so the host writes it into each draw's
 //! entry and into the first word of the table.
 
+use schemars::JsonSchema;
+use serde::{Deserialize, Serialize};
+
 use crate::geometry::Stream;
+use crate::plan::AttachmentFormat;
 
 /// Most instances in a frame: `x` has 32 bits, and 0 means empty.
 pub const MOST_INSTANCES: u64 = u32::MAX as u64 - 1;
 
 /// Name of the attachment of ids.
 pub const IDS: &str = "visibility-ids";
+
+/// Words per id.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
+#[serde(rename_all = "kebab-case")]
+pub enum Words {
+    /// `rg32uint`: no practical limit.
+    #[default]
+    Two,
+    /// `r32uint`, divided according to the frame's instances and triangles. A host refuses frames
+    /// that do not fit.
+    One,
+}
+
+impl Words {
+    /// Format of the id attachment.
+    pub fn format(self) -> AttachmentFormat {
+        AttachmentFormat::Color(self.color().to_owned())
+    }
+
+    /// Name of that format.
+    pub fn color(self) -> &'static str {
+        match self {
+            Self::Two => "rg32uint",
+            Self::One => "r32uint",
+        }
+    }
+}
 
 /// Name of the depth attachment of draw numbers, `depth16unorm`. Number `n` ([`Entry::number`]) is
 /// the depth `(n + 1.25) / 65535`: however an adapter rounds, it becomes the same step, also after

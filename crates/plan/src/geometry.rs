@@ -90,7 +90,7 @@ impl Form {
 /// list, without vertex buffers.
 ///
 /// `shared` and `static`: the vertices and triangles of the whole mesh are made once, when it is
-/// loaded (`preshade_geometry::tessellate::mesh::subdivide`). The draw is `drawIndexed(3 * triangles,
+/// loaded (`preshade_draw::render::subdivision::subdivide`). The draw is `drawIndexed(3 * triangles,
 /// instances)`, of a triangle list, without vertex buffers.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 pub struct Subdivision {

@@ -4,6 +4,34 @@
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
+/// WebGPU's names of the colour formats that can be drawn to and compared.
+pub const COLOR_FORMATS: [&str; 24] = [
+    "r8unorm",
+    "rg8unorm",
+    "rgba8unorm",
+    "rgba8unorm-srgb",
+    "bgra8unorm",
+    "bgra8unorm-srgb",
+    "rgb10a2unorm",
+    "rg11b10ufloat",
+    "r16float",
+    "rg16float",
+    "rgba16float",
+    "r32float",
+    "rg32float",
+    "rgba32float",
+    "r8uint",
+    "rgba8uint",
+    "r16uint",
+    "rg16uint",
+    "rgba16uint",
+    "r32uint",
+    "rg32uint",
+    "rgba32uint",
+    "r32sint",
+    "rgba32sint",
+];
+
 /// A depth comparison (`GPUCompareFunction`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
 #[serde(rename_all = "kebab-case")]

@@ -8,7 +8,8 @@ mod file;
 pub mod image;
 pub mod mesh;
 mod shader;
-mod stand_in;
+pub mod stand_in;
+mod variant;
 
 pub use asset::mesh::Gltf;
 pub use file::gltf::{Shading, load_gltf};
@@ -18,3 +19,4 @@ pub use file::variables::{Variable, Variables};
 pub use shader::flow::StageFlow;
 pub use shader::synthesise::synthesise;
 pub use stand_in::{StandIn, stand_in};
+pub use variant::{ShaderForm, from_files, self_test, variant};

@@ -11,68 +11,44 @@ use naga::{
 use preshade_dataflow::graph::counted::{Counted, integer};
 use preshade_dataflow::graph::{FunctionGraph, Graph, StmtId};
 use preshade_plan::program::Program;
+use preshade_plan::safety::Checks;
 
-/// The checks without which a program may do anything.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Checks {
-    /// A divisor may be 0, or a quotient overflow.
-    pub divisors: bool,
-    /// An index may lie beyond an array, vector or matrix.
-    pub indices: bool,
-}
-
-impl Checks {
-    pub const ALL: Self = Self {
-        divisors: true,
-        indices: true,
+/// The checks that a program needs: all but those that its text makes needless.
+pub fn needed(program: &Program) -> Checks {
+    let module = program.module();
+    let functions = module.functions.iter().map(|(_, f)| f);
+    let mut functions = functions.chain(module.entry_points.iter().map(|e| &e.function));
+    let is_checked = |e: &Expression| {
+        matches!(
+            e,
+            Expression::Access { .. }
+                | Expression::AccessIndex { index: 1.., .. }
+                | Expression::Binary {
+                    op: BinaryOperator::Divide | BinaryOperator::Modulo,
+                    ..
+                }
+        )
     };
-
-    /// Those of two programs.
-    #[must_use]
-    pub fn or(self, other: Self) -> Self {
-        Self {
-            divisors: self.divisors || other.divisors,
-            indices: self.indices || other.indices,
-        }
+    if !functions.any(|f| f.expressions.iter().any(|(_, e)| is_checked(e))) {
+        return Checks::default();
     }
-
-    /// The checks that a program needs: all but those that its text makes needless.
-    pub fn needed(program: &Program) -> Self {
-        let module = program.module();
-        let functions = module.functions.iter().map(|(_, f)| f);
-        let mut functions = functions.chain(module.entry_points.iter().map(|e| &e.function));
-        let is_checked = |e: &Expression| {
-            matches!(
-                e,
-                Expression::Access { .. }
-                    | Expression::AccessIndex { index: 1.., .. }
-                    | Expression::Binary {
-                        op: BinaryOperator::Divide | BinaryOperator::Modulo,
-                        ..
-                    }
-            )
-        };
-        if !functions.any(|f| f.expressions.iter().any(|(_, e)| is_checked(e))) {
-            return Self::default();
-        }
-        let graph = Graph::build(program);
-        let each = graph.functions().iter().map(|f| {
-            let loops = f.statements.iter().filter_map(|(id, node)| {
-                matches!(node.statement, Statement::Loop { .. })
-                    .then_some((std::ptr::from_ref(node.statement), id))
-            });
-            let mut walk = Walk {
-                graph: &graph,
-                f,
-                loops: loops.collect(),
-                counters: Vec::new(),
-                found: Self::default(),
-            };
-            walk.block(&f.function.body);
-            walk.found
+    let graph = Graph::build(program);
+    let each = graph.functions().iter().map(|f| {
+        let loops = f.statements.iter().filter_map(|(id, node)| {
+            matches!(node.statement, Statement::Loop { .. })
+                .then_some((std::ptr::from_ref(node.statement), id))
         });
-        each.fold(Self::default(), Self::or)
-    }
+        let mut walk = Walk {
+            graph: &graph,
+            f,
+            loops: loops.collect(),
+            counters: Vec::new(),
+            found: Checks::default(),
+        };
+        walk.block(&f.function.body);
+        walk.found
+    });
+    each.fold(Checks::default(), Checks::or)
 }
 
 /// A walk through a function's statements.
@@ -329,8 +305,8 @@ impl Walk<'_, '_> {
 mod tests {
     use std::sync::Arc;
 
-    use super::Checks;
     use preshade_plan::program::Program;
+    use preshade_plan::safety::Checks;
     use shader_text::source::{Language, SourceMap};
 
     fn needed(body: &str) -> Checks {
@@ -349,7 +325,7 @@ mod tests {
             Program::new(module, Arc::new(SourceMap::new()), Language::Wgsl)
                 .map_err(|e| e.to_string())
         });
-        Checks::needed(&program.unwrap_or_else(|error| panic!("{body}: {error}")))
+        super::needed(&program.unwrap_or_else(|error| panic!("{body}: {error}")))
     }
 
     #[test]

@@ -16,26 +16,12 @@ use naga_edit::writer::FunctionWriter;
 use preshade_dataflow::graph::counted::{self, Ends};
 use preshade_dataflow::graph::{FunctionGraph, FunctionId, Graph, StmtId};
 use preshade_plan::program::Program;
+use preshade_plan::safety::{Bounded, MOST_TURNS};
 use preshade_plan::uniforms::UniformScalar;
 use shader_text::source::Invalid;
 
-/// Most turns that all loops of an invocation take together. llvmpipe leaves a loop by itself after
-/// 65,535.
-pub const MOST_TURNS: u32 = 1 << 15;
-
 /// Most turns of a [`cut`] program: far more than a page takes that a browser draws, and a second of a GPU.
 const MOST_TURNS_OF_CUT: u32 = 1 << 20;
-
-/// A bounded copy.
-#[derive(Clone, Debug)]
-pub struct Bounded {
-    /// The copy.
-    pub program: Program,
-    /// Its `atomic<u32>`, which gets the number of a loop that did not end.
-    pub binding: ResourceBinding,
-    /// The loops that may not end, in words. The first has the number that was asked for.
-    pub loops: Vec<String>,
-}
 
 /// Whether a program has a loop that may not end, wherever it is called from. `is_small` says of a
 /// number in a uniform buffer that a loop counts up to it in no time.

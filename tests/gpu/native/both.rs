@@ -6,14 +6,15 @@ use std::collections::BTreeMap;
 use naga::{Binding, Module, ResourceBinding, ShaderStage, TypeInner};
 use naga_edit::declared::{Declared, Type as Declares};
 use naga_edit::interface;
-use preshade_compiler::emit::{PassFiles, StageFile, Target};
 use preshade_compiler::front::{self, Source};
-use preshade_draw::render::{Rendered, ShaderForm};
+use preshade_draw::render::Rendered;
 use preshade_draw::scene::bind::{self, DrawBindings, TextureContent};
 use preshade_draw::scene::{Address, DrawOrder, Filter, Scene};
 use preshade_lab::measure;
 use preshade_plan::plan::BindingKind;
+use preshade_plan::plan_file::{PassFiles, StageFile, Target};
 use preshade_plan::state::{CullMode, MaterialState};
+use preshade_scenes::ShaderForm;
 use preshade_scenes::synthesise;
 use shader_text::options;
 

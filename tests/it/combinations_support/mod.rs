@@ -5,12 +5,13 @@
 use std::collections::BTreeMap;
 
 use naga::Module;
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::parameters::{Parameter, parameters};
 use preshade_compiler::recipe::{Recipe, Step};
 use preshade_geometry::{PASSES, examples};
 use preshade_plan::pass::{AnyPass, Facts, Use};
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
 use preshade_plan::uniforms::uniform_scalars;
 use preshade_validate::inputs::Random;
 use preshade_validate::{Effort, Verdict, validate};

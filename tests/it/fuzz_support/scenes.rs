@@ -2,12 +2,12 @@
 
 use std::sync::OnceLock;
 
-use preshade_compiler::emit::{self, Target};
+use preshade_compiler::emit;
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::Variant;
 use preshade_draw::scene::{self, Scene};
 use preshade_lab::measure;
 use preshade_plan::pass::Facts;
+use preshade_plan::plan_file::Target;
 use preshade_scenes::Access;
 use preshade_scenes::Variables;
 use shader_text::files::File;
@@ -32,7 +32,7 @@ pub fn plan(data: &[u8]) {
     let mut files = split().to_vec();
     let json = files.iter_mut().find(|f| f.name.ends_with(".json"));
     json.unwrap().bytes = data.to_vec();
-    if let Ok(variant) = Variant::from_files(&[files]) {
+    if let Ok(variant) = preshade_scenes::from_files(&[files]) {
         drop(variant);
     }
 }

@@ -7,15 +7,14 @@ use std::collections::BTreeMap;
 use std::sync::{Arc, OnceLock};
 
 use glam::{Mat4, Vec3};
-use preshade_draw::render::{
-    AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
-};
+use preshade_draw::render::{AdapterChoice, FrameSettings, Gpu, Prepared, Rendered, SceneInputs};
 use preshade_draw::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Light, Material, Mesh, Scene, Stream, Value,
 };
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 use preshade_plan::state::{DepthDirection, DepthFormat, MaterialState};
+use preshade_scenes::ShaderForm;
 use shader_text::source::{Language, SourceMap};
 
 /// The adapter of the environment's choice, opened once: some drivers deadlock when many devices
@@ -197,7 +196,7 @@ pub fn render_as(
     form: ShaderForm,
 ) -> Rendered {
     let inputs = SceneInputs::new(gpu, scene).unwrap();
-    let variant = Variant::new(plans, form).unwrap();
+    let variant = preshade_scenes::variant(plans, form).unwrap();
     let mut prepared = Prepared::new(&inputs, &variant, &FrameSettings::of(scene)).unwrap();
     let frame = &scene.cameras[0].frames[0];
     inputs.set_frame(frame).unwrap();

@@ -10,11 +10,11 @@ use preshade_plan::plan::Plan;
 use super::emitted::EmittedPlan;
 use super::stamp::Trace;
 use super::{Asked, BuildConfig, BuildError};
-use crate::emit::{self, Target};
-use crate::front;
 use crate::lock::{Inputs, Left, Lock, LockError, Locked, Mismatch};
 use crate::pipeline::{self, Applied, Frame};
 use crate::recipe::{Recipe, Step};
+use crate::{emit, front};
+use preshade_plan::plan_file::Target;
 use shader_text::files::File;
 use shader_text::options;
 

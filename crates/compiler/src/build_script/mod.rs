@@ -73,10 +73,10 @@ pub use error::BuildError;
 use preshade_plan::state::MaterialState;
 use stamp::Trace;
 
-use crate::emit::Target;
 use crate::front;
 use crate::lock::{Left, Lock, LockError};
 use crate::recipe::Recipe;
+use preshade_plan::plan_file::Target;
 use shader_text::files::File;
 use shader_text::options;
 use shader_text::regular::ReadError;

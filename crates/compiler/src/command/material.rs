@@ -4,8 +4,8 @@ use naga::{Binding, BuiltIn, ShaderStage};
 use naga_edit::interface;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{
-    Blend, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState,
-    Topology,
+    Blend, COLOR_FORMATS, ColorTarget, CompareFunction, CullMode, DepthDirection, DepthFormat,
+    MaterialState, Topology,
 };
 use serde::Deserialize;
 
@@ -181,34 +181,6 @@ fn name(value: &impl serde::Serialize) -> String {
     let json = serde_json::to_value(value).unwrap_or_default();
     json.as_str().unwrap_or_default().to_owned()
 }
-
-/// WebGPU's names of the colour formats that can be drawn to and compared.
-pub const COLOR_FORMATS: [&str; 24] = [
-    "r8unorm",
-    "rg8unorm",
-    "rgba8unorm",
-    "rgba8unorm-srgb",
-    "bgra8unorm",
-    "bgra8unorm-srgb",
-    "rgb10a2unorm",
-    "rg11b10ufloat",
-    "r16float",
-    "rg16float",
-    "rgba16float",
-    "r32float",
-    "rg32float",
-    "rgba32float",
-    "r8uint",
-    "rgba8uint",
-    "r16uint",
-    "rg16uint",
-    "rgba16uint",
-    "r32uint",
-    "rg32uint",
-    "rgba32uint",
-    "r32sint",
-    "rgba32sint",
-];
 
 /// Checks a state.
 ///

@@ -14,9 +14,6 @@ refusals! {
         "preshade read the emitted text back and got another program, so it wrote nothing. This \
          is a bug.",
         "Please report the shader.";
-    BROKEN_PLAN = "broken-plan":
-        "The plan names a program, an entry point or an attachment that it does not contain.",
-        "If preshade made the plan, this is a bug: please report the shader.";
     NOT_BUILT = "not-built":
         "This build lacks the Cargo feature that the message names.",
         "`cargo install preshade-cli --features ..`.";

@@ -10,7 +10,7 @@ use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 
 #[cfg(feature = "spirv")]
-use super::plan_json::GlslTexture;
+use preshade_plan::plan_file::GlslTexture;
 
 /// A resource's set and binding, with an order.
 pub(super) type BindingPlace = (u32, u32);

@@ -4,8 +4,8 @@
 use naga::ShaderStage;
 use preshade_plan::plan::{Plan, Role};
 
-use super::plan_json::StageFile;
-use super::{Target, Written, written_key};
+use super::{Written, written_key};
+use preshade_plan::plan_file::{StageFile, Target};
 use shader_text::files::File;
 
 /// An empty fragment stage without its first line.

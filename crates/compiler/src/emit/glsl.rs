@@ -41,9 +41,9 @@ use self::text::Dialect;
 pub(super) use self::vulkan::Vulkan;
 use super::combined::BindingPlace;
 use super::overrides::{self, Settled, Specialised};
-use super::plan_json::{GlslBlock, GlslTexture, StageFile, WeakerPromise};
-use super::{ClipSpace, EmitError, Options, Target, reduce};
+use super::{ClipSpace, EmitError, Options, reduce};
 use crate::wgsl;
+use preshade_plan::plan_file::{GlslBlock, GlslTexture, StageFile, Target, WeakerPromise};
 use shader_text::tokens::Spelling;
 
 /// Prepares the program to be written with its author's names.

@@ -8,7 +8,8 @@ use naga_interp::overrides;
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 
-use super::{EmitError, Target};
+use super::EmitError;
+use preshade_plan::plan_file::Target;
 
 /// The constants that have their defaults in each target. All programs of a material agree on them,
 /// or a pre-pass would discard other pixels than its main pass.

@@ -15,8 +15,9 @@ use preshade_validate::Effort;
 use preshade_validate::agree::{self, Class, Outcome, Relation};
 use shader_text::source::Language;
 
-use super::{ClipSpace, EmitError, Emitted, Options, Target, written_key};
+use super::{ClipSpace, EmitError, Emitted, Options, written_key};
 use crate::front;
+use preshade_plan::plan_file::Target;
 use shader_text::{options, panics};
 
 /// How much of each text's meaning is compared.

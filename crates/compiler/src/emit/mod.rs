@@ -50,96 +50,16 @@ use std::collections::BTreeMap;
 
 use naga::{ImageClass, ShaderStage, TypeInner};
 use preshade_plan::plan::{BindingSource, GpuPass, ORIGINAL, Plan};
+use preshade_plan::plan_file::{Fallback, StageFile, Target, WeakerPromise};
 use preshade_plan::program::Program;
 use preshade_plan::state::Topology;
-use schemars::JsonSchema;
-use serde::{Deserialize, Serialize};
 
 use shader_text::files::File;
 use shader_text::panics;
 
 pub use meaning::Meaning;
-pub use plan_json::{
-    Fallback, GlslAttribute, GlslBlock, GlslTexture, GlslUniform, PassFiles, PlanFile,
-    SpecConstant, StageFile, TessellationFiles, WeakerPromise, versions,
-};
+pub use plan_json::versions;
 pub use stale::{Stale, remove, stale};
-
-/// An output language.
-#[derive(
-    Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize, JsonSchema,
-)]
-#[non_exhaustive]
-pub enum Target {
-    /// WebGPU Shading Language.
-    #[serde(rename = "wgsl")]
-    Wgsl,
-    /// SPIR-V 1.3, Vulkan semantics.
-    #[serde(rename = "spirv")]
-    Spirv,
-    /// GLSL 4.50 for OpenGL: combined samplers, uniform blocks with explicit bindings.
-    #[serde(rename = "glsl")]
-    Glsl450,
-    /// GLSL 4.50 for Vulkan: sets and bindings, push constants, specialisation constants, and the
-    /// author's combined samplers.
-    #[serde(rename = "glsl-vulkan")]
-    GlslVulkan,
-    /// GLSL ES 3.00 for WebGL 2: combined samplers, bindings by name.
-    #[serde(rename = "glsl-es")]
-    GlslEs300,
-    /// GLSL ES 1.00 for WebGL 1: uniforms, samplers and attributes by name. It supports fewer
-    /// programs than the other targets.
-    #[serde(rename = "glsl-es-100")]
-    GlslEs100,
-    /// GLSL 4.00 for OpenGL with tessellation stages that evaluate hoisted values: combined
-    /// samplers, bindings by name.
-    #[serde(rename = "glsl-tess")]
-    GlslTess,
-    /// GLSL 4.50 for Vulkan with tessellation stages: combined samplers, one descriptor set.
-    #[serde(rename = "glsl-vulkan-tess")]
-    GlslVulkanTess,
-}
-
-impl Target {
-    /// Every target, in the order of `--help`.
-    pub const ALL: [Self; 8] = [
-        Self::Wgsl,
-        Self::Spirv,
-        Self::Glsl450,
-        Self::GlslVulkan,
-        Self::GlslEs300,
-        Self::GlslEs100,
-        Self::GlslTess,
-        Self::GlslVulkanTess,
-    ];
-
-    /// The targets for any plan and host: no tessellation, no GLSL ES 1.00, no Vulkan's GLSL.
-    pub const GENERAL: [Self; 4] = [Self::Wgsl, Self::Spirv, Self::Glsl450, Self::GlslEs300];
-
-    /// The name on the command line and in `plan.json`.
-    pub fn name(self) -> &'static str {
-        match self {
-            Self::Wgsl => "wgsl",
-            Self::Spirv => "spirv",
-            Self::Glsl450 => "glsl",
-            Self::GlslVulkan => "glsl-vulkan",
-            Self::GlslEs300 => "glsl-es",
-            Self::GlslEs100 => "glsl-es-100",
-            Self::GlslTess => "glsl-tess",
-            Self::GlslVulkanTess => "glsl-vulkan-tess",
-        }
-    }
-
-    pub fn from_name(name: &str) -> Option<Self> {
-        Self::ALL.into_iter().find(|t| t.name() == name)
-    }
-}
-
-impl std::fmt::Display for Target {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name())
-    }
-}
 
 /// The clip space of GLSL output.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -216,7 +136,7 @@ impl EmitError {
             Self::Inexpressible { .. } => codes::INEXPRESSIBLE.code,
             Self::Writer { .. } => codes::WRITER.code,
             Self::Differs { .. } => codes::DIFFERS.code,
-            Self::BrokenPlan { .. } => codes::BROKEN_PLAN.code,
+            Self::BrokenPlan { .. } => preshade_plan::codes::BROKEN_PLAN.code,
             Self::NotBuilt { .. } => codes::NOT_BUILT.code,
         }
     }
@@ -485,7 +405,7 @@ fn write_original(
             && (fragment.is_empty() || has(ShaderStage::Fragment, fragment))
     };
     if original.passes.iter().all(is_shipped) {
-        return Ok(Fallback::new(original, written));
+        return Ok(plan_json::fallback(original, written));
     }
     let mut named = original.clone();
     named.programs = named
@@ -497,7 +417,7 @@ fn write_original(
         pass.program = ORIGINAL.to_owned();
     }
     let written = write_programs(&named, lengths, writing, files)?;
-    Ok(Fallback::new(&named, &written))
+    Ok(plan_json::fallback(&named, &written))
 }
 
 /// An entry point by stage and name, vertex first.

@@ -20,9 +20,9 @@ use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 use shader_text::source::{Invalid, Language};
 
-use super::plan_json::{SpecConstant, StageFile};
-use super::{EmitError, Target, reduce};
+use super::{EmitError, reduce};
 use crate::wgsl::constants;
+use preshade_plan::plan_file::{SpecConstant, StageFile, Target};
 
 /// A module without overrides.
 pub(super) struct Settled {
@@ -104,7 +104,7 @@ fn settle_with(
 
 impl Settled {
     /// The defaults of the overrides that the stage reads, for
-    /// [`StageFile::overrides`](super::StageFile::overrides).
+    /// [`StageFile::overrides`](preshade_plan::plan_file::StageFile::overrides).
     pub(super) fn values(&self, program: &Program) -> BTreeMap<String, f64> {
         let overrides = program.module().overrides.iter().map(|(_, o)| o);
         overrides

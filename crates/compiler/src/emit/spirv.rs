@@ -26,11 +26,11 @@ mod sample_mask;
 
 use super::combined::{Combined, CombinedSamplers};
 use super::overrides::{SpecIds, Specialised};
-use super::plan_json::StageFile;
-use super::{EmitError, ReadBack, Target, partial_pointers};
+use super::{EmitError, ReadBack, partial_pointers};
 use crate::wgsl::fingerprint;
 use naga_spirv::instructions;
 use naga_spirv::words::{position, to_bytes};
+use preshade_plan::plan_file::{StageFile, Target};
 
 /// Writes the little-endian bytes and their `plan.json` entry. `name` is the file's.
 pub(super) fn write(

@@ -25,11 +25,11 @@ use preshade_geometry::tessellate::native::{self, Blend, Native, Patch, PatchVar
 use preshade_plan::plan::Plan;
 use preshade_plan::program::Program;
 
-use super::plan_json::StageFile;
 use super::{
-    ClipSpace, EmitError, Emitted, EmittedStage, Options, Target, TessellationStage, dedup,
-    extension, glsl, written_key,
+    ClipSpace, EmitError, Emitted, EmittedStage, Options, TessellationStage, dedup, extension,
+    glsl, written_key,
 };
+use preshade_plan::plan_file::{StageFile, Target};
 use shader_text::files::File;
 
 /// The article's recommended level, for hosts that set none.

@@ -6,8 +6,9 @@ use preshade_plan::plan::{Plan, Step};
 use preshade_plan::program::Program;
 use shader_text::source::Language;
 
-use super::{EmitError, Target};
+use super::EmitError;
 use crate::wgsl::{self, WgslError};
+use preshade_plan::plan_file::Target;
 
 /// Writes a reduced program. `name` is the file's, for errors, and `header` its first lines.
 pub(super) fn write(program: &Program, name: &str, header: &str) -> Result<String, EmitError> {

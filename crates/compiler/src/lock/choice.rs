@@ -8,8 +8,9 @@ use serde::{Deserialize, Serialize};
 
 use super::inputs::{hash, said};
 use super::{Inputs, Mismatch};
-use crate::emit::{self, Target};
+use crate::emit;
 use crate::recipe::{Recipe, Step};
+use preshade_plan::plan_file::Target;
 
 /// The choice for one material.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, JsonSchema)]

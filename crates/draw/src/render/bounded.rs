@@ -3,15 +3,15 @@
 use std::sync::atomic::Ordering;
 use std::sync::{Mutex, PoisonError};
 
-use preshade_passes::rebuild::bounded::{self, Bounded};
 use preshade_plan::plan::{
     BindingKind, BindingSource, BindingUse, FrameBuffer, FrameWords, GeometryPart, Plan,
 };
 use preshade_plan::reflect;
+use preshade_plan::safety::{Bounded, MOST_TURNS};
 use preshade_plan::uniforms::UniformScalar;
 
 use super::inputs::SceneInputs;
-use super::shader::{ShaderForm, Variant};
+use super::shader::{Bound, Variant};
 use super::{Error, FrameSettings, Prepared};
 use crate::scene::bind;
 
@@ -19,7 +19,7 @@ use crate::scene::bind;
 const BUFFER: &str = "preshade_loops";
 
 /// Largest number in a uniform buffer that a loop counts up to without a guard.
-const SMALL: f64 = bounded::MOST_TURNS as f64;
+const SMALL: f64 = MOST_TURNS as f64;
 
 /// A frame of bounded copies.
 pub(super) struct Guard<'a> {
@@ -42,16 +42,17 @@ impl<'a> Guard<'a> {
     ) -> Result<Option<Self>, Error> {
         let mut loops = Vec::new();
         let mut plans = Vec::new();
-        for plan in variant.looping() {
+        let Some((open, bound)) = variant.looping() else {
+            return Ok(None);
+        };
+        for plan in open {
             let is_small = |scalar: &UniformScalar| is_small(inputs, &plan.material, scalar);
-            plans.push(bounded_plan(plan, &mut loops, &is_small)?);
+            plans.push(bounded_plan(plan, *bound, &mut loops, &is_small)?);
         }
         if loops.is_empty() {
             return Ok(None);
         }
-        let copies = Variant::new(&plans, ShaderForm::Ir)?
-            .checked()
-            .in_passes(variant.frame().passes.clone());
+        let copies = Variant::bounded(&plans)?.in_passes(variant.frame().passes.clone());
         let frame = Prepared::new(inputs, &copies, settings)?;
         let this = Self {
             frame: Box::new(frame),
@@ -93,6 +94,7 @@ impl<'a> Guard<'a> {
 /// A plan with bounded copies in place of the programs that need them. Adds their loops to `loops`.
 fn bounded_plan(
     plan: &Plan,
+    bound: Bound,
     loops: &mut Vec<String>,
     is_small: &dyn Fn(&UniformScalar) -> bool,
 ) -> Result<Plan, Error> {
@@ -100,7 +102,7 @@ fn bounded_plan(
     copy.original = None;
     for (key, program) in &plan.programs {
         let first = loops.len() as u32 + 1;
-        let made = bounded::bounded(program, first, is_small).map_err(|e| Error::Plan {
+        let made = bound(program, first, is_small).map_err(|e| Error::Plan {
             material: plan.material.clone(),
             message: format!("its bounded copy `{key}` is invalid: {e}"),
         })?;

@@ -3,7 +3,7 @@
 
 use std::sync::{Mutex, PoisonError};
 
-use preshade_passes::analysis::checks::Checks;
+use preshade_plan::safety::Checks;
 
 use super::Error;
 use super::gpu::Gpu;
@@ -85,9 +85,7 @@ pub(super) fn shader(
                 needed,
                 wgpu::ShaderModuleDescriptor {
                     label: Some(label),
-                    source: wgpu::ShaderSource::Wgsl(
-                        preshade_compiler::front::for_naga(text).into(),
-                    ),
+                    source: wgpu::ShaderSource::Wgsl(text.into()),
                 },
             )
         })

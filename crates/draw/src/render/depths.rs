@@ -1,6 +1,6 @@
 //! Depths that are written by drawing: WebGPU copies to few formats of depth, and resolves none.
 
-use preshade_passes::analysis::checks::Checks;
+use preshade_plan::safety::Checks;
 use wgpu::{TextureDimension, TextureFormat, TextureUsages, TextureViewDimension};
 
 use super::gpu::Gpu;

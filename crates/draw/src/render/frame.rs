@@ -57,7 +57,7 @@ pub struct ComputedVertices {
     /// Index of the draw in the scene.
     pub draw: usize,
     /// The origin of each vertex of one instance, as
-    /// [`preshade_geometry::tessellate::mesh::Mesh::points`].
+    /// [`crate::render::subdivision::Mesh::points`].
     pub points: Vec<[u32; 4]>,
     /// The vertices, instance by instance, with the same number of words each.
     pub words: Vec<u32>,

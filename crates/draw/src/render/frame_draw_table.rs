@@ -2,14 +2,12 @@
 
 use std::collections::BTreeMap;
 
-use preshade_plan::draw_table::{self, DRAWS, Entry, IDS};
+use preshade_plan::draw_table::{self, DRAWS, Entry, IDS, Words};
 use preshade_plan::geometry::{Formats, Geometry, Stream, declared_format};
 use preshade_plan::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, ComputePass, FrameBuffer, FrameWords,
     GeometryPart, HostValue, Plan,
 };
-
-use preshade_geometry::visibility_buffer::Words;
 
 use super::gpu::Gpu;
 use super::inputs::{DrawInputs, SceneInputs};

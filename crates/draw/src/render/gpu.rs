@@ -4,7 +4,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::{Arc, Mutex, PoisonError};
 use std::time::Duration;
 
-use preshade_passes::analysis::checks::Checks;
+use preshade_plan::safety::Checks;
 use serde::{Deserialize, Serialize};
 use wgpu::{Backends, DeviceType, ErrorFilter, Features};
 

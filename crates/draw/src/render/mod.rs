@@ -1,10 +1,10 @@
 //! The renderer: draws a frame of material plans headlessly on wgpu, and reads back colour and
 //! depth.
 //!
-//! It sees only the data of a variant's plan. Data flows through the modules in this order:
+//! It sees plans, emitted files and a scene's data, and nothing of the compiler. Data flows through the modules in this order:
 //!
 //! 1. [`gpu`] chooses and opens an adapter;
-//! 2. [`shader`] sends a plan through JSON, and its programs through the emitted text (or as IR);
+//! 2. [`shader`] reads plans from JSON, and their programs from the emitted text (or as IR);
 //! 3. [`inputs`] uploads the resources of a scene's draws once; every variant shares them;
 //! 4. [`state`], `layout`, `limits` convert a plan's state and bindings to wgpu types;
 //! 5. [`frame`] builds the `targets`, `pipeline`s, `compute` passes, `subdivided` meshes, `drawn`
@@ -33,6 +33,7 @@ pub mod self_test;
 pub mod shader;
 pub mod state;
 mod subdivided;
+mod subdivision;
 mod targets;
 pub mod textures;
 mod trusted;
@@ -43,8 +44,8 @@ pub use gpu::{AdapterChoice, AdapterReport, Card, Gpu, adapters, cards};
 pub use inputs::SceneInputs;
 pub use layout::binding_type;
 pub use picture::{ColorImage, DepthImage};
-pub use self_test::{SelfTestResult, self_test};
-pub use shader::{ShaderForm, Variant};
+pub use self_test::{SelfTestPlan, SelfTestResult};
+pub use shader::Variant;
 pub use subdivided::{DrawSubdivision, SubdivisionCost, Surplus};
 
 /// How errors begin that say nothing of a shader but that it was not measured.
@@ -106,7 +107,7 @@ pub enum Error {
     #[error(
         "{NOT_MEASURED}{} did not end within {} turns, so that it would hang a GPU",
         .which.as_deref().unwrap_or("a loop"),
-        preshade_passes::rebuild::bounded::MOST_TURNS
+        preshade_plan::safety::MOST_TURNS
     )]
     Endless {
         /// The loop, in words.
@@ -153,7 +154,7 @@ impl Error {
             Self::Unsupported { .. } => codes::NO_FEATURE.code,
             Self::Refused { .. } => codes::DRIVER_REFUSED.code,
             Self::OutOfMemory(_) => codes::OUT_OF_MEMORY.code,
-            Self::Plan { .. } => preshade_compiler::emit::codes::BROKEN_PLAN.code,
+            Self::Plan { .. } => preshade_plan::codes::BROKEN_PLAN.code,
             Self::Endless { .. } => codes::ENDLESS.code,
             Self::Frame(_) => codes::FRAME.code,
             Self::Scene { .. } => codes::DRAW.code,

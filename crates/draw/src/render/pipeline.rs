@@ -2,9 +2,9 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::analysis::checks::Checks;
 use preshade_plan::frame::{ColorAttachments, FramePass};
 use preshade_plan::plan::{GpuPass, Plan};
+use preshade_plan::safety::Checks;
 use preshade_plan::state::ColorTarget;
 
 use super::compiled::{self, Compiled, RenderKey};

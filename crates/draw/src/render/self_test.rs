@@ -5,7 +5,7 @@ use preshade_plan::plan::{GpuPass, Phase, Plan, SamplesPassed, SelfTest, SelfTes
 use preshade_plan::state::{DepthFormat, StoreOp};
 use serde::{Deserialize, Serialize};
 
-use super::{Error, FrameSettings, Prepared, SceneInputs, ShaderForm, Variant};
+use super::{Error, FrameSettings, Prepared, SceneInputs, Variant};
 use crate::scene::DrawOrder;
 
 /// The result of a self-test. WebGPU guarantees only whether an occlusion query is 0, so sample
@@ -30,65 +30,78 @@ pub enum SelfTestResult {
     NotRun { why: String },
 }
 
-/// Runs the self-test of `plan` on its material's draws, in the first frame of each camera. `None`
-/// if the plan has no self-test. Overwrites the uniforms of [`SceneInputs::set_frame`].
-///
-/// # Errors
-/// As [`Prepared::new`] and [`Prepared::draw`], or [`Error::Plan`] if the self-test names a missing
-/// pass.
-pub fn self_test(
-    inputs: &SceneInputs<'_>,
-    plan: &Plan,
-    form: ShaderForm,
-) -> Result<Option<SelfTestResult>, Error> {
-    let Some(test) = &plan.self_test else {
-        return Ok(None);
-    };
-    let (scene, settings) = (inputs.scene(), FrameSettings::of(inputs.scene()));
-    let variant = variant(plan, test, form)?;
-    let mut prepared = Prepared::new(inputs, &variant, &settings)?;
-    let mut laid = vec![0; test.runs.len()];
-    for camera in &scene.cameras {
-        let Some(frame) = camera.frames.first() else {
-            continue;
-        };
-        inputs.set_frame(frame)?;
-        prepared.aim(frame, DrawOrder::AsGiven);
-        let mut passed = prepared.draw_occluded()?.into_iter();
-        for (run, laid) in test.runs.iter().zip(&mut laid) {
-            let queries: Vec<u64> = passed.by_ref().take(run.draws.len()).collect();
-            let of = |what: SamplesPassed| {
-                let draws = run.draws.iter().zip(&queries);
-                draws
-                    .filter(move |(draw, _)| draw.samples == what)
-                    .map(|(_, n)| *n)
-            };
-            let failed: u64 = of(SamplesPassed::None).sum();
-            if failed > 0 {
-                return Ok(Some(SelfTestResult::Failed {
-                    failure: run.failure.clone(),
-                    camera: camera.name.clone(),
-                    samples: failed,
-                }));
-            }
-            // A draw of the run may be invisible to this camera; then the camera has no result.
-            if of(SamplesPassed::Some).all(|n| n > 0) {
-                *laid += of(SamplesPassed::Some).sum::<u64>();
-            }
-        }
-    }
-    Ok(Some(match laid.iter().all(|n| *n > 0) {
-        true => SelfTestResult::Held {
-            samples: laid.iter().sum(),
-        },
-        false => SelfTestResult::NotRun {
-            why: "no camera sees the material".to_owned(),
-        },
-    }))
+/// The draws of a plan's self-test as a plan: each draw is a pass, in a render pass of its own.
+#[derive(Debug)]
+pub struct SelfTestPlan<'a> {
+    test: &'a SelfTest,
+    /// To be emitted for [`Self::run`].
+    pub plan: Plan,
+    passes: Vec<FramePass>,
 }
 
-/// The plan with the draws of its self-test as passes, in a render pass each.
-fn variant(plan: &Plan, test: &SelfTest, form: ShaderForm) -> Result<Variant, Error> {
+impl<'a> SelfTestPlan<'a> {
+    /// The draws of the self-test of `plan`. `None` if it has none.
+    ///
+    /// # Errors
+    /// [`Error::Plan`] if the self-test names a missing pass.
+    pub fn of(plan: &'a Plan) -> Result<Option<Self>, Error> {
+        plan.self_test
+            .as_ref()
+            .map(|test| draws(plan, test))
+            .transpose()
+    }
+
+    /// Runs the self-test on its material's draws, in the first frame of each camera. `variant` is of [`Self::plan`].
+    /// Overwrites the uniforms of [`SceneInputs::set_frame`].
+    ///
+    /// # Errors
+    /// As [`Prepared::new`] and [`Prepared::draw`].
+    pub fn run(self, inputs: &SceneInputs<'_>, variant: Variant) -> Result<SelfTestResult, Error> {
+        let (scene, settings) = (inputs.scene(), FrameSettings::of(inputs.scene()));
+        let variant = variant.in_passes(self.passes);
+        let mut prepared = Prepared::new(inputs, &variant, &settings)?;
+        let mut laid = vec![0; self.test.runs.len()];
+        for camera in &scene.cameras {
+            let Some(frame) = camera.frames.first() else {
+                continue;
+            };
+            inputs.set_frame(frame)?;
+            prepared.aim(frame, DrawOrder::AsGiven);
+            let mut passed = prepared.draw_occluded()?.into_iter();
+            for (run, laid) in self.test.runs.iter().zip(&mut laid) {
+                let queries: Vec<u64> = passed.by_ref().take(run.draws.len()).collect();
+                let of = |what: SamplesPassed| {
+                    let draws = run.draws.iter().zip(&queries);
+                    draws
+                        .filter(move |(draw, _)| draw.samples == what)
+                        .map(|(_, n)| *n)
+                };
+                let failed: u64 = of(SamplesPassed::None).sum();
+                if failed > 0 {
+                    return Ok(SelfTestResult::Failed {
+                        failure: run.failure.clone(),
+                        camera: camera.name.clone(),
+                        samples: failed,
+                    });
+                }
+                // A draw of the run may be invisible to this camera; then the camera has no result.
+                if of(SamplesPassed::Some).all(|n| n > 0) {
+                    *laid += of(SamplesPassed::Some).sum::<u64>();
+                }
+            }
+        }
+        Ok(match laid.iter().all(|n| *n > 0) {
+            true => SelfTestResult::Held {
+                samples: laid.iter().sum(),
+            },
+            false => SelfTestResult::NotRun {
+                why: "no camera sees the material".to_owned(),
+            },
+        })
+    }
+}
+
+fn draws<'a>(plan: &Plan, test: &'a SelfTest) -> Result<SelfTestPlan<'a>, Error> {
     let mut drawn = plan.clone();
     drawn.self_test = None;
     for (key, program) in plan.original.iter().flat_map(|o| &o.programs) {
@@ -132,7 +145,11 @@ fn variant(plan: &Plan, test: &SelfTest, form: ShaderForm) -> Result<Variant, Er
             drawn.passes.push(pass);
         }
     }
-    Ok(Variant::new(&[drawn], form)?.in_passes(passes))
+    Ok(SelfTestPlan {
+        test,
+        plan: drawn,
+        passes,
+    })
 }
 
 /// The key of a program of the original, beside those of the plan.

@@ -1,28 +1,45 @@
-//! Sends a plan to the GPU through its own JSON, and its programs through the emitted text or as
-//! naga IR.
+//! Reads the plans of a frame as a host does, from JSON, and their programs from emitted text or as naga IR.
 
 use std::collections::BTreeMap;
 
-use preshade_compiler::emit;
-use preshade_passes::analysis::checks::Checks;
-use preshade_passes::rebuild::bounded;
 use preshade_plan::frame::{FramePass, FramePlan};
 use preshade_plan::plan::{GpuPass, Plan, SCHEMA};
-use shader_text::files;
+use preshade_plan::plan_file::{PlanFile, StageFile, Target};
+use preshade_plan::program::Program;
+use preshade_plan::safety::{Bounded, Checks};
+use preshade_plan::uniforms::UniformScalar;
+use shader_text::files::File;
+use shader_text::source::Invalid;
 
 use super::Error;
 use super::compiled::{self, Compiled};
 use super::gpu::Gpu;
 
-/// The form in which shaders reach the driver.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum ShaderForm {
-    /// The emitted WGSL, as shipped to users.
-    #[default]
-    Text,
-    /// The IR, through wgpu's `naga-ir`.
+/// A material as a host gets it, and what is known of its programs.
+#[derive(Clone, Debug)]
+pub struct Material<'a> {
+    pub plan: &'a Plan,
+    pub shaders: Shaders,
+    /// The checks without which the author's programs may do anything. A variant needs the same, so that both are
+    /// compiled alike.
+    pub needed: Checks,
+    /// Whether a program has a loop that may not end.
+    pub is_open: bool,
+}
+
+/// The form in which the shaders of a material reach the driver.
+#[derive(Clone, Debug)]
+pub enum Shaders {
+    /// The emitted files: `MATERIAL.plan.json`, and the WGSL files that its passes name.
+    Emitted(Vec<File>),
+    /// The IR of the plan, through wgpu's `naga-ir`.
     Ir,
 }
+
+/// Makes the bounded copy of a program. Its first loop gets the number that is given, from 1. The closure says of a
+/// number in a uniform buffer that a loop counts up to it in no time. `None`: every loop ends.
+pub type Bound =
+    fn(&Program, u32, &dyn Fn(&UniformScalar) -> bool) -> Result<Option<Bounded>, Box<Invalid>>;
 
 #[derive(Clone, Debug)]
 enum Shader {
@@ -45,8 +62,8 @@ pub struct Variant {
     /// Shaders by the name of the emitted file, or `MATERIAL.KEY` for IR, with the checks that the
     /// material's texts need.
     shaders: BTreeMap<String, (Shader, Checks)>,
-    /// The plans with their programs, if a program has a loop.
-    looping: Vec<Plan>,
+    /// The plans with their programs, and what bounds them, if a loop may not end.
+    looping: Option<(Vec<Plan>, Bound)>,
     /// Vertex and fragment stage of each pass of each plan.
     stages: Vec<Vec<(ShaderStageRef, Option<ShaderStageRef>)>>,
     /// Stage of each compute pass of each plan.
@@ -54,79 +71,55 @@ pub struct Variant {
 }
 
 impl Variant {
-    /// Sends `plans` through JSON and their programs through `form`.
+    /// Reads materials as a host does. `bound` makes copies of programs whose loops may not end.
     ///
     /// # Errors
-    /// [`Error::Plan`] if a plan cannot be emitted or changes in JSON (bugs in preshade),
-    /// [`Error::Frame`] if the plans do not fit into one frame.
-    pub fn new(plans: &[Plan], form: ShaderForm) -> Result<Self, Error> {
+    /// As [`Self::from_files`].
+    pub fn new(materials: Vec<Material<'_>>, bound: Bound) -> Result<Self, Error> {
         let mut out = Self::empty();
-        for plan in plans {
-            if let Some(message) = plan
-                .programs
-                .values()
-                .find_map(emit::partial_pointers::find)
-            {
-                return Err(Error::Plan {
-                    material: plan.material.clone(),
-                    message,
-                });
-            }
-            match form {
-                ShaderForm::Text => {
-                    // The fallback is not drawn, so its files are not needed.
-                    let drawn = Plan {
-                        original: None,
-                        ..plan.clone()
-                    };
-                    let (targets, options) = ([emit::Target::Wgsl], emit::Options::default());
-                    let files =
-                        emit::emit(&drawn, &targets, &options).map_err(|e| Error::Plan {
-                            material: plan.material.clone(),
-                            message: e.to_string(),
-                        })?;
-                    out.add_files(&plan.material, files, needed(plan))?;
+        if materials.iter().any(|m| m.is_open) {
+            let plans = materials.iter().map(|m| m.plan.clone());
+            out.looping = Some((plans.collect(), bound));
+        }
+        for material in materials {
+            match material.shaders {
+                Shaders::Emitted(files) => {
+                    out.add_files(&material.plan.material, files, material.needed)?;
                 }
-                ShaderForm::Ir => out.add_ir(plan)?,
+                Shaders::Ir => out.add_ir(material.plan, material.needed)?,
             }
         }
         out.frame = FramePlan::merge(&out.plans)?;
-        let has_loop = |plan: &Plan| {
-            let mut programs = plan.programs.values();
-            programs.any(|program| bounded::is_open(program, &|_| false))
-        };
-        if plans.iter().any(has_loop) {
-            out.looping = plans.to_vec();
-        }
         Ok(out)
     }
 
-    /// The same with all checks in every shader, and no bounded copies.
-    pub(super) fn checked(mut self) -> Self {
-        for (_, needed) in self.shaders.values_mut() {
-            *needed = Checks::ALL;
+    /// Bounded copies, which the driver gets as IR with every check.
+    pub(super) fn bounded(plans: &[Plan]) -> Result<Self, Error> {
+        let mut out = Self::empty();
+        for plan in plans {
+            out.add_ir(plan, Checks::ALL)?;
         }
-        self.looping.clear();
-        self
+        out.frame = FramePlan::merge(&out.plans)?;
+        Ok(out)
     }
 
-    /// The plans with their programs, if a loop may not end.
-    pub(super) fn looping(&self) -> &[Plan] {
-        &self.looping
+    /// The plans with their programs, and what bounds them, if a loop may not end.
+    pub(super) fn looping(&self) -> Option<&(Vec<Plan>, Bound)> {
+        self.looping.as_ref()
     }
 
-    /// Reads the files that [`emit::emit`] wrote for each material, with WGSL among the targets.
+    /// Reads the emitted files of each material, with WGSL among the targets. Their texts are those that naga reads.
     ///
     /// # Errors
     /// [`Error::Plan`] if a `plan.json` is missing, has another version, or names missing files;
     /// [`Error::Frame`] if the plans do not fit into one frame.
-    pub fn from_files(materials: &[Vec<files::File>]) -> Result<Self, Error> {
+    pub fn from_files(materials: Vec<Vec<File>>) -> Result<Self, Error> {
         let mut out = Self::empty();
         for files in materials {
             let json = files.iter().map(|f| f.name.as_str());
             let name = json.clone().find_map(|n| n.strip_suffix(".plan.json"));
             let name = name.unwrap_or_default().to_owned();
-            out.add_files(&name, files.clone(), Checks::default())?;
+            out.add_files(&name, files, Checks::default())?;
         }
         out.frame = FramePlan::merge(&out.plans)?;
         Ok(out)
@@ -140,7 +133,7 @@ impl Variant {
                 passes: Vec::new(),
             },
             shaders: BTreeMap::new(),
-            looping: Vec::new(),
+            looping: None,
             stages: Vec::new(),
             compute: Vec::new(),
         }
@@ -148,12 +141,7 @@ impl Variant {
 
     /// Adds the emitted files of a material: `MATERIAL.plan.json` and the WGSL files that its
     /// passes name.
-    fn add_files(
-        &mut self,
-        material: &str,
-        files: Vec<files::File>,
-        needed: Checks,
-    ) -> Result<(), Error> {
+    fn add_files(&mut self, material: &str, files: Vec<File>, needed: Checks) -> Result<(), Error> {
         let failed = |message: String| Error::Plan {
             material: material.to_owned(),
             message,
@@ -163,7 +151,7 @@ impl Variant {
         for file in files {
             let text = String::from_utf8(file.bytes).map_err(|e| failed(e.to_string()))?;
             if file.name.ends_with(".json") {
-                let json: emit::PlanFile = serde_json::from_str(&text)
+                let json: PlanFile = serde_json::from_str(&text)
                     .map_err(|e| failed(format!("{}: {e}", file.name)))?;
                 described = Some(json);
             } else {
@@ -172,8 +160,8 @@ impl Variant {
         }
         let described = described.ok_or_else(|| failed("there is no plan.json".to_owned()))?;
         check(&described).map_err(failed)?;
-        let mut stage = |at: &BTreeMap<emit::Target, emit::StageFile>| {
-            let Some(s) = at.get(&emit::Target::Wgsl) else {
+        let mut stage = |at: &BTreeMap<Target, StageFile>| {
+            let Some(s) = at.get(&Target::Wgsl) else {
                 return Ok(None);
             };
             if let Some(shader) = shaders.remove(&s.file) {
@@ -207,12 +195,11 @@ impl Variant {
         Ok(())
     }
 
-    fn add_ir(&mut self, plan: &Plan) -> Result<(), Error> {
+    fn add_ir(&mut self, plan: &Plan, needed: Checks) -> Result<(), Error> {
         let failed = |e: serde_json::Error| Error::Plan {
             material: plan.material.clone(),
             message: format!("plan.json: {e}"),
         };
-        let needed = needed(plan);
         let name = |key: &str| format!("{}.{key}", plan.material);
         let json = serde_json::to_string(plan).map_err(failed)?;
         let host: Plan = serde_json::from_str(&json).map_err(failed)?;
@@ -311,14 +298,6 @@ impl Variant {
     }
 }
 
-/// The checks that the texts of a material need: those of the author's, so that original and variant
-/// are compiled alike.
-fn needed(plan: &Plan) -> Checks {
-    let author = plan.original.as_deref().unwrap_or(plan);
-    let each = author.programs.values().map(Checks::needed);
-    each.fold(Checks::default(), Checks::or)
-}
-
 /// A pass of a frame.
 #[derive(Clone, Copy)]
 pub(super) struct PlannedPass<'v> {
@@ -338,7 +317,7 @@ impl PlannedPass<'_> {
 }
 
 /// Fails with a message unless the plan has this version and its passes' files.
-fn check(described: &emit::PlanFile) -> Result<(), String> {
+fn check(described: &PlanFile) -> Result<(), String> {
     let plan = &described.plan;
     if plan.schema != SCHEMA {
         return Err(format!(
@@ -352,9 +331,8 @@ fn check(described: &emit::PlanFile) -> Result<(), String> {
     }
     for (pass, files) in plan.passes.iter().zip(&described.files) {
         // WGSL preserves the names of entry points.
-        let entry = |at: &BTreeMap<emit::Target, emit::StageFile>| {
-            at.get(&emit::Target::Wgsl).map(|s| s.entry_point.clone())
-        };
+        let entry =
+            |at: &BTreeMap<Target, StageFile>| at.get(&Target::Wgsl).map(|s| s.entry_point.clone());
         let named = (Some(pass.vertex.clone()), pass.fragment.clone());
         if named != (entry(&files.vertex), entry(&files.fragment)) {
             return Err(format!(
@@ -365,7 +343,7 @@ fn check(described: &emit::PlanFile) -> Result<(), String> {
     }
     let named = plan.compute.iter().map(|c| Some(&c.entry_point));
     let files = described.compute_files.iter();
-    let files = files.map(|f| f.get(&emit::Target::Wgsl).map(|s| &s.entry_point));
+    let files = files.map(|f| f.get(&Target::Wgsl).map(|s| &s.entry_point));
     match named.eq(files) {
         true => Ok(()),
         false => Err("its files have other entry points than its compute passes".to_owned()),

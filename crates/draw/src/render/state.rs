@@ -186,7 +186,7 @@ fn blend_factor(f: plan::BlendFactor) -> wgpu::BlendFactor {
 #[cfg(test)]
 mod tests {
     use super::color_format;
-    use preshade_compiler::command::material::COLOR_FORMATS;
+    use preshade_plan::state::COLOR_FORMATS;
 
     #[test]
     fn every_format_that_is_taken_can_be_drawn_to() {

@@ -3,7 +3,8 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use preshade_geometry::tessellate::mesh::{self, Mesh};
+use crate::render::subdivision as mesh;
+use crate::render::subdivision::Mesh;
 use preshade_plan::geometry::{self, Constants, Form, Geometry, Stream, Subdivision};
 use preshade_plan::plan::{BindingSource, BindingUse, GeometryPart, Plan};
 use preshade_plan::state::Topology;

@@ -2,7 +2,7 @@
 //! checks.
 #![allow(unsafe_code)]
 
-use preshade_passes::analysis::checks::Checks;
+use preshade_plan::safety::Checks;
 use shader_text::limits::Trust;
 use wgpu::{Device, ShaderModule, ShaderModuleDescriptor, ShaderRuntimeChecks};
 

@@ -3,11 +3,11 @@
 use naga::ShaderStage;
 
 use super::binding_sources::parts;
+use super::resolve;
 use super::text::{self, Slots};
-use super::{Words, resolve};
 use preshade_passes::rebuild::place;
 use preshade_passes::rebuild::snippet::Linked;
-use preshade_plan::draw_table::IDS;
+use preshade_plan::draw_table::{IDS, Words};
 use preshade_plan::geometry::Formats;
 use preshade_plan::plan::{ComputePass, Draws, GpuPass, Phase, Plan, Role};
 use preshade_plan::program::Program;

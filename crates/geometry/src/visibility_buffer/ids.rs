@@ -11,8 +11,8 @@ use naga::{
     TypeInner, VectorSize,
 };
 use naga_edit::interface;
+use preshade_plan::draw_table::Words;
 
-use super::Words;
 use super::text::{self, Slots};
 use crate::corner::{Author, corner};
 use naga_edit::interface::Io;

@@ -15,11 +15,11 @@
 use naga::ShaderStage;
 
 use super::text::{self, Slots};
-use super::{Select, ShadingForm, VisibilityParams, Words};
+use super::{Select, ShadingForm, VisibilityParams};
 use naga_edit::declared::Declared;
 use preshade_passes::rebuild::place;
 use preshade_passes::rebuild::snippet::Linked;
-use preshade_plan::draw_table::IDS;
+use preshade_plan::draw_table::{IDS, Words};
 use preshade_plan::geometry::{Formats, Geometry};
 use preshade_plan::plan::{
     BindingKind, BindingSource, BindingUse, ComputePass, Draws, FrameBuffer, FrameWords,

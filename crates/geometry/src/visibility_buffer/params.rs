@@ -7,9 +7,9 @@ use super::differences::Taken;
 use super::{refusals, refuse};
 use preshade_passes::analysis::opaque::Opaque;
 use preshade_passes::rebuild::depth_only::{Invariance, VertexStage};
+use preshade_plan::draw_table::Words;
 use preshade_plan::geometry::Formats;
 use preshade_plan::pass::{Facts, Refusal};
-use preshade_plan::plan::AttachmentFormat;
 use preshade_plan::rasterizer::{Corners, Neighbours, Rasterizer};
 
 /// How the id pass knows a triangle.
@@ -21,32 +21,6 @@ pub enum Ids {
     PrimitiveIndex,
     /// From unshared vertices that are fetched from storage buffers: works on any adapter.
     Unindexed,
-}
-
-/// Words per id.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize, JsonSchema)]
-#[serde(rename_all = "kebab-case")]
-pub enum Words {
-    /// `rg32uint`: no practical limit.
-    #[default]
-    Two,
-    /// `r32uint`, divided according to the frame's instances and triangles. A host refuses frames
-    /// that do not fit.
-    One,
-}
-
-impl Words {
-    /// Format of the id attachment.
-    pub fn format(self) -> AttachmentFormat {
-        AttachmentFormat::Color(self.color().to_owned())
-    }
-
-    pub(super) fn color(self) -> &'static str {
-        match self {
-            Self::Two => "rg32uint",
-            Self::One => "r32uint",
-        }
-    }
 }
 
 /// How a draw's resolve skips the pixels of other draws.

@@ -13,6 +13,7 @@ use naga::{
     Binding, BuiltIn, Function, FunctionResult, Handle, Module, ScalarKind, ShaderStage, Span,
     Type, TypeInner,
 };
+use preshade_plan::draw_table::Words;
 
 use super::gradients::{Explicit, GRADIENTS, Level};
 use super::ids::{Facing, new_entry};
@@ -21,7 +22,7 @@ use super::lists::Lists;
 use super::stage::{ResolveStage, Shader, colors};
 use super::stored_vertices::{Access, KeptVertices};
 use super::text::{self, Slots};
-use super::{Select, Vertices, Words};
+use super::{Select, Vertices};
 use crate::corner::{Author, corner};
 use naga_edit::interface::{self, Io};
 use preshade_dataflow::graph::{FunctionId, Graph};

@@ -11,10 +11,10 @@
 
 use std::fmt::Write;
 
-use super::Words;
 use super::ids::Facing;
 use super::legal::{Encoding, Stored};
 use crate::fetch::{self, Names};
+use preshade_plan::draw_table::Words;
 use preshade_plan::geometry::Formats;
 use preshade_plan::plan::AttributeUse;
 use preshade_plan::rasterizer::Corners;

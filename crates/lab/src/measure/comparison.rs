@@ -11,8 +11,9 @@ use super::{
     Clock, Error, ErrorLadder, Estimate, FrameTime, Session, TimingSettings, compare, time,
 };
 use preshade_compiler::command::agree_text::Drawn;
-use preshade_draw::render::{self, Gpu, Rendered, ShaderForm};
+use preshade_draw::render::{self, Gpu, Rendered};
 use preshade_draw::scene::{DrawOrder, Frame, Scene};
+use preshade_scenes::ShaderForm;
 use preshade_scenes::{StandIn, stand_in};
 
 /// What the two are compared by.

@@ -14,9 +14,7 @@ use serde::{Deserialize, Serialize};
 use super::error::counted;
 use super::verify::{Settings, Timed, Variant};
 use super::{Error, ErrorLadder, Estimate, FrameTime, Session, compare, shadow, time};
-use preshade_draw::render::{
-    FrameSettings, Prepared, Rendered, SceneInputs, Variant as RenderVariant,
-};
+use preshade_draw::render::{FrameSettings, Prepared, Rendered, SceneInputs};
 use preshade_draw::scene::{Camera, DrawOrder, Filter, Frame, Scene};
 
 mod earlier;
@@ -274,7 +272,7 @@ pub fn measure(
         let previous = SceneInputs::new(gpu, &earlier)?;
         let inputs = SceneInputs::new(gpu, &scene)?.after(&previous);
         let prepare = |plans: &[Plan]| -> Result<Prepared<'_>, Error> {
-            let variant = RenderVariant::new(plans, session.form())?;
+            let variant = preshade_scenes::variant(plans, session.form())?;
             let mut prepared = Prepared::new(&inputs, &variant, &FrameSettings::of(&scene))?;
             prepared.aim(&now, DrawOrder::FrontToBack);
             Ok(prepared)
@@ -294,7 +292,7 @@ pub fn measure(
             let previous = SceneInputs::new(gpu, &scenes[0])?;
             let inputs = SceneInputs::new(gpu, &scenes[1])?.after(&previous);
             let [drawn, numbers] = [&alone, numbered].map(|plans| -> Result<Rendered, Error> {
-                let variant = RenderVariant::new(plans, session.form())?;
+                let variant = preshade_scenes::variant(plans, session.form())?;
                 let settings = FrameSettings::of(&scenes[1]);
                 let mut prepared = Prepared::new(&inputs, &variant, &settings)?;
                 prepared.aim(&now, DrawOrder::FrontToBack);

@@ -10,7 +10,7 @@ use super::shading::counting_plan;
 use super::verdict::Promise;
 use super::{CountProgram, Error, Session, counting, shadow};
 use preshade_compiler::command::rewrite::discards;
-use preshade_draw::render::{DepthImage, FrameSettings, Prepared, Rendered, Variant};
+use preshade_draw::render::{DepthImage, FrameSettings, Prepared, Rendered};
 use preshade_draw::scene::{DrawOrder, Frame, Rows};
 
 /// How a picture breaks a promise.
@@ -169,7 +169,7 @@ fn mask<'a>(session: &'a Session<'a>, members: &[bool]) -> Result<Prepared<'a>, 
         }
         plans.push(plan);
     }
-    let variant = Variant::new(&plans, session.form())?;
+    let variant = preshade_scenes::variant(&plans, session.form())?;
     let settings = FrameSettings {
         clear_color: [0.0; 4],
         initial_colors: false,

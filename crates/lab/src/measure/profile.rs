@@ -15,9 +15,10 @@ use preshade_plan::state::{CompareFunction, StencilOperation};
 use serde::Serialize;
 
 use super::{Clock, Error, Estimate, Session, Timing, TimingSettings, View, check_seen, time};
-use preshade_draw::render::{AdapterReport, Gpu, Prepared, ShaderForm};
+use preshade_draw::render::{AdapterReport, Gpu, Prepared};
 use preshade_draw::scene::bind::TextureContent;
 use preshade_draw::scene::{Frame, Image, Scene};
+use preshade_scenes::ShaderForm;
 
 /// Version of the JSON that [`Profile`] serialises to.
 pub(crate) const SCHEMA: &str = "preshade.profile.v1";

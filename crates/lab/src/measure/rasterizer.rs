@@ -12,10 +12,11 @@ use preshade_plan::state::{
 
 use super::Session;
 use preshade_compiler::front;
-use preshade_draw::render::{ColorImage, Error, Gpu, ShaderForm};
+use preshade_draw::render::{ColorImage, Error, Gpu};
 use preshade_draw::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Image, Light, Material, Mesh, Scene, Stream,
 };
+use preshade_scenes::ShaderForm;
 use shader_text::options;
 
 /// Pixels of a side.

@@ -3,10 +3,9 @@
 use preshade_plan::plan::Plan;
 
 use super::originals;
-use preshade_draw::render::{
-    self, FrameSettings, Gpu, Prepared, Rendered, SceneInputs, ShaderForm, Variant,
-};
+use preshade_draw::render::{self, FrameSettings, Gpu, Prepared, Rendered, SceneInputs};
 use preshade_draw::scene::{DrawOrder, Frame, Scene};
+use preshade_scenes::ShaderForm;
 
 /// A scene on an adapter.
 #[derive(Debug)]
@@ -75,7 +74,7 @@ impl<'a> Session<'a> {
     /// # Errors
     /// As [`Prepared::new`].
     pub fn prepare(&self, plans: &[Plan]) -> Result<Prepared<'_>, render::Error> {
-        let variant = Variant::new(plans, self.form)?;
+        let variant = preshade_scenes::variant(plans, self.form)?;
         Prepared::new(&self.inputs, &variant, &FrameSettings::of(self.scene()))
     }
 

@@ -18,10 +18,9 @@ use serde::{Deserialize, Serialize};
 
 use super::{Error, Session, counting};
 use preshade_compiler::command::rewrite::discards;
-use preshade_draw::render::{
-    self, DepthImage, FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant,
-};
+use preshade_draw::render::{self, DepthImage, FrameSettings, Gpu, Prepared, SceneInputs};
 use preshade_draw::scene::{DrawOrder, Frame};
+use preshade_scenes::ShaderForm;
 
 /// Replaces a pass's fragment stage while fragments are counted.
 #[derive(Clone, Debug)]
@@ -185,7 +184,7 @@ impl<'a> Counter<'a> {
         plans: &[Plan],
         form: ShaderForm,
     ) -> Result<Prepared<'a>, Error> {
-        let variant = Variant::new(plans, form)?;
+        let variant = preshade_scenes::variant(plans, form)?;
         let settings = FrameSettings {
             clear_color: [0.0; 4],
             initial_colors: false,

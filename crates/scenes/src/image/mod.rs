@@ -1,6 +1,6 @@
 //! Reads image files.
 
-mod decode;
+pub mod decode;
 mod ktx;
 
 pub use decode::decode;

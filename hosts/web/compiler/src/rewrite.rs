@@ -3,7 +3,8 @@
 use preshade_compiler::command::material::assumed;
 use preshade_compiler::command::refusal::rendered;
 use preshade_compiler::command::rewrite::{self, Report, Rewritten};
-use preshade_compiler::emit::{EmitError, Target};
+use preshade_compiler::emit::EmitError;
+use preshade_plan::plan_file::Target;
 use preshade_compiler::pipeline::{self, Applied, Frame};
 use preshade_compiler::recipe::{Recipe, Step};
 use preshade_plan::pass::Facts;

@@ -23,8 +23,8 @@ use glsl_lang::ast;
 use glsl_lang::transpiler::glsl::{FormattingState, show_external_declaration};
 use naga::ShaderStage;
 
-use crate::emit::plan_json::StageFile;
 use crate::front;
+use preshade_plan::plan_file::StageFile;
 
 /// A feature that GLSL ES 1.00 lacks.
 #[derive(Debug)]

@@ -14,7 +14,7 @@ use naga_edit::declared::LengthConstant;
 use preshade_plan::program::Program;
 
 use crate::emit::overrides::Variable;
-use crate::emit::plan_json::StageFile;
+use preshade_plan::plan_file::StageFile;
 
 /// Whether Vulkan's GLSL can express the length. It has no initial value for such an array, and
 /// naga initialises all variables; it cannot copy one either, nor have one in another array.

@@ -30,8 +30,8 @@ use naga_interp::interval::Interval;
 use preshade_plan::program::Program;
 use shader_text::source::{Invalid, Language};
 
-use crate::emit::Target;
 use crate::wgsl::deep_expressions;
+use preshade_plan::plan_file::Target;
 
 /// The program that naga writes as what `program` means. `None` if that is `program` itself.
 ///

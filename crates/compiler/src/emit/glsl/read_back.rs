@@ -12,9 +12,9 @@ use naga_edit::interface::{self, Io};
 
 use super::author::{self, Authored, Word};
 use crate::emit::ReadBack;
-use crate::emit::plan_json::StageFile;
 use crate::front;
 use crate::wgsl::varying::Varying;
+use preshade_plan::plan_file::StageFile;
 use shader_text::error::{Code, Color};
 use shader_text::tokens as text;
 

@@ -10,7 +10,7 @@ use naga_edit::declared::{Chosen, Type as Declares};
 
 use super::author::{Authored, LocatedName, SamplerMember, SamplerMemberType, Word};
 use super::layout;
-use crate::emit::plan_json::{GlslAttribute, GlslUniform, StageFile};
+use preshade_plan::plan_file::{GlslAttribute, GlslUniform, StageFile};
 use shader_text::tokens as text;
 use shader_text::tokens::TokenKind;
 

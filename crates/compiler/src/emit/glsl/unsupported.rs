@@ -11,7 +11,8 @@ use naga::{
 };
 use naga_edit::interface;
 
-use crate::emit::{EmitError, Target};
+use crate::emit::EmitError;
+use preshade_plan::plan_file::Target;
 use shader_text::tokens as text;
 use shader_text::tokens::TokenKind;
 

@@ -12,7 +12,7 @@ use super::separate_textures::{self, Separate};
 use super::text::Unexpected;
 use crate::emit::combined::{BindingPlace, CombinedSamplers, element};
 use crate::emit::overrides::{SpecIds, Variable};
-use crate::emit::plan_json::StageFile;
+use preshade_plan::plan_file::StageFile;
 use shader_text::tokens as text;
 use shader_text::tokens::TokenKind;
 

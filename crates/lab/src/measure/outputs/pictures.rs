@@ -4,9 +4,7 @@ use super::{Error, alone, covered, frames, pass_of};
 use crate::measure::Session;
 use crate::measure::record::Picture;
 use crate::measure::verify::Variant;
-use preshade_draw::render::{
-    ColorImage, FrameSettings, Prepared, SceneInputs, Variant as RenderVariant,
-};
+use preshade_draw::render::{ColorImage, FrameSettings, Prepared, SceneInputs};
 use preshade_draw::scene::{Camera, DrawOrder, Scene};
 
 /// The auxiliary pictures of a variant from the first camera, each by the end of its attachment's
@@ -37,7 +35,7 @@ pub(crate) fn pictures(
     });
     let previous = SceneInputs::new(gpu, &earlier)?;
     let inputs = SceneInputs::new(gpu, &scene)?.after(&previous);
-    let drawn = RenderVariant::new(&alone(&variant.plans), session.form())?;
+    let drawn = preshade_scenes::variant(&alone(&variant.plans), session.form())?;
     let mut prepared = Prepared::new(&inputs, &drawn, &FrameSettings::of(&scene))?;
     prepared.aim(&now, DrawOrder::FrontToBack);
     let drawn = prepared.render()?;

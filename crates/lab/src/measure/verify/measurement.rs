@@ -19,8 +19,9 @@ use crate::measure::{
     Counter, Error, ErrorLadder, Session, Shading, Timing, View, counting, junctions, outputs,
     shadow, slivers, subject::Subject,
 };
-use preshade_draw::render::{Gpu, Rendered, SelfTestResult, self_test};
+use preshade_draw::render::{Gpu, Rendered, SelfTestResult};
 use preshade_draw::scene::{Draw, Frame};
+use preshade_scenes::self_test;
 
 /// The original or a variant.
 pub(super) struct Measurement<'a> {

@@ -5,8 +5,9 @@
 use preshade_plan::plan::Plan;
 use similar::{ChangeTag, TextDiff};
 
-use preshade_compiler::emit::{Options, Target, emit};
+use preshade_compiler::emit::{Options, emit};
 use preshade_draw::scene::Scene;
+use preshade_plan::plan_file::Target;
 
 /// One emitted file beside the material as its author wrote it.
 pub(crate) struct Diff {

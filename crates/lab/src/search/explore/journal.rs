@@ -10,13 +10,15 @@ use std::fs::{File, OpenOptions};
 use std::io::{self, Write as _};
 use std::path::Path;
 
+use preshade_compiler::emit;
+use preshade_draw::render::AdapterReport;
+use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_plan::plan::Plan;
+use preshade_plan::plan_file::Target;
+use preshade_scenes::ShaderForm;
 use serde::{Deserialize, Serialize};
 
 use crate::measure::ErrorLadder;
-use preshade_compiler::emit;
-use preshade_draw::render::{AdapterReport, ShaderForm};
-use preshade_draw::scene::{DrawOrder, Scene};
 
 /// The measurements of a variant.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
@@ -233,7 +235,7 @@ pub(crate) fn content(subject: &str, plans: &[Plan]) -> Option<String> {
     let mut hash = Hash::default();
     hash.0.update(subject.as_bytes());
     for plan in plans {
-        let files = emit::emit(plan, &[emit::Target::Wgsl], &emit::Options::default()).ok()?;
+        let files = emit::emit(plan, &[Target::Wgsl], &emit::Options::default()).ok()?;
         for file in files {
             hash.0.update(file.name.as_bytes());
             hash.0.update(&(file.bytes.len() as u64).to_le_bytes());

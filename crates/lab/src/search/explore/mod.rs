@@ -35,8 +35,9 @@ use arena::Arena;
 pub use journal::Journal;
 use predict::Prediction;
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{AdapterReport, Gpu, ShaderForm};
+use preshade_draw::render::{AdapterReport, Gpu};
 use preshade_draw::scene::{DrawOrder, Scene};
+use preshade_scenes::ShaderForm;
 use race::{CROSSED_BY, FREQUENCIES_BY, SEEDS_BY, Search};
 use watch::Watch;
 

@@ -8,8 +8,9 @@ use preshade_plan::state::{Blend, ColorTarget, CompareFunction};
 
 use super::PlanError;
 use super::frame_work::{Counted, Fragments};
-use preshade_draw::render::{FrameSettings, Gpu, Prepared, SceneInputs, ShaderForm, Variant};
+use preshade_draw::render::{FrameSettings, Gpu, Prepared, SceneInputs};
 use preshade_draw::scene::{DrawOrder, Frame};
+use preshade_scenes::ShaderForm;
 
 /// Materials counted in one frame, one a channel. Alpha is used by alpha to coverage.
 const CHANNELS: usize = 3;
@@ -54,7 +55,7 @@ impl<'a> FragmentCounter<'a> {
                     .filter(|(m, _)| which != Which::Rasterised || channels(*m) != 0)
                     .map(|(m, plan)| counting_plan(plan, which, channels(m)))
                     .collect::<Result<Vec<_>, _>>()?;
-                let variant = Variant::new(&counting, ShaderForm::Ir)?;
+                let variant = preshade_scenes::variant(&counting, ShaderForm::Ir)?;
                 let clear = FrameSettings {
                     clear_color: [0.0; 4],
                     initial_colors: false,

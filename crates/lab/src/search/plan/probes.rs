@@ -18,10 +18,11 @@ use super::model::{Model, Observation};
 use crate::measure::{self, Session, TimingSettings};
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{Gpu, ShaderForm};
+use preshade_draw::render::Gpu;
 use preshade_draw::scene::{
     Camera, Draw, DrawOrder, DrawRange, Frame, Image, Material, Mesh, Scene, Stream,
 };
+use preshade_scenes::ShaderForm;
 use shader_text::error::Color;
 use shader_text::options::Options;
 

@@ -1,6 +1,6 @@
 //! Clears that do not fill the target: WebGL's scissor and masks hold for them.
 
-use preshade_passes::analysis::checks::Checks;
+use preshade_plan::safety::Checks;
 use wgpu::util::DeviceExt as _;
 
 use super::Replay;

@@ -2,7 +2,7 @@
 
 use std::collections::BTreeMap;
 
-use preshade_passes::analysis::checks::Checks;
+use preshade_plan::safety::Checks;
 use wgpu::util::DeviceExt as _;
 
 use super::{Replay, ending};

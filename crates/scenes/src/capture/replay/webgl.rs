@@ -4,8 +4,8 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use preshade_passes::analysis::checks::Checks;
 use preshade_plan::plan::{BindingKind, BindingUse};
+use preshade_plan::safety::Checks;
 use wgpu::util::DeviceExt as _;
 
 use super::objects::{color_target, depth_stencil, primitive};
