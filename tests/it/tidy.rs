@@ -47,21 +47,12 @@ const CYCLES: &[&str] = &[
     "cli/src: input <-> materials",
     "cli/src: input <-> state",
     "cli/src: promises <-> verify",
-    "crates/draw/src: render::compiled <-> render::pipeline",
-    "crates/draw/src: render::compute <-> render::subdivided",
-    "crates/draw/src: render::depths <-> render::textures",
-    "crates/draw/src: render::gpu <-> render::limits",
     "crates/glsl/src: constant <-> stage",
     "crates/lab/src: measure::bounds <-> measure::frequency",
     "crates/lab/src: measure::frequency <-> measure::interpolation",
     "crates/lab/src: measure::outputs <-> measure::verify",
     "crates/lab/src: measure::owners <-> measure::verdict",
     "crates/lab/src: measure::shadow <-> measure::verify",
-    "crates/scenes/src: capture::material <-> capture::points",
-    "crates/scenes/src: capture::material <-> capture::replay",
-    "crates/scenes/src: capture::material <-> capture::webgl",
-    "crates/scenes/src: capture::points <-> capture::webgl",
-    "crates/scenes/src: capture::scene <-> capture::webgl",
 ];
 
 #[test]

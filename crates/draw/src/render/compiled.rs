@@ -7,7 +7,6 @@ use preshade_plan::safety::Checks;
 
 use super::Error;
 use super::gpu::Gpu;
-use super::pipeline::VertexLayout;
 
 /// The compiled objects so far, by content.
 #[derive(Debug, Default)]
@@ -33,6 +32,16 @@ pub(super) struct RenderKey {
     pub depth_stencil: Option<wgpu::DepthStencilState>,
     pub multisample: wgpu::MultisampleState,
     pub targets: Vec<Option<wgpu::ColorTargetState>>,
+}
+
+/// A vertex buffer of a pipeline.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct VertexLayout {
+    /// Index in the draw's vertex buffers, which those of the previous frame follow.
+    pub source: usize,
+    pub stride: u64,
+    pub step: wgpu::VertexStepMode,
+    pub attributes: Vec<wgpu::VertexAttribute>,
 }
 
 /// Everything that a compute pipeline is built from.

@@ -5,15 +5,16 @@ use std::collections::BTreeMap;
 use preshade_plan::geometry::Geometry;
 use preshade_plan::plan::{ComputePass, Draws, Plan, When};
 
+use super::Error;
 use super::compiled::{self, Compiled, ComputeKey};
 use super::frame_draw_table::{Arguments, DrawTable};
 use super::gpu::Gpu;
 use super::inputs::{SceneInputs, immediate_size};
 use super::layout::{self, Made};
+use super::limits::rows;
 use super::shader::Variant;
 use super::subdivided::Meshes;
 use super::targets::Targets;
-use super::{Error, limits};
 
 /// A compute pass and the draws of its material.
 pub(super) struct PreparedCompute {
@@ -62,7 +63,7 @@ pub(super) fn prepare(
             for feature in &pass.features {
                 gpu.require(&what, feature)?;
             }
-            limits::check(gpu, &what, &pass.limits)?;
+            gpu.require_limits(&what, &pass.limits)?;
             let shader = shaders
                 .get(stage.shader.as_str())
                 .ok_or_else(|| failed(format!("there is no shader `{}`", stage.shader)))?;
@@ -144,13 +145,6 @@ pub(super) fn prepare(
     // Passes behind one phase run before those behind the next, across all materials.
     prepared.sort_by_key(|p| p.when.phase());
     Ok(prepared)
-}
-
-/// Workgroups for a number of invocations, in rows of WebGPU's largest dispatch size.
-pub(super) fn rows(invocations: u32, workgroup: u32) -> [u32; 2] {
-    let groups = invocations.div_ceil(workgroup.max(1));
-    let x = groups.min(65_535);
-    [x, groups.div_ceil(x.max(1))]
 }
 
 fn failed(plan: &Plan, message: String) -> Error {

@@ -4,7 +4,7 @@ use preshade_plan::safety::Checks;
 use wgpu::{TextureDimension, TextureFormat, TextureUsages, TextureViewDimension};
 
 use super::gpu::Gpu;
-use super::textures::{depth_cleared, one_layer, size, upload};
+use super::upload::{depth_cleared, one_layer, size, upload};
 use crate::scene::Image;
 
 /// What a texture's depths are read from.

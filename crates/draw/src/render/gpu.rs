@@ -481,6 +481,21 @@ impl Gpu {
         }
     }
 
+    /// Fails unless the device meets every limit in `needed`, by WebGPU's name. Unknown limits fail.
+    pub(super) fn require_limits(
+        &self,
+        what: &str,
+        needed: &BTreeMap<String, u64>,
+    ) -> Result<(), Error> {
+        let limits = self.device.limits();
+        for (name, value) in needed {
+            if limits::limit(&limits, name).is_none_or(|has| has < *value) {
+                return Err(self.unsupported(what, &format!("{name} of {value}")));
+            }
+        }
+        Ok(())
+    }
+
     pub(crate) fn unsupported(&self, what: &str, feature: &str) -> Error {
         Error::Unsupported {
             what: what.to_owned(),

@@ -4,7 +4,8 @@ use wgpu::{Extent3d, TextureDimension, TextureUsages, TextureViewDimension};
 
 use super::gpu::Gpu;
 use super::targets::Targets;
-use super::{Error, depths, state, textures};
+use super::upload::upload;
+use super::{Error, depths, state};
 use crate::scene::{Image, Scene};
 
 /// The textures that are copied to the attachments at the start of each frame.
@@ -34,7 +35,7 @@ impl Initial {
         };
         let flat = TextureViewDimension::D2;
         gpu.checked("initial content", || {
-            let color = |image| textures::upload(gpu, image, flat, image.format);
+            let color = |image| upload(gpu, image, flat, image.format);
             let colors = of
                 .colors
                 .iter()

@@ -1,23 +1,7 @@
-//! Compares the limits that a plan needs with those of the device.
-
-use std::collections::BTreeMap;
-
-use super::Error;
-use super::gpu::Gpu;
-
-/// Fails unless the device meets every limit in `needed`, by WebGPU's name. Unknown limits fail.
-pub fn check(gpu: &Gpu, what: &str, needed: &BTreeMap<String, u64>) -> Result<(), Error> {
-    let limits = gpu.device.limits();
-    for (name, value) in needed {
-        if limit(&limits, name).is_none_or(|has| has < *value) {
-            return Err(gpu.unsupported(what, &format!("{name} of {value}")));
-        }
-    }
-    Ok(())
-}
+//! The limits of a device that a plan may need, by WebGPU's names.
 
 /// A limit by WebGPU's name; `None` for limits that plans do not use.
-fn limit(l: &wgpu::Limits, name: &str) -> Option<u64> {
+pub(super) fn limit(l: &wgpu::Limits, name: &str) -> Option<u64> {
     Some(match name {
         "maxBindGroups" => l.max_bind_groups.into(),
         "maxBindingsPerBindGroup" => l.max_bindings_per_bind_group.into(),
@@ -69,6 +53,13 @@ pub(super) fn raise(l: &mut wgpu::Limits, name: &str, value: u64) -> Option<()> 
     };
     *narrow = u32::try_from(value).unwrap_or(u32::MAX).max(*narrow);
     Some(())
+}
+
+/// Workgroups for a number of invocations, in rows of WebGPU's largest dispatch size.
+pub(super) fn rows(invocations: u32, workgroup: u32) -> [u32; 2] {
+    let groups = invocations.div_ceil(workgroup.max(1));
+    let x = groups.min(65_535);
+    [x, groups.div_ceil(x.max(1))]
 }
 
 #[cfg(test)]

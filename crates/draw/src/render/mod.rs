@@ -38,6 +38,7 @@ mod targets;
 pub mod textures;
 mod trusted;
 pub mod turns;
+mod upload;
 
 pub use frame::{ComputedVertices, FrameSettings, Prepared, Rendered};
 pub use gpu::{AdapterChoice, AdapterReport, Card, Gpu, adapters, cards};

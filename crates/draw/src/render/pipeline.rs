@@ -7,13 +7,13 @@ use preshade_plan::plan::{GpuPass, Plan};
 use preshade_plan::safety::Checks;
 use preshade_plan::state::ColorTarget;
 
-use super::compiled::{self, Compiled, RenderKey};
+use super::compiled::{self, Compiled, RenderKey, VertexLayout};
 use super::gpu::Gpu;
 use super::inputs::{self, DrawInputs};
 use super::layout::{self, Groups, Made};
 use super::shader::ShaderStageRef;
 use super::targets::Targets;
-use super::{Error, limits, state};
+use super::{Error, state};
 
 /// Draws of one material pass share a pipeline if their vertices and bindings have the same layouts.
 #[derive(Clone, PartialEq)]
@@ -23,15 +23,6 @@ pub(super) struct PipelineKey {
     pub vertex: Vec<VertexLayout>,
     pub bindings: Vec<wgpu::BindGroupLayoutEntry>,
     pub strip: Option<wgpu::IndexFormat>,
-}
-
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct VertexLayout {
-    /// Index in the draw's vertex buffers, which those of the previous frame follow.
-    pub source: usize,
-    pub stride: u64,
-    pub step: wgpu::VertexStepMode,
-    pub attributes: Vec<wgpu::VertexAttribute>,
 }
 
 /// The inputs of one pipeline.
@@ -71,7 +62,7 @@ impl Build<'_> {
         for feature in &self.pass.features {
             self.gpu.require(&what, feature)?;
         }
-        limits::check(self.gpu, &what, &self.pass.limits)?;
+        self.gpu.require_limits(&what, &self.pass.limits)?;
         if self.pass.primitive.unclipped_depth {
             self.gpu.require(&what, "depth-clip-control")?;
         }

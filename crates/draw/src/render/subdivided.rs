@@ -3,17 +3,16 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use crate::render::subdivision as mesh;
-use crate::render::subdivision::Mesh;
 use preshade_plan::geometry::{self, Constants, Form, Geometry, Stream, Subdivision};
 use preshade_plan::plan::{BindingSource, BindingUse, GeometryPart, Plan};
 use preshade_plan::state::Topology;
 use serde::{Deserialize, Serialize};
 use wgpu::util::{BufferInitDescriptor, DeviceExt};
 
-use super::compute::rows;
 use super::gpu::Gpu;
 use super::inputs::{DrawInputs, VertexInput};
+use super::limits::rows;
+use super::subdivision::{Mesh, subdivide};
 use crate::scene::bind::VertexAttribute;
 
 /// The cost of subdivision per frame, over all draws and instances.
@@ -249,7 +248,7 @@ impl SubdividedMesh {
                     None => [0, 1, 2].map(|c| vertex(draw, 3 * t + c)),
                 });
                 let Mesh { points, triangles } =
-                    mesh::subdivide(subdivision.pattern, subdivision.level, all);
+                    subdivide(subdivision.pattern, subdivision.level, all);
                 let vertices = points.len() as u64 * u64::from(draw.instances);
                 let stored = |b: &preshade_plan::plan::VertexBuffer| {
                     gpu.device.create_buffer(&wgpu::BufferDescriptor {

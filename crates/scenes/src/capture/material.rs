@@ -11,53 +11,13 @@ use preshade_plan::state::{
 use serde::Serialize;
 use serde::de::DeserializeOwned;
 
-use super::{Error, points, webgl};
+use super::reader::{Left, Reader};
+use super::{draw_id, points};
 use preshade_compiler::front::{self, Source};
 use preshade_draw::scene::{Material, Rows};
 use preshade_frames::file::{self, Cull, RenderPipeline, ShaderLanguage};
 use preshade_frames::folder::{Capture, get};
 use shader_text::options;
-
-/// Why a draw is not in the scene.
-pub(super) enum Left {
-    /// It is left out, and everything else is drawn.
-    Out(String),
-    /// The capture is broken, or the device is lost.
-    Broken(Error),
-}
-
-impl From<Error> for Left {
-    fn from(error: Error) -> Self {
-        Self::Broken(error)
-    }
-}
-
-impl From<preshade_frames::error::Error> for Left {
-    fn from(error: preshade_frames::error::Error) -> Self {
-        Self::Broken(error.into())
-    }
-}
-
-/// What a program is read for.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Reader {
-    /// Its text: it is as the author wrote it.
-    Author,
-    /// A scene, which draws it at any size.
-    Scene,
-    /// The replay, which draws it at the frame's size, to the bit.
-    Replay,
-}
-
-impl Reader {
-    /// The order of rows in what is drawn. With the rows of WebGL, positions have their y negated.
-    pub(super) fn rows(self, capture: &Capture) -> Rows {
-        match self != Self::Author && capture.file.source.api.is_webgl() {
-            true => Rows::FromBottom,
-            false => Rows::FromTop,
-        }
-    }
-}
 
 /// The same name in another list of WebGPU's names.
 pub(super) fn same<T: DeserializeOwned>(of: impl Serialize) -> Result<T, String> {
@@ -119,8 +79,8 @@ pub(super) fn read(
                 (true, _) => points::fragment(&text, reader),
                 (false, _) => text,
             };
-            if ending == "vert" && text.contains(webgl::DRAW_ID) {
-                text = webgl::with_draw_id(&text);
+            if ending == "vert" && text.contains(draw_id::NAME) {
+                text = draw_id::as_uniform(&text);
             }
             if rows == Rows::FromBottom && ending == "vert" {
                 let negated = "gl_Position.y = -gl_Position.y;";
@@ -189,7 +149,7 @@ fn state(of: &RenderPipeline) -> Result<MaterialState, String> {
     let mut state = MaterialState {
         primitive: PrimitiveState {
             // Fans and loops have indices of ours.
-            topology: same(super::replay::topology(p.topology))?,
+            topology: same(topology(p.topology))?,
             cull: match p.cull_mode {
                 Cull::None => preshade_plan::state::CullMode::None,
                 Cull::Front => preshade_plan::state::CullMode::Front,
@@ -272,4 +232,17 @@ fn color_target(of: &file::ColorTarget) -> Result<ColorTarget, String> {
     target.blend = blend.transpose()?;
     target.write_mask = (of.write_mask & 0xf) as u8;
     Ok(target)
+}
+
+/// WebGL's fans and loops become lists and strips of new indices.
+pub(super) fn topology(of: file::Topology) -> wgpu::PrimitiveTopology {
+    match of {
+        file::Topology::PointList => wgpu::PrimitiveTopology::PointList,
+        file::Topology::LineList => wgpu::PrimitiveTopology::LineList,
+        file::Topology::LineStrip | file::Topology::LineLoop => wgpu::PrimitiveTopology::LineStrip,
+        file::Topology::TriangleList | file::Topology::TriangleFan => {
+            wgpu::PrimitiveTopology::TriangleList
+        }
+        file::Topology::TriangleStrip => wgpu::PrimitiveTopology::TriangleStrip,
+    }
 }

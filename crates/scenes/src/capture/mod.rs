@@ -10,10 +10,13 @@
 
 mod alpha;
 pub mod check;
+mod draw_id;
+mod maker;
 mod material;
 mod measured;
 mod noise;
 mod points;
+mod reader;
 pub mod replay;
 mod scene;
 mod share;

@@ -7,7 +7,8 @@ use naga::{
     BinaryOperator, Expression, Function, Handle, Literal, MathFunction, Module, Statement,
 };
 
-use super::material::{self, Reader};
+use super::material;
+use super::reader::Reader;
 use preshade_frames::folder::Capture;
 use preshade_frames::pass::Pass;
 

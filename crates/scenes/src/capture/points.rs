@@ -4,8 +4,7 @@ use naga::{Binding, Interpolation, ShaderStage};
 use naga_edit::interface;
 use preshade_plan::program::Program;
 
-use super::material::Reader;
-use super::webgl::CORNER;
+use super::reader::Reader;
 use preshade_draw::scene::bind::{Data, VertexAttribute, VertexBuffer};
 
 /// Where a fragment is in its point: its coordinate, or what [`EXACT`] takes.
@@ -15,6 +14,8 @@ const AT: &str = "preshade_point";
 const EXACT: &str = "#define preshade_from_top (0.5 + preshade_point.z * ((gl_FragCoord.xy - 0.5) - preshade_point.xy))
 #define preshade_coord vec2(preshade_from_top.x, 0.5 - (preshade_from_top.y - 0.5))
 ";
+/// The input of a vertex stage that draws points as squares: which corner the vertex is.
+pub(super) const CORNER: &str = "preshade_corner";
 /// The viewport's origin, in pixels: an input of the vertex stage in the replay.
 pub(super) const ORIGIN: &str = "preshade_origin";
 const CORNERS: [[f32; 2]; 6] = [

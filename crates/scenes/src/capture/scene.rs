@@ -2,30 +2,27 @@
 //! they bound when the frame was captured.
 
 use std::collections::{BTreeMap, BTreeSet};
-use std::rc::Rc;
 use std::sync::Arc;
 
 use glam::{Mat4, Vec3};
-use preshade_plan::plan::{BindingKind, BindingUse};
+use preshade_plan::plan::BindingKind;
 use preshade_plan::state::DepthDirection;
 
-use super::material::{self, Left, Reader};
+use super::maker::{Bound, Maker};
+use super::material;
 use super::measured::Measured;
-use super::replay::{Replay, Until};
+use super::reader::Left;
 use super::share::Share;
 use super::{Error, alpha, noise, texels, webgl};
 use preshade_draw::render::Gpu;
 use preshade_draw::scene::bind::{
-    Area, BufferBinding, Call, Data, DrawBindings, Rate, SamplerBinding, TextureBinding,
-    TextureContent, VertexAttribute, VertexBuffer,
+    Area, BufferBinding, Call, DrawBindings, Rate, SamplerBinding, VertexAttribute, VertexBuffer,
 };
-use preshade_draw::scene::{
-    Camera, Draw, DrawOrder, DrawRange, Frame, Image, Light, Material, Mesh, Scene,
-};
-use preshade_frames::contents::{Contents, cut};
-use preshade_frames::file::{self, RenderPipeline, Resource, View};
+use preshade_draw::scene::{Camera, Draw, DrawOrder, DrawRange, Frame, Light, Mesh, Scene};
+use preshade_frames::contents::Contents;
+use preshade_frames::file::{self, RenderPipeline, Resource};
 use preshade_frames::folder::{Capture, get};
-use preshade_frames::pass::{self, Kind, Pass, PassDraw, TexturePart, passes};
+use preshade_frames::pass::{self, Kind, Pass, PassDraw, passes};
 
 /// Materials whose part of the frame's time is measured: each takes some replays of the frame.
 const TIMED_MATERIALS: usize = 12;
@@ -235,34 +232,6 @@ fn chosen(all: &[Pass<'_>], choice: Choice, shares: Option<&[Share]>) -> Result<
         }
     }
     Err(Error::broken(place, "no render pass of it draws anything"))
-}
-
-pub(super) struct Maker<'c> {
-    pub(super) capture: &'c Capture,
-    pub(super) pass: &'c Pass<'c>,
-    /// Pipelines that are drawn without the blending of alpha that nobody sees.
-    unblended: BTreeSet<usize>,
-    /// The passes of the frame before it.
-    pub(super) before: &'c [Pass<'c>],
-    contents: Contents,
-    /// The textures that a frame writes.
-    written: BTreeSet<usize>,
-    replay: Option<Replay<'c>>,
-    gpu: Option<&'c Gpu>,
-    pub(super) frame: usize,
-    /// Width and height of the target.
-    size: [u32; 2],
-    /// Which way depth grows in the pass.
-    direction: DepthDirection,
-    buffers: BTreeMap<TexturePart, Data>,
-    images: BTreeMap<(usize, String), Arc<Image>>,
-    pub(super) notes: BTreeSet<String>,
-    pub(super) materials: Vec<Material>,
-    /// Material of each pipeline and stencil reference, or `None` if it cannot be read.
-    by_pipeline: BTreeMap<(usize, u32), Option<usize>>,
-    /// What each material's program reads.
-    bindings: BTreeMap<usize, Rc<[BindingUse]>>,
-    meshes: Vec<Mesh>,
 }
 
 impl<'c> Maker<'c> {
@@ -593,53 +562,6 @@ impl<'c> Maker<'c> {
         })
     }
 
-    /// A scene that is drawn has WebGL's rows, since programs may depend on them. One that is only read has the
-    /// author's programs.
-    fn reader(&self) -> Reader {
-        match self.gpu {
-            Some(_) => Reader::Scene,
-            None => Reader::Author,
-        }
-    }
-
-    /// TexturePart of a buffer as data. Equal parts are one allocation.
-    pub(super) fn part(&mut self, part: TexturePart) -> Result<Data, Left> {
-        if let Some(known) = self.buffers.get(&part) {
-            return Ok(known.clone());
-        }
-        let (buffer, offset, size) = part;
-        let bytes = match self.contents.is_computed(buffer) {
-            false => self.contents.buffer(self.capture, buffer)?,
-            true => match self.replayed()? {
-                Some(replay) => replay.read_buffer(buffer)?.into(),
-                None => self.contents.buffer(self.capture, buffer)?,
-            },
-        };
-        let data = Data::new(cut(&bytes, offset, size).to_vec());
-        self.buffers.insert(part, data.clone());
-        Ok(data)
-    }
-
-    /// The replay, before the pass. `None` without an adapter.
-    pub(super) fn replayed(&mut self) -> Result<Option<&mut Replay<'c>>, Error> {
-        let Some(gpu) = self.gpu else { return Ok(None) };
-        if self.replay.is_none() {
-            let mut replay = Replay::new(gpu, self.capture);
-            for earlier in 0..self.frame {
-                replay.frame(earlier, Until::End)?;
-            }
-            replay.frame(self.frame, Until::Command(self.pass.command))?;
-            for (left, count) in replay.left_out() {
-                self.notes.insert(format!(
-                    "before the pass, {count} of {} is left out: {}",
-                    left.what, left.why
-                ));
-            }
-            self.replay = Some(replay);
-        }
-        Ok(self.replay.as_mut())
-    }
-
     fn vertex_buffers(
         &mut self,
         draw: &PassDraw,
@@ -671,17 +593,6 @@ impl<'c> Maker<'c> {
             });
         }
         Ok(made)
-    }
-
-    /// What a material's program reads.
-    pub(super) fn bindings(&mut self, material: usize) -> Rc<[BindingUse]> {
-        let of = &self.materials[material];
-        let read = || {
-            of.plan()
-                .main()
-                .map_or(Rc::default(), |p| p.bindings.as_slice().into())
-        };
-        Rc::clone(self.bindings.entry(material).or_insert_with(read))
     }
 
     /// What the draw's bind groups hold, as far as the program reads it.
@@ -759,75 +670,4 @@ impl<'c> Maker<'c> {
         at.and_then(|at| offsets.get(at))
             .map_or(0, |o| u64::from(*o))
     }
-
-    pub(super) fn texture(
-        &mut self,
-        view: &View,
-        (group, binding): (u32, u32),
-        used: &BindingUse,
-    ) -> Result<TextureBinding, Left> {
-        let of = get(
-            &self.capture.file.textures,
-            view.texture,
-            "texture",
-            "a draw",
-        )?;
-        if of.sample_count > 1 {
-            return Err(Left::Out(format!("`{}` has several samples", used.name)));
-        }
-        let key = (view.texture, format!("{:?}", view.view));
-        let image = match self.images.get(&key) {
-            Some(known) => Arc::clone(known),
-            None => {
-                let image = Arc::new(self.image(view)?);
-                self.images.insert(key, Arc::clone(&image));
-                image
-            }
-        };
-        let dimension = view.view.dimension.unwrap_or(match of.dimension {
-            wgpu::TextureDimension::D1 => wgpu::TextureViewDimension::D1,
-            wgpu::TextureDimension::D2 if of.size.0[2] > 1 => wgpu::TextureViewDimension::D2Array,
-            wgpu::TextureDimension::D2 => wgpu::TextureViewDimension::D2,
-            wgpu::TextureDimension::D3 => wgpu::TextureViewDimension::D3,
-        });
-        let features = wgpu::Features::all();
-        let sample_type = match used.kind {
-            BindingKind::DepthTexture => wgpu::TextureSampleType::Depth,
-            _ => image
-                .format
-                .sample_type(view.view.aspect, Some(features))
-                .map(|ty| match ty {
-                    wgpu::TextureSampleType::Depth => {
-                        wgpu::TextureSampleType::Float { filterable: false }
-                    }
-                    other => other,
-                })
-                .unwrap_or_default(),
-        };
-        Ok(TextureBinding {
-            group,
-            binding,
-            content: TextureContent::Image(image),
-            view: dimension,
-            sample_type,
-            multisampled: false,
-            is_invented: false,
-            is_steady: self.capture.file.is_complete() && !self.written.contains(&view.texture),
-        })
-    }
-
-    /// The levels and layers of a view.
-    fn image(&mut self, view: &View) -> Result<Image, Left> {
-        if self.contents.is_as_at_start(view.texture) {
-            return Ok(texels::at_start(self.capture, view)?);
-        }
-        let capture = self.capture;
-        match self.replayed()? {
-            Some(replay) => Ok(replay.read_view(view)?),
-            None => Ok(texels::empty(capture, view)?),
-        }
-    }
 }
-
-/// Buffers, textures and samplers of a draw.
-pub type Bound = (Vec<BufferBinding>, Vec<TextureBinding>, Vec<SamplerBinding>);

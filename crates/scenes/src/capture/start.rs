@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use preshade_plan::state::{DepthDirection, DepthFormat};
 
-use super::scene::Maker;
+use super::maker::Maker;
 use super::{Error, material};
 use preshade_draw::scene::{Image, Initial};
 use preshade_frames::contents::Contents;

@@ -8,9 +8,9 @@ use naga_edit::declared::{Declaration, Type};
 use naga_edit::interface;
 use preshade_plan::plan::{BindingKind, BindingLayout, BindingUse};
 
-use super::material::Left;
-use super::scene::{Bound, Maker};
-use super::{Error, points, texels};
+use super::maker::{Bound, Maker};
+use super::reader::Left;
+use super::{Error, draw_id, points, texels};
 use preshade_draw::scene::Material;
 use preshade_draw::scene::bind::{
     self, BufferBinding, Data, Indices, Rate, SamplerBinding, VertexAttribute, VertexBuffer,
@@ -182,7 +182,7 @@ pub(super) fn interleaved(
     let constants = constants(named);
     let (mut corner, mut origin) = (None, None);
     for input in attributes(material) {
-        if input.name == CORNER {
+        if input.name == points::CORNER {
             corner = Some(input.location);
             continue;
         }
@@ -238,29 +238,11 @@ pub(super) fn interleaved(
     Ok(made)
 }
 
-/// The input of a vertex stage that draws points as squares: which corner the vertex is.
-pub(super) const CORNER: &str = "preshade_corner";
-
-/// The built-in number of a draw of `WEBGL_multi_draw`: each is a draw of its own in a capture, and the number a
-/// uniform of that name.
-pub(super) const DRAW_ID: &str = "gl_DrawID";
-/// A program may not declare a name that begins with `gl_`.
-const OWN_DRAW_ID: &str = "preshade_draw_id";
-const MULTI_DRAW: &str = "GL_ANGLE_multi_draw";
-
-/// A vertex stage that reads the number of its draw from a uniform.
-pub(super) fn with_draw_id(text: &str) -> String {
-    let is_directive = |line: &&str| line.starts_with("#extension") && line.contains(MULTI_DRAW);
-    let lines: Vec<&str> = text.lines().filter(|line| !is_directive(line)).collect();
-    let text = lines.join("\n").replace(DRAW_ID, OWN_DRAW_ID);
-    let text = text.replace(MULTI_DRAW, "preshade_multi_draw");
-    let declared = format!("#define preshade_multi_draw 1\nuniform highp int {OWN_DRAW_ID};\n");
-    points::declare(&text, &declared)
-}
-
 /// Whether a program draws points as squares.
 pub(super) fn is_points(material: &Material) -> bool {
-    attributes(material).iter().any(|a| a.name == CORNER)
+    attributes(material)
+        .iter()
+        .any(|a| a.name == points::CORNER)
 }
 
 /// The index buffer of a draw that has one.
@@ -675,7 +657,11 @@ fn loose(material: &Material, used: &BindingUse, named: &Named) -> Result<Data, 
     bind::filled(material, used, &|path, index, count| {
         // The IR may have a vector of four in place of an array's element, or of a column of two rows.
         let count = plain(declared, path).and_then(stored).unwrap_or(count);
-        let path = if path == OWN_DRAW_ID { DRAW_ID } else { path };
+        let path = if path == draw_id::OWN {
+            draw_id::NAME
+        } else {
+            path
+        };
         if let Some(own) = named.uniforms.get(path)
             && !path.ends_with(']')
         {

@@ -21,7 +21,6 @@ use serde::{Deserialize, Serialize};
 use super::Error;
 use clock::Clock;
 use objects::Objects;
-pub(in crate::capture) use objects::topology;
 use preshade_draw::render::{ColorImage, Gpu};
 use preshade_frames::contents::Contents;
 use preshade_frames::file::{Command, DataName, TexelPlace};

@@ -6,6 +6,7 @@ use preshade_plan::safety::Checks;
 use wgpu::util::DeviceExt as _;
 
 use super::{Replay, ending};
+use crate::capture::material::topology;
 use crate::capture::{Error, texels};
 use preshade_frames::contents::whole;
 use preshade_frames::file::{
@@ -682,17 +683,6 @@ pub(super) fn primitive(of: &RenderPipeline) -> wgpu::PrimitiveState {
         unclipped_depth: p.unclipped_depth,
         polygon_mode: wgpu::PolygonMode::Fill,
         conservative: false,
-    }
-}
-
-/// WebGL's fans and loops become lists and strips of new indices.
-pub(in crate::capture) fn topology(of: Topology) -> wgpu::PrimitiveTopology {
-    match of {
-        Topology::PointList => wgpu::PrimitiveTopology::PointList,
-        Topology::LineList => wgpu::PrimitiveTopology::LineList,
-        Topology::LineStrip | Topology::LineLoop => wgpu::PrimitiveTopology::LineStrip,
-        Topology::TriangleList | Topology::TriangleFan => wgpu::PrimitiveTopology::TriangleList,
-        Topology::TriangleStrip => wgpu::PrimitiveTopology::TriangleStrip,
     }
 }
 
