@@ -50,7 +50,7 @@ impl Orbit {
 
 /// Distances of the clip planes; `far` may be infinite.
 #[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Range {
+pub(crate) struct Range {
     /// Distance of the near plane, above 0.
     pub near: f32,
     /// Distance of the far plane, above `near`, or infinity.

@@ -2,7 +2,7 @@
 
 use preshade_compiler::emit::{self, partial_pointers};
 use preshade_compiler::front;
-use preshade_draw::render::shader::{Material, Shaders};
+use preshade_draw::render::shader::{PlannedMaterial, Shaders};
 use preshade_draw::render::{Error, SceneInputs, SelfTestPlan, SelfTestResult, Variant};
 use preshade_passes::analysis::checks;
 use preshade_passes::rebuild::bounded;
@@ -31,7 +31,7 @@ pub fn variant(plans: &[Plan], form: ShaderForm) -> Result<Variant, Error> {
     Variant::new(materials.collect::<Result<_, _>>()?, bounded::bounded)
 }
 
-fn material(plan: &Plan, form: ShaderForm) -> Result<Material<'_>, Error> {
+fn material(plan: &Plan, form: ShaderForm) -> Result<PlannedMaterial<'_>, Error> {
     let failed = |message: String| Error::Plan {
         material: plan.material.clone(),
         message,
@@ -55,7 +55,7 @@ fn material(plan: &Plan, form: ShaderForm) -> Result<Material<'_>, Error> {
     let author = plan.original.as_deref().unwrap_or(plan);
     let needed = author.programs.values().map(checks::needed);
     let mut programs = plan.programs.values();
-    Ok(Material {
+    Ok(PlannedMaterial {
         plan,
         shaders,
         needed: needed.fold(Checks::default(), Checks::or),

@@ -202,7 +202,7 @@ pub(super) fn encode(
 ///
 /// # Errors
 /// As reported by the adapter.
-pub fn load(inputs: &SceneInputs<'_>, passes: &[PreparedCompute]) -> Result<(), Error> {
+pub(crate) fn load(inputs: &SceneInputs<'_>, passes: &[PreparedCompute]) -> Result<(), Error> {
     let gpu = inputs.gpu();
     let once = || {
         let is_once = |p: &&PreparedCompute| matches!(p.when, When::Load { .. });

@@ -10,7 +10,7 @@ use crate::scene::{Image, Scene};
 
 /// The textures that are copied to the attachments at the start of each frame.
 #[derive(Debug, Default)]
-pub struct Initial {
+pub(crate) struct Initial {
     colors: Vec<Option<wgpu::Texture>>,
     /// Depth and stencil.
     depth: Option<wgpu::Texture>,

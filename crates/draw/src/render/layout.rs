@@ -45,7 +45,7 @@ impl Filled<'_> {
 }
 
 /// A binding: its layout entry and its resource.
-pub struct Bound<'a> {
+pub(crate) struct Bound<'a> {
     pub entry: wgpu::BindGroupLayoutEntry,
     pub filled: Filled<'a>,
 }

@@ -17,7 +17,7 @@ use super::gpu::Gpu;
 
 /// A material as a host gets it, and what is known of its programs.
 #[derive(Clone, Debug)]
-pub struct Material<'a> {
+pub struct PlannedMaterial<'a> {
     pub plan: &'a Plan,
     pub shaders: Shaders,
     /// The checks without which the author's programs may do anything. A variant needs the same, so that both are
@@ -38,7 +38,7 @@ pub enum Shaders {
 
 /// Makes the bounded copy of a program. Its first loop gets the number that is given, from 1. The closure says of a
 /// number in a uniform buffer that a loop counts up to it in no time. `None`: every loop ends.
-pub type Bound =
+pub(crate) type Bound =
     fn(&Program, u32, &dyn Fn(&UniformScalar) -> bool) -> Result<Option<Bounded>, Box<Invalid>>;
 
 #[derive(Clone, Debug)]
@@ -75,7 +75,7 @@ impl Variant {
     ///
     /// # Errors
     /// As [`Self::from_files`].
-    pub fn new(materials: Vec<Material<'_>>, bound: Bound) -> Result<Self, Error> {
+    pub fn new(materials: Vec<PlannedMaterial<'_>>, bound: Bound) -> Result<Self, Error> {
         let mut out = Self::empty();
         if materials.iter().any(|m| m.is_open) {
             let plans = materials.iter().map(|m| m.plan.clone());

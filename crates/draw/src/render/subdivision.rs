@@ -7,7 +7,7 @@ use preshade_plan::pattern::{self, Pattern};
 
 /// A subdivided mesh.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
-pub struct Mesh {
+pub(crate) struct Mesh {
     /// New vertices: three of the author's vertices and packed weights
     /// ([`preshade_plan::geometry::Subdivision::vertices`]; the order in the upper bits is unused).
     pub points: Vec<[u32; 4]>,
@@ -21,7 +21,7 @@ type Key = [(u32, u32); 2];
 
 /// Subdivides triangles of the author's vertices. Points appear in the order in which the triangles
 /// need them.
-pub fn subdivide(
+pub(crate) fn subdivide(
     pattern: Pattern,
     level: u32,
     triangles: impl IntoIterator<Item = [u32; 3]>,

@@ -9,7 +9,7 @@ use Dimensions::{Mat4, Scalar, Vec2, Vec3, Vec4};
 
 /// The size of a primitive's data.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub struct Cost {
+pub(crate) struct Cost {
     pub vertices: u64,
     /// Bytes of the data, with 4 bytes per number.
     pub bytes: u64,

@@ -177,4 +177,4 @@ impl<'c> Maker<'c> {
 }
 
 /// Buffers, textures and samplers of a draw.
-pub type Bound = (Vec<BufferBinding>, Vec<TextureBinding>, Vec<SamplerBinding>);
+pub(crate) type Bound = (Vec<BufferBinding>, Vec<TextureBinding>, Vec<SamplerBinding>);

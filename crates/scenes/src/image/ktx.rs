@@ -17,7 +17,7 @@ pub(super) const MAGIC: [u8; 12] = *b"\xabKTX 20\xbb\r\n\x1a\n";
 ///
 /// # Errors
 /// It is broken or too large, or has a format that WebGPU has not.
-pub(super) fn decode(
+pub fn decode(
     name: &str,
     bytes: &[u8],
     reading: Reading,

@@ -28,4 +28,4 @@ impl Reading {
 }
 
 /// Gets the bytes of an image before they are allocated.
-pub type Hold<'a> = &'a dyn Fn(u64) -> Result<(), SceneError>;
+pub(crate) type Hold<'a> = &'a dyn Fn(u64) -> Result<(), SceneError>;

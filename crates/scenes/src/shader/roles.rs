@@ -21,7 +21,7 @@ use preshade_draw::scene::{Image, Semantic, Value};
 
 /// The inputs of a shader whose purpose is known.
 #[derive(Default)]
-pub struct Roles {
+pub(crate) struct Roles {
     /// Mesh stream by attribute name.
     pub attributes: BTreeMap<String, String>,
     /// Values by path.

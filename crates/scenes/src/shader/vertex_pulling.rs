@@ -11,7 +11,7 @@ use preshade_draw::scene::layout::{leaf_shape, runtime_array, scalar_count};
 use preshade_draw::scene::{Mesh, Value};
 
 /// A storage buffer of vertices.
-pub struct Pulled {
+pub(crate) struct Pulled {
     /// The variable: a runtime-sized array, or a struct with nothing else in it.
     name: String,
     element: Handle<Type>,
