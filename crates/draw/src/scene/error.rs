@@ -206,29 +206,9 @@ impl From<shader_text::limits::Exceeded> for SceneError {
 pub fn nearest<'a>(wrong: &str, known: &[&'a str]) -> Option<&'a str> {
     known
         .iter()
-        .map(|k| (distance(wrong, k), *k))
+        .map(|k| (strsim::osa_distance(wrong, k), *k))
         .min()
         .filter(|(d, k)| *d * 3 <= k.chars().count().max(wrong.chars().count()))
         .map(|(_, k)| k)
         .or_else(|| shader_text::nearest::containing(wrong, known))
-}
-
-/// Damerau-Levenshtein distance, restricted form: a swap of adjacent letters costs 1.
-fn distance(a: &str, b: &str) -> usize {
-    let (a, b): (Vec<char>, Vec<char>) = (a.chars().collect(), b.chars().collect());
-    let mut rows = vec![(0..=b.len()).collect::<Vec<_>>()];
-    for i in 1..=a.len() {
-        let mut row = vec![i];
-        for j in 1..=b.len() {
-            let mut d = (rows[i - 1][j] + 1)
-                .min(row[j - 1] + 1)
-                .min(rows[i - 1][j - 1] + usize::from(a[i - 1] != b[j - 1]));
-            if i > 1 && j > 1 && a[i - 1] == b[j - 2] && a[i - 2] == b[j - 1] {
-                d = d.min(rows[i - 2][j - 2] + 1);
-            }
-            row.push(d);
-        }
-        rows.push(row);
-    }
-    rows[a.len()][b.len()]
 }
