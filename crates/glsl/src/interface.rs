@@ -358,13 +358,13 @@ fn import(ty: &Ty, all: &[Struct], stage: &mut GlslStage<'_>) {
 
 /// The types of a combined sampler's texture and sampler.
 pub(super) fn handles(combined: &str) -> [HandleTy; 2] {
-    let is_depth = combined.ends_with("Shadow");
+    let compares = combined.ends_with("Shadow");
     let texture = combined.replacen("sampler", "texture", 1);
     let texture = texture.trim_end_matches("Shadow");
-    let sampler = if is_depth { "samplerShadow" } else { "sampler" };
-    [(texture, is_depth), (sampler, false)].map(|(name, is_depth)| HandleTy {
+    let sampler = if compares { "samplerShadow" } else { "sampler" };
+    [texture, sampler].map(|name| HandleTy {
         name: name.to_owned(),
-        is_depth,
+        compares,
     })
 }
 

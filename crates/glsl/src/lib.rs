@@ -1,10 +1,10 @@
 //! Reads GLSL of every version to IR, in the order of these modules:
 //!
-//! `preprocess` runs directives and macros; `syntax` parses, with `type_names`; `shadow_samplers`
-//! types Vulkan's samplers; `stage` collects a stage's declarations; `interface` assigns bindings and
-//! locations to both stages; `declared` records the author's own. `resolve` settles names, types,
-//! overloads, layouts and the order of evaluation in a `tree`, and `build` writes that as IR.
-//! `lengths` finds the arrays whose lengths a specialisation constant gives.
+//! `preprocess` runs directives and macros; `syntax` parses, with `type_names`; `stage` collects a
+//! stage's declarations; `interface` assigns bindings and locations to both stages; `declared` records
+//! the author's own. `resolve` settles names, types, overloads, layouts and the order of evaluation in
+//! a `tree`, and `build` writes that as IR. `lengths` finds the arrays whose lengths a specialisation
+//! constant gives.
 #![warn(missing_docs)]
 
 mod build;
@@ -19,10 +19,9 @@ mod lengths;
 mod operations;
 mod preprocess;
 mod resolve;
-mod shadow_samplers;
 mod stage;
 mod syntax;
-pub mod tree;
+mod tree;
 mod ty;
 mod type_names;
 mod version;
@@ -171,7 +170,7 @@ fn units(
 ) -> Result<Vec<syntax::Unit>, Error> {
     let mut units = Vec::new();
     for text in texts {
-        let mut unit = syntax::parse(
+        let unit = syntax::parse(
             &StageText {
                 text: text.text,
                 stage: text.stage,
@@ -181,7 +180,6 @@ fn units(
             },
             map,
         )?;
-        shadow_samplers::settle(&mut unit.tree);
         units.push(unit);
     }
     Ok(units)

@@ -1,5 +1,9 @@
 //! A stage as `resolve` hands it to `build`: names, types, overloads, layouts of blocks and the
 //! order of evaluation are settled. `build` writes it as IR, node by node.
+//!
+//! `resolve` cannot write IR itself. It resolves some expressions twice, the first time to learn their
+//! types alone. The structs and globals of the module are known when all functions are resolved, and
+//! which textures compare follows from the calls of all of them. The IR needs all three first.
 
 use std::rc::Rc;
 
@@ -220,18 +224,26 @@ impl Node {
 
     /// Whether it only reads, and calls nothing.
     pub(super) fn is_pure(&self) -> bool {
-        let mut pure = !matches!(
-            &*self.kind,
-            Kind::Call(..)
-                | Kind::BuiltInCall(..)
-                | Kind::Construct(..)
-                | Kind::Assign(..)
-                | Kind::Step { .. }
-                | Kind::Atomic { .. }
-                | Kind::ImageAtomic { .. }
-        );
-        self.kind.operands(&mut |of| pure &= of.is_pure());
+        let mut pure = true;
+        self.visit(&mut |of| {
+            pure &= !matches!(
+                &*of.kind,
+                Kind::Call(..)
+                    | Kind::BuiltInCall(..)
+                    | Kind::Construct(..)
+                    | Kind::Assign(..)
+                    | Kind::Step { .. }
+                    | Kind::Atomic { .. }
+                    | Kind::ImageAtomic { .. }
+            );
+        });
         pure
+    }
+
+    /// Calls `each` for the node and those in it, from the outside in.
+    pub(super) fn visit<'n>(&'n self, each: &mut dyn FnMut(&'n Self)) {
+        each(self);
+        self.kind.operands(&mut |of| of.visit(each));
     }
 
     /// Whether it is a variable or a literal.
@@ -254,7 +266,7 @@ impl Node {
 
 impl Kind {
     /// Calls `each` for the operands, in the order of the text.
-    pub(super) fn operands<'n>(&'n self, each: &mut dyn FnMut(&'n Node)) {
+    fn operands<'n>(&'n self, each: &mut dyn FnMut(&'n Node)) {
         match self {
             Self::Literal(_)
             | Self::Local(_)
@@ -360,7 +372,7 @@ impl Statement {
     }
 
     /// Calls `each` for each node that is not part of another, in the order of the text.
-    pub(super) fn nodes<'s>(&'s self, each: &mut dyn FnMut(&'s Node)) {
+    fn nodes<'s>(&'s self, each: &mut dyn FnMut(&'s Node)) {
         let all = |body: &'s [Statement], each: &mut dyn FnMut(&'s Node)| {
             body.iter().for_each(|s| s.nodes(each));
         };
@@ -404,6 +416,23 @@ impl Statement {
         }
     }
 
+    /// Calls `each` for each node, from the outside in.
+    pub(super) fn visit<'s>(&'s self, each: &mut dyn FnMut(&'s Node)) {
+        self.nodes(&mut |node| node.visit(each));
+    }
+
+    /// Whether the statements after it are unreachable.
+    pub(super) fn leaves(&self) -> bool {
+        match &self.kind {
+            StatementKind::Break
+            | StatementKind::Continue
+            | StatementKind::Discard
+            | StatementKind::Return(_) => true,
+            StatementKind::Block(inner) => inner.iter().any(Self::leaves),
+            _ => false,
+        }
+    }
+
     /// The number of nodes in it.
     pub(super) fn size(&self) -> usize {
         let mut size = 1usize;
@@ -443,8 +472,8 @@ pub(super) enum ParameterTy {
 pub(super) struct HandleTy {
     /// `texture2D`, `sampler`, `iimage3D`.
     pub name: String,
-    /// A texture whose samples are comparisons.
-    pub is_depth: bool,
+    /// Its samples are comparisons.
+    pub compares: bool,
 }
 
 impl HandleTy {
@@ -452,7 +481,7 @@ impl HandleTy {
     pub(super) fn plain(name: &str) -> Self {
         Self {
             name: name.to_owned(),
-            is_depth: false,
+            compares: false,
         }
     }
 }

@@ -7,11 +7,11 @@ use naga::{
     Span, Statement, StorageAccess, Type, TypeInner, UniqueArena,
 };
 
-use super::super::operations::Atomic;
-use super::super::stage::unsupported;
-use super::super::tree::Node;
 use super::expression::Position;
 use super::{Body, Builder, refused};
+use crate::operations::Atomic;
+use crate::stage::unsupported;
+use crate::tree::Node;
 use shader_text::error::Error;
 
 /// A part of a variable: the indices from the whole to it. Elements of an array count alike.

@@ -5,11 +5,11 @@ use naga::{
     RelationalFunction, Scalar, ScalarKind, Span, Statement, TypeInner, UnaryOperator, VectorSize,
 };
 
-use super::super::functions::{self, Meaning};
-use super::super::operations::Subgroup;
-use super::super::tree::Node;
-use super::super::ty::Ty;
 use super::{Body, refused};
+use crate::functions::{self, Meaning};
+use crate::operations::Subgroup;
+use crate::tree::Node;
+use crate::ty::Ty;
 use shader_text::error::Error;
 
 type Value = Handle<Expression>;

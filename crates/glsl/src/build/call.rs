@@ -3,8 +3,8 @@
 use naga::proc::ExpressionKind;
 use naga::{AddressSpace, Expression, Handle, Span, Statement, Type, TypeInner};
 
-use super::super::tree::{FunctionId, Node};
 use super::{Body, refused};
+use crate::tree::{FunctionId, Node};
 use shader_text::error::Error;
 
 /// A store after a call, of what it left in a variable.

@@ -5,10 +5,10 @@ use naga::{
     VectorSize,
 };
 
-use super::super::tree::Node;
-use super::super::ty::{Length, Ty};
 use super::types::scalar_of;
 use super::{Body, refused};
+use crate::tree::Node;
+use crate::ty::{Length, Ty};
 use shader_text::error::Error;
 
 type Value = Handle<Expression>;

@@ -10,10 +10,10 @@ use naga::{
 };
 use naga_edit::writer::FunctionWriter;
 
-use super::super::tree::{BlockTy, Global, GlobalId, GlobalKind, Node, OwnVariable, own_variable};
-use super::super::ty::Ty;
 use super::types::array_size;
 use super::{Body, Builder, Declared, Port, refused};
+use crate::tree::{BlockTy, Global, GlobalId, GlobalKind, Node, OwnVariable, own_variable};
+use crate::ty::Ty;
 use shader_text::error::{Code, Error};
 
 impl<'s> Builder<'s> {
@@ -139,7 +139,7 @@ impl<'s> Builder<'s> {
         within(binding.group, span)?;
         within(binding.binding, span)?;
         let mut ty = ty.clone();
-        ty.is_depth |= self.depth.has_global(id);
+        ty.compares |= self.comparing.has_global(id);
         if ty.name.contains("image") && format.is_none() {
             let message = "an image needs a format, as in `layout(rgba8)`";
             return Err(refused(message, span));

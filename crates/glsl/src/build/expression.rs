@@ -5,9 +5,9 @@ use naga::{
     Type, TypeInner,
 };
 
-use super::super::tree::{GlobalId, Kind, Node};
 use super::types::{power, scalar_of, size};
 use super::{Body, Declared, refused};
+use crate::tree::{GlobalId, Kind, Node};
 use shader_text::error::Error;
 
 /// What an expression is evaluated for.

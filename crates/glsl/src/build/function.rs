@@ -9,13 +9,13 @@ use naga::{
     SwitchValue, TypeInner, UnaryOperator,
 };
 
-use super::super::tree::{
+use super::expression::Position;
+use super::{Body, Builder, Declared, refused};
+use crate::tree::{
     Case, Function, FunctionId, GlobalId, GlobalKind, Kind, Node, OwnVariable, ParameterTy,
     Statement, StatementKind as S,
 };
-use super::super::ty::Ty;
-use super::expression::Position;
-use super::{Body, Builder, Declared, refused};
+use crate::ty::Ty;
 use shader_text::error::Error;
 
 /// The globals that a function uses, and the members of blocks.
@@ -26,7 +26,7 @@ struct Used<'s> {
 }
 
 impl<'s> Used<'s> {
-    fn visit(&mut self, node: &'s Node) {
+    fn add(&mut self, node: &'s Node) {
         match &*node.kind {
             Kind::Global(id) => {
                 self.globals.insert(*id);
@@ -38,16 +38,6 @@ impl<'s> Used<'s> {
             }
             _ => {}
         }
-        node.kind.operands(&mut |of| self.visit(of));
-    }
-}
-
-/// Whether the statements after it are unreachable.
-fn leaves(statement: &Statement) -> bool {
-    match &statement.kind {
-        S::Break | S::Continue | S::Discard | S::Return(_) => true,
-        S::Block(inner) => inner.iter().any(leaves),
-        _ => false,
     }
 }
 
@@ -84,7 +74,7 @@ impl<'s> Body<'_, 's> {
     fn declare_globals(&mut self, of: &'s Function) -> Result<(), Error> {
         let mut used = Used::default();
         for statement in &of.body {
-            statement.nodes(&mut |node| used.visit(node));
+            statement.visit(&mut |node| used.add(node));
         }
         let stage = self.builder.stage;
         let own = self.builder.own.clone();
@@ -135,7 +125,7 @@ impl<'s> Body<'_, 's> {
                 ParameterTy::Data(ty) => self.builder.ty(ty, span)?,
                 ParameterTy::Handle(ty) => {
                     let mut ty = ty.clone();
-                    ty.is_depth |= self.builder.depth.has_parameter(id, i);
+                    ty.compares |= self.builder.comparing.has_parameter(id, i);
                     let access = StorageAccess::LOAD | StorageAccess::STORE;
                     self.builder.handle(&ty, None, access, span)?
                 }
@@ -174,13 +164,11 @@ impl<'s> Body<'_, 's> {
     /// Makes globals of the built-in variables that are first used here.
     fn register(&mut self, node: &'s Node) -> Result<(), Error> {
         let mut own = Vec::new();
-        fn visit(node: &Node, own: &mut Vec<&'static OwnVariable>) {
+        node.visit(&mut |node| {
             if let Kind::BuiltIn(of) = *node.kind {
                 own.push(of);
             }
-            node.kind.operands(&mut |of| visit(of, own));
-        }
-        visit(node, &mut own);
+        });
         for own in own {
             if !self.own.contains_key(own.name) {
                 let global = self.builder.register(own)?;
@@ -199,7 +187,7 @@ impl<'s> Body<'_, 's> {
     pub(super) fn statements(&mut self, all: &'s [Statement]) -> Result<(), Error> {
         for statement in all {
             self.statement(statement)?;
-            if leaves(statement) {
+            if statement.leaves() {
                 break;
             }
         }
@@ -282,7 +270,7 @@ impl<'s> Body<'_, 's> {
             S::DoWhile { body, condition } => {
                 let enclosing = self.writer.open(span);
                 self.looped(body, span)?;
-                if !body.iter().any(leaves) {
+                if !body.iter().any(Statement::leaves) {
                     self.break_unless(condition)?;
                 }
                 endless(self.writer.close(enclosing, span), Block::new())
@@ -369,7 +357,7 @@ impl<'s> Body<'_, 's> {
                 Some(n) if is_uint => SwitchValue::U32(n as u32),
                 Some(n) => SwitchValue::I32(n as i32),
             };
-            let last = case.body.iter().position(leaves);
+            let last = case.body.iter().position(Statement::leaves);
             let reached = &case.body[..last.map_or(case.body.len(), |last| last + 1)];
             let (reached, breaks) = match reached.split_last() {
                 Some((last, before)) if matches!(last.kind, S::Break) => (before, true),

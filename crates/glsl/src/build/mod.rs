@@ -7,8 +7,8 @@
 mod atomic;
 mod built_in;
 mod call;
+mod comparing;
 mod constructor;
-mod depth;
 mod entry;
 mod expression;
 mod function;
@@ -26,7 +26,7 @@ use naga::{
 };
 use naga_edit::writer::FunctionWriter;
 
-use self::depth::DepthTextures;
+use self::comparing::Comparing;
 use super::tree::{FunctionId, GlobalId, LocalId, OwnVariable, Stage};
 use shader_text::error::{Code, Error};
 
@@ -62,7 +62,7 @@ pub(super) struct Builder<'s> {
     own: Vec<(&'static OwnVariable, Handle<GlobalVariable>)>,
     ports: Vec<Port>,
     functions: HashMap<FunctionId, Handle<IrFunction>>,
-    depth: DepthTextures,
+    comparing: Comparing,
     /// The parts of storage blocks that atomic functions change.
     atomics: Vec<atomic::Part>,
     /// The images that they change.
@@ -83,7 +83,7 @@ pub(super) fn build(stage: &Stage, kind: ShaderStage) -> Result<Module, Error> {
         own: Vec::new(),
         ports: Vec::new(),
         functions: HashMap::new(),
-        depth: DepthTextures::of(stage),
+        comparing: Comparing::of(stage),
         atomics: Vec::new(),
         atomic_images: Vec::new(),
     };

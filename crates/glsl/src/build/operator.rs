@@ -5,9 +5,9 @@ use naga::{
     UnaryOperator, VectorSize,
 };
 
-use super::super::tree::Node;
 use super::types::{power, scalar_of};
 use super::{Body, refused};
+use crate::tree::Node;
 use shader_text::error::Error;
 
 /// A matrix.

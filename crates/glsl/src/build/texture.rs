@@ -5,8 +5,8 @@ use naga::{
     SampleLevel, Scalar, Span, Statement, SwizzleComponent, TypeInner, VectorSize,
 };
 
-use super::super::tree::{Gather, Kind, Node};
 use super::{Body, refused};
+use crate::tree::{Gather, Kind, Node};
 use shader_text::error::Error;
 
 type Value = Handle<Expression>;

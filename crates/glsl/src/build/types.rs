@@ -8,9 +8,9 @@ use naga::{
     StorageFormat, StructMember, Type, TypeInner, VectorSize,
 };
 
-use super::super::tree::{HandleTy, Member};
-use super::super::ty::{Component, Rules, Ty};
 use super::{Builder, WRONG_TYPE, refused};
+use crate::tree::{HandleTy, Member};
+use crate::ty::{Component, Rules, Ty};
 use shader_text::error::{Code, Error};
 
 pub(super) fn size(n: u8) -> VectorSize {
@@ -126,7 +126,7 @@ impl<'s> Builder<'s> {
     ) -> Result<Handle<Type>, Error> {
         let name = ty.name.as_str();
         if name == "sampler" || name == "samplerShadow" {
-            let comparison = name == "samplerShadow";
+            let comparison = name == "samplerShadow" || ty.compares;
             return Ok(self.insert(TypeInner::Sampler { comparison }));
         }
         let unknown = || {
@@ -157,7 +157,7 @@ impl<'s> Builder<'s> {
                 format: format.unwrap_or(StorageFormat::R8Uint),
                 access,
             },
-            None if ty.is_depth => ImageClass::Depth { multi },
+            None if ty.compares => ImageClass::Depth { multi },
             None => ImageClass::Sampled { kind, multi },
         };
         Ok(self.insert(TypeInner::Image {

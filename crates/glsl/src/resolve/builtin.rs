@@ -1,6 +1,6 @@
 //! Built-in functions: names and result types.
 
-use super::super::ty::{Component, Ty};
+use crate::ty::{Component, Ty};
 
 /// The result type of a built-in function without textures.
 pub(super) fn result(name: &str, arguments: &[Ty]) -> Ty {

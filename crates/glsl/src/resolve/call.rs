@@ -3,16 +3,16 @@
 use glsl_lang::ast::{self, Expr, ExprData, FunIdentifierData};
 use naga::{BinaryOperator, Span, UnaryOperator};
 
-use super::super::functions;
-use super::super::operations::{self, Atomic, Subgroup};
-use super::super::stage::{Signature, Storage, spelled, unsupported};
-use super::super::tree::{FunctionId, Kind, Node};
-use super::super::ty::{BlockEntry, Component, Length, MemoryLayout, Ty};
 use super::effect::{Argument, after};
 use super::expression::Ex;
 use super::fold::Folds;
 use super::overload::{OverloadChoice, choose};
 use super::{Pair, Resolver, builtin, helpers, texture};
+use crate::functions;
+use crate::operations::{self, Atomic, Subgroup};
+use crate::stage::{Signature, Storage, spelled, unsupported};
+use crate::tree::{FunctionId, Kind, Node};
+use crate::ty::{BlockEntry, Component, Length, MemoryLayout, Ty};
 use shader_text::error::{Code, Error};
 use shader_text::unsupported;
 

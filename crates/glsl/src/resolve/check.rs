@@ -4,10 +4,10 @@
 use glsl_lang::ast::BinaryOpData as B;
 use naga::Span;
 
-use super::super::ty::{Component, Ty};
 use super::Resolver;
 use super::expression::Ex;
 use super::overload::{conversion, is_same};
+use crate::ty::{Component, Ty};
 use shader_text::error::{Code, Error};
 
 /// The type with its article.

@@ -5,15 +5,15 @@ use std::mem;
 use naga::{AddressSpace, BinaryOperator, ResourceBinding, ShaderStage, Span, StorageAccess};
 use naga_edit::declared;
 
-use super::super::formats::format_named;
-use super::super::interface::{BindingSlot, handles};
-use super::super::stage::{Block, Global as AstGlobal, Storage, Variable, unsupported};
-use super::super::tree::{
-    self, BlockTy, Global, GlobalId, GlobalKind, HandleTy, Kind, Member, Node, Statement, StructTy,
-};
-use super::super::ty::{BlockEntry, GlslMember, MemoryLayout, Rules, Ty, stored};
 use super::fold::Folds;
 use super::{Pair, Resolver, Var};
+use crate::formats::format_named;
+use crate::interface::{BindingSlot, handles};
+use crate::stage::{Block, Global as AstGlobal, Storage, Variable, unsupported};
+use crate::tree::{
+    self, BlockTy, Global, GlobalId, GlobalKind, HandleTy, Kind, Member, Node, Statement, StructTy,
+};
+use crate::ty::{BlockEntry, GlslMember, MemoryLayout, Rules, Ty, stored};
 use shader_text::error::Error;
 use shader_text::options::ClipSpace;
 

@@ -10,12 +10,12 @@ use std::collections::HashSet;
 
 use naga::Span;
 
-use super::super::stage::Storage;
-use super::super::stage::side_effects::{Effects, root, written_by_own};
-use super::super::tree::{Kind, Node};
-use super::super::ty::Ty;
 use super::Resolver;
 use super::expression::Ex;
+use crate::stage::Storage;
+use crate::stage::side_effects::{Effects, root, written_by_own};
+use crate::tree::{Kind, Node};
+use crate::ty::Ty;
 use shader_text::error::Error;
 
 /// A call's argument, with statements before and after the call.

@@ -5,14 +5,14 @@ use glsl_lang::ast::{
 };
 use naga::{BinaryOperator, Literal, UnaryOperator};
 
-use super::super::built_ins;
-use super::super::constant::{self, ConstantValue};
-use super::super::stage::{initial_length, unsupported};
-use super::super::tree::{self, Kind, Node};
-use super::super::ty::{Component, MemoryLayout, Ty};
 use super::effect::{after, is_literal};
 use super::fold::Folds;
 use super::{Pair, Resolver, Var, check};
+use crate::built_ins;
+use crate::constant::{self, ConstantValue};
+use crate::stage::{initial_length, unsupported};
+use crate::tree::{self, Kind, Node};
+use crate::ty::{Component, MemoryLayout, Ty};
 use shader_text::error::{Code, Error};
 use shader_text::unsupported;
 

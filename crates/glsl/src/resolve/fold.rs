@@ -6,11 +6,11 @@
 
 use glsl_lang::ast::BinaryOpData as B;
 
-use super::super::constant::{self, ConstantValue};
-use super::super::tree::Node;
-use super::super::ty::{Component, Ty};
 use super::Resolver;
 use super::expression::Ex;
+use crate::constant::{self, ConstantValue};
+use crate::tree::Node;
+use crate::ty::{Component, Ty};
 
 /// Whether naga folds an expression.
 #[derive(Clone, Debug, Default, PartialEq)]

@@ -4,15 +4,15 @@ use std::mem;
 
 use glsl_lang::ast::{self, FunctionParameterDeclarationData as P};
 
-use super::super::constant;
-use super::super::interface::{flat, handles};
-use super::super::stage::{Signature, Storage, unsupported};
-use super::super::tree::{
+use super::{Pair, Resolver, Var};
+use crate::constant;
+use crate::interface::{flat, handles};
+use crate::stage::{Signature, Storage, unsupported};
+use crate::tree::{
     Function, FunctionId, HandleTy, Kind, Node, Parameter, ParameterTy, Statement,
     StatementKind as S,
 };
-use super::super::ty::{BlockEntry, Component, Rules, Ty, stored};
-use super::{Pair, Resolver, Var};
+use crate::ty::{BlockEntry, Component, Rules, Ty, stored};
 use shader_text::error::Error;
 
 /// Orders functions after those that they call.

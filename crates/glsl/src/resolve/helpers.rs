@@ -2,12 +2,12 @@
 
 use naga::{BinaryOperator as O, Span};
 
-use super::super::tree::{
+use super::Resolver;
+use crate::tree::{
     Case, Function, FunctionId, HandleTy, Kind, LocalId, Node, Parameter, ParameterTy, Statement,
     StatementKind,
 };
-use super::super::ty::{Component, Ty};
-use super::Resolver;
+use crate::ty::{Component, Ty};
 
 /// A helper function under construction.
 pub(super) struct Helper {

@@ -2,9 +2,9 @@
 
 use naga::Span;
 
-use super::super::stage::{Signature, Storage};
-use super::super::ty::{Component, Ty};
 use super::Resolver;
+use crate::stage::{Signature, Storage};
+use crate::ty::{Component, Ty};
 use shader_text::error::{Code, Error};
 
 /// The conversion of an argument.

@@ -2,13 +2,13 @@
 
 use naga::{Binding, Interpolation, Sampling, Span};
 
-use super::super::built_ins;
-use super::super::interface::{flat, index};
-use super::super::stage::{Variable, unsupported};
-use super::super::tree::{Global, GlobalId, GlobalKind, Kind, Node, Statement};
-use super::super::ty::{Component, Leaf, Ty};
 use super::expression::Ex;
 use super::{Resolver, Var};
+use crate::built_ins;
+use crate::interface::{flat, index};
+use crate::stage::{Variable, unsupported};
+use crate::tree::{Global, GlobalId, GlobalKind, Kind, Node, Statement};
+use crate::ty::{Component, Leaf, Ty};
 use shader_text::error::Error;
 
 /// A location without an interpolation.

@@ -9,12 +9,12 @@ use glsl_lang::ast::{
 };
 use naga::{Span, UnaryOperator};
 
-use super::super::stage::{Storage, simple, unsupported};
-use super::super::tree::{Case, Node, Statement, StatementKind as S};
-use super::super::ty::Ty;
-use super::super::{constant, operations};
 use super::expression::Ex;
 use super::{Resolver, Var, effect};
+use crate::stage::{Storage, simple, unsupported};
+use crate::tree::{Case, Node, Statement, StatementKind as S};
+use crate::ty::Ty;
+use crate::{constant, operations};
 use shader_text::error::{Code, Error};
 
 impl Resolver<'_, '_> {
@@ -102,6 +102,7 @@ impl Resolver<'_, '_> {
             let mut resolved = Vec::new();
             self.statement(statement, &mut resolved)?;
             self.unreached = around;
+            let left = resolved.iter().any(Statement::leaves);
             // Declarations are visible in later cases.
             if reached || matches!(statement.content, StatementData::Declaration(_)) {
                 match cases.last_mut() {
@@ -112,7 +113,7 @@ impl Resolver<'_, '_> {
                     }
                 }
             }
-            reached &= !leaves(statement);
+            reached &= !left;
         }
         self.stage.constants = constants;
         self.scopes.pop();
@@ -213,10 +214,11 @@ impl Resolver<'_, '_> {
                 let message = "the expanded statements exceed four million operations";
                 return Err(Error::new(Code::TooDeep, message).label_if(self.place(statement.span)));
             }
+            let left = resolved.iter().any(Statement::leaves);
             if reached {
                 out.append(&mut resolved);
             }
-            reached &= !leaves(statement);
+            reached &= !left;
         }
         self.stage.constants = constants;
         self.scopes.pop();
@@ -433,7 +435,7 @@ impl Resolver<'_, '_> {
         place: Option<Span>,
     ) -> Result<Statement, Error> {
         if let (Ty::Array(of, None), Some(init)) = (&ty, init) {
-            ty = Ty::Array(of.clone(), super::super::stage::initial_length(init));
+            ty = Ty::Array(of.clone(), crate::stage::initial_length(init));
         }
         if constant && init.is_none() {
             let message = format!("the constant `{author}` has no value");
@@ -455,14 +457,5 @@ impl Resolver<'_, '_> {
         let local = self.add_local(author, ty.clone());
         self.bind(author, Var::plain(Node::local(local), ty).fixed(fixed));
         Ok(Statement::new(S::Declare(local, value)))
-    }
-}
-
-/// Whether the statements after it are unreachable.
-fn leaves(statement: &AstStatement) -> bool {
-    match &statement.content {
-        StatementData::Jump(_) => true,
-        StatementData::Compound(c) => c.statement_list.iter().any(leaves),
-        _ => false,
     }
 }

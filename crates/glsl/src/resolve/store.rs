@@ -4,13 +4,13 @@
 use glsl_lang::ast::{AssignmentOpData, BinaryOpData, Expr, ExprData};
 use naga::{BinaryOperator, Span};
 
-use super::super::stage::unsupported;
-use super::super::tree::{Kind, Node};
-use super::super::ty::{BlockEntry, Component, GlslMember, MemoryLayout, Struct, Ty};
 use super::Resolver;
 use super::effect::{after, is_literal};
 use super::expression::{Ex, compound, element, operator, splat};
 use super::fold::Folds;
+use crate::stage::unsupported;
+use crate::tree::{Kind, Node};
+use crate::ty::{BlockEntry, Component, GlslMember, MemoryLayout, Struct, Ty};
 use shader_text::error::{Code, Error};
 use shader_text::unsupported;
 

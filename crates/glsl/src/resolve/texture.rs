@@ -3,15 +3,15 @@
 use glsl_lang::ast::Expr;
 use naga::{BinaryOperator as O, Span};
 
-use super::super::constant;
-use super::super::interface::handles;
-use super::super::stage::unsupported;
-use super::super::tree::{Case, Gather, Global, GlobalKind, Kind, Node, Statement, StatementKind};
-use super::super::ty::{Component, Ty};
-use super::super::version::Dialect;
 use super::effect::after;
 use super::expression::Ex;
 use super::{Pair, Resolver};
+use crate::constant;
+use crate::interface::handles;
+use crate::stage::unsupported;
+use crate::tree::{Case, Gather, Global, GlobalKind, Kind, Node, Statement, StatementKind};
+use crate::ty::{Component, Ty};
+use crate::version::Dialect;
 use shader_text::error::{Code, Error};
 use shader_text::unsupported;
 
