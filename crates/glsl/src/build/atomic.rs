@@ -1,14 +1,14 @@
 //! Atomic functions, and the atomic types of what they change.
 
 use naga::front::Typifier;
-use naga::proc::{ExpressionKind, ResolveContext};
+use naga::proc::ResolveContext;
 use naga::{
     AddressSpace, Arena, AtomicFunction, Expression, GlobalVariable, Handle, ImageClass, Module,
     Span, Statement, StorageAccess, Type, TypeInner, UniqueArena,
 };
 
 use super::expression::Position;
-use super::{Body, Builder, refused};
+use super::{Body, Builder, Value};
 use crate::operations::Atomic;
 use crate::stage::unsupported;
 use crate::tree::Node;
@@ -18,24 +18,15 @@ use shader_text::error::Error;
 pub(super) type Part = (Handle<GlobalVariable>, Vec<u32>);
 
 impl<'s> Body<'_, 's> {
-    /// An expression that a statement gives its value.
-    pub(super) fn unevaluated(&mut self, of: Expression, span: Span) -> Handle<Expression> {
-        self.writer.flush(span);
-        let result = self.writer.append(of, span);
-        self.known.insert(result, ExpressionKind::Runtime);
-        result
-    }
-
     pub(super) fn atomic(
         &mut self,
         of: Atomic,
         target: &'s Node,
         value: &'s Node,
-        span: Span,
-    ) -> Result<Handle<Expression>, Error> {
+    ) -> Result<Value, Error> {
+        let place = self.span.is_defined().then_some(self.span);
         let refusal = || {
             let message = "an atomic function takes a member of a storage block";
-            let place = span.is_defined().then_some(span);
             unsupported(message, place).note("name the member itself, not a copy of it")
         };
         let at = Position::Base { constant: true };
@@ -56,14 +47,13 @@ impl<'s> Body<'_, 's> {
         let part = part.filter(is_storage).ok_or_else(refusal)?;
         self.builder.atomics.push(part);
         let comparison = false;
-        let result = self.unevaluated(Expression::AtomicResult { ty, comparison }, span);
-        let atomic = Statement::Atomic {
+        let result = self.unevaluated(Expression::AtomicResult { ty, comparison });
+        self.push(Statement::Atomic {
             pointer,
             fun: function_of(of),
             value,
             result: Some(result),
-        };
-        self.writer.statement(atomic, span);
+        });
         Ok(result)
     }
 
@@ -71,12 +61,11 @@ impl<'s> Body<'_, 's> {
         &mut self,
         of: Atomic,
         [image, at, value]: [&'s Node; 3],
-        span: Span,
     ) -> Result<(), Error> {
-        let [image, coordinate, array_index] = self.texel(image, at, span)?;
+        let [image, coordinate, array_index] = self.texel(image, at)?;
         let value = self.value(value)?;
         let (Some(image), Some(coordinate)) = (image, coordinate) else {
-            return Err(refused("this is not a texture", span));
+            return Err(self.refused("this is not a texture"));
         };
         if let Expression::GlobalVariable(global) = *self.expression(image) {
             self.builder.atomic_images.push(global);
@@ -88,7 +77,7 @@ impl<'s> Body<'_, 's> {
             fun: function_of(of),
             value,
         };
-        self.writer.statement(atomic, span);
+        self.push(atomic);
         Ok(())
     }
 }
@@ -174,7 +163,7 @@ fn function_of(atomic: Atomic) -> AtomicFunction {
     }
 }
 
-fn part_of(expressions: &Arena<Expression>, pointer: Handle<Expression>) -> Option<Part> {
+fn part_of(expressions: &Arena<Expression>, pointer: Value) -> Option<Part> {
     let (base, index) = match expressions[pointer] {
         Expression::GlobalVariable(global) => return Some((global, Vec::new())),
         Expression::AccessIndex { base, index } => (base, index),

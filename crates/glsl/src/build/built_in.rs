@@ -1,48 +1,45 @@
 //! Calls of GLSL's functions. `resolve` checks the types of their arguments.
 
 use naga::{
-    Barrier, BinaryOperator as O, Expression, GatherMode, Handle, Literal, MathFunction as F,
-    RelationalFunction, Scalar, ScalarKind, Span, Statement, TypeInner, UnaryOperator, VectorSize,
+    Barrier, BinaryOperator as O, Expression, GatherMode, Literal, MathFunction as F,
+    RelationalFunction, Scalar, ScalarKind, Statement, TypeInner, UnaryOperator, VectorSize,
 };
 
-use super::{Body, refused};
+use super::{Body, Value};
 use crate::functions::{self, Meaning};
 use crate::operations::Subgroup;
 use crate::tree::Node;
 use crate::ty::Ty;
 use shader_text::error::Error;
 
-type Value = Handle<Expression>;
-
 impl<'s> Body<'_, 's> {
     pub(super) fn built_in_call(
         &mut self,
         name: &str,
         arguments: &'s [Node],
-        span: Span,
     ) -> Result<Option<Value>, Error> {
         if ["texture", "texel", "image"]
             .iter()
             .any(|w| name.starts_with(w))
         {
-            return self.texture_call(name, arguments, span);
+            return self.texture_call(name, arguments);
         }
         if name == "barrier" {
             let barrier = Statement::ControlBarrier(Barrier::all());
-            self.writer.statement(barrier, span);
+            self.push(barrier);
             return Ok(None);
         }
         let mut values = Vec::with_capacity(arguments.len());
         for argument in arguments {
             values.push(self.value(argument)?);
         }
-        self.built_in(name, values, span).map(Some)
+        self.built_in(name, values).map(Some)
     }
 
-    pub(super) fn math(&mut self, fun: F, values: &[Value], span: Span) -> Result<Value, Error> {
+    pub(super) fn math(&mut self, fun: F, values: &[Value]) -> Result<Value, Error> {
         let at = |i: usize| values.get(i).copied();
         let Some(arg) = at(0) else {
-            return Err(refused("an argument is missing", span));
+            return Err(self.refused("an argument is missing"));
         };
         let math = Expression::Math {
             fun,
@@ -51,12 +48,12 @@ impl<'s> Body<'_, 's> {
             arg2: at(2),
             arg3: at(3),
         };
-        self.add(math, span)
+        self.add(math)
     }
 
-    fn built_in(&mut self, name: &str, mut values: Vec<Value>, span: Span) -> Result<Value, Error> {
+    fn built_in(&mut self, name: &str, mut values: Vec<Value>) -> Result<Value, Error> {
         let Some(first) = values.first().copied() else {
-            return Err(refused("an argument is missing", span));
+            return Err(self.refused("an argument is missing"));
         };
         let bits = |kind| Expression::As {
             expr: first,
@@ -64,22 +61,22 @@ impl<'s> Body<'_, 's> {
             convert: None,
         };
         match name {
-            "atan" if values.len() == 2 => self.math(F::Atan2, &values, span),
-            "atan" => self.math(F::Atan, &values, span),
-            "floatBitsToInt" => self.add(bits(ScalarKind::Sint), span),
-            "floatBitsToUint" => self.add(bits(ScalarKind::Uint), span),
-            "intBitsToFloat" | "uintBitsToFloat" => self.add(bits(ScalarKind::Float), span),
+            "atan" if values.len() == 2 => self.math(F::Atan2, &values),
+            "atan" => self.math(F::Atan, &values),
+            "floatBitsToInt" => self.add(bits(ScalarKind::Sint)),
+            "floatBitsToUint" => self.add(bits(ScalarKind::Uint)),
+            "intBitsToFloat" | "uintBitsToFloat" => self.add(bits(ScalarKind::Float)),
             "all" | "any" => {
                 let fun = match name {
                     "all" => RelationalFunction::All,
                     _ => RelationalFunction::Any,
                 };
                 let argument = first;
-                self.add(Expression::Relational { fun, argument }, span)
+                self.add(Expression::Relational { fun, argument })
             }
             "not" => {
                 let op = UnaryOperator::LogicalNot;
-                self.add(Expression::Unary { op, expr: first }, span)
+                self.add(Expression::Unary { op, expr: first })
             }
             // WGSL counts in unsigned numbers.
             "bitfieldExtract" | "bitfieldInsert" => {
@@ -88,45 +85,45 @@ impl<'s> Body<'_, 's> {
                     _ => (F::InsertBits, 2),
                 };
                 for value in values.iter_mut().skip(at) {
-                    *value = self.cast(*value, Scalar::U32, span)?;
+                    *value = self.cast(*value, Scalar::U32)?;
                 }
-                self.math(fun, &values, span)
+                self.math(fun, &values)
             }
             "mix" if self.is_bool(values.last().copied().unwrap_or(first))? => {
                 let [reject, accept, condition] = values[..] else {
-                    return Err(refused("an argument is missing", span));
+                    return Err(self.refused("an argument is missing"));
                 };
                 let select = Expression::Select {
                     condition,
                     accept,
                     reject,
                 };
-                self.add(select, span)
+                self.add(select)
             }
-            "mod" => self.modulo(values, span),
+            "mod" => self.modulo(values),
             "min" | "max" | "step" | "mix" | "clamp" | "smoothstep" => {
-                self.splatted_math(name, values, span)
+                self.splatted_math(name, values)
             }
             _ => match functions::meaning(name) {
                 Some(Meaning::Math(fun)) => {
-                    let found = self.math(fun, &values, span)?;
+                    let found = self.math(fun, &values)?;
                     let is_uint = self.ty(first)?.scalar_kind() == Some(ScalarKind::Uint);
                     match matches!(fun, F::FirstTrailingBit | F::FirstLeadingBit) && is_uint {
-                        true => self.cast(found, Scalar::I32, span),
+                        true => self.cast(found, Scalar::I32),
                         false => Ok(found),
                     }
                 }
                 Some(Meaning::Derivative(axis, ctrl)) => {
                     let expr = first;
-                    self.add(Expression::Derivative { axis, ctrl, expr }, span)
+                    self.add(Expression::Derivative { axis, ctrl, expr })
                 }
                 Some(Meaning::Operator(op)) => {
                     let right = *values.last().unwrap_or(&first);
                     let left = first;
-                    self.add(Expression::Binary { op, left, right }, span)
+                    self.binary_of(op, left, right)
                 }
                 Some(Meaning::Other) | None => {
-                    Err(refused(&format!("no `{name}` takes these arguments"), span))
+                    Err(self.refused(&format!("no `{name}` takes these arguments")))
                 }
             },
         }
@@ -144,26 +141,21 @@ impl<'s> Body<'_, 's> {
     }
 
     /// `x - y * floor(x / y)`.
-    fn modulo(&mut self, values: Vec<Value>, span: Span) -> Result<Value, Error> {
+    fn modulo(&mut self, values: Vec<Value>) -> Result<Value, Error> {
         let [x, y] = values[..] else {
-            return Err(refused("an argument is missing", span));
+            return Err(self.refused("an argument is missing"));
         };
         let size = self.vector_size(x)?;
-        let y = self.splatted(y, size, span)?;
+        let y = self.splatted(y, size)?;
         let binary = |op, left, right| Expression::Binary { op, left, right };
-        let quotient = self.add(binary(O::Divide, x, y), span)?;
-        let floor = self.math(F::Floor, &[quotient], span)?;
-        let product = self.add(binary(O::Multiply, floor, y), span)?;
-        self.add(binary(O::Subtract, x, product), span)
+        let quotient = self.add(binary(O::Divide, x, y))?;
+        let floor = self.math(F::Floor, &[quotient])?;
+        let product = self.add(binary(O::Multiply, floor, y))?;
+        self.add(binary(O::Subtract, x, product))
     }
 
     /// Functions of vectors that take scalars for some arguments.
-    fn splatted_math(
-        &mut self,
-        name: &str,
-        mut values: Vec<Value>,
-        span: Span,
-    ) -> Result<Value, Error> {
+    fn splatted_math(&mut self, name: &str, mut values: Vec<Value>) -> Result<Value, Error> {
         let (fun, of, scalars): (F, usize, &[usize]) = match name {
             "min" => (F::Min, 0, &[1]),
             "max" => (F::Max, 0, &[1]),
@@ -173,15 +165,15 @@ impl<'s> Body<'_, 's> {
             _ => (F::SmoothStep, 2, &[0, 1]),
         };
         let Some(vector) = values.get(of).copied() else {
-            return Err(refused("an argument is missing", span));
+            return Err(self.refused("an argument is missing"));
         };
         let size = self.vector_size(vector)?;
         for at in scalars {
             if let Some(value) = values.get_mut(*at) {
-                *value = self.splatted(*value, size, span)?;
+                *value = self.splatted(*value, size)?;
             }
         }
-        self.math(fun, &values, span)
+        self.math(fun, &values)
     }
 
     /// A function of a subgroup.
@@ -191,19 +183,18 @@ impl<'s> Body<'_, 's> {
         value: &'s Node,
         lane: Option<&'s Node>,
         result: &Ty,
-        span: Span,
     ) -> Result<Value, Error> {
         let argument = self.value(value)?;
         let lane = match (of, lane) {
             (Subgroup::Broadcast(n) | Subgroup::QuadBroadcast(n), _) => {
-                Some(self.add(Expression::Literal(Literal::U32(n)), span)?)
+                Some(self.literal(Literal::U32(n))?)
             }
             (_, Some(lane)) => Some(self.value(lane)?),
             (_, None) => None,
         };
         let by = |mode: fn(Value) -> GatherMode| {
             lane.map(mode)
-                .ok_or_else(|| refused("an argument is missing", span))
+                .ok_or_else(|| self.refused("an argument is missing"))
         };
         let mode = match of {
             Subgroup::Collective(..) | Subgroup::Ballot => None,
@@ -219,10 +210,10 @@ impl<'s> Body<'_, 's> {
         let of_result = match of {
             Subgroup::Ballot => Expression::SubgroupBallotResult,
             _ => Expression::SubgroupOperationResult {
-                ty: self.builder.ty(result, span)?,
+                ty: self.glsl_ty(result)?,
             },
         };
-        let result = self.unevaluated(of_result, span);
+        let result = self.unevaluated(of_result);
         let statement = match (of, mode) {
             (_, Some(mode)) => Statement::SubgroupGather {
                 mode,
@@ -242,7 +233,7 @@ impl<'s> Body<'_, 's> {
                 predicate: Some(argument),
             },
         };
-        self.writer.statement(statement, span);
+        self.push(statement);
         Ok(result)
     }
 }

@@ -1,16 +1,15 @@
 //! Calls of functions of the module.
 
-use naga::proc::ExpressionKind;
-use naga::{AddressSpace, Expression, Handle, Span, Statement, Type, TypeInner};
+use naga::{AddressSpace, Expression, Handle, Statement, Type, TypeInner};
 
-use super::{Body, refused};
+use super::{Body, Value};
 use crate::tree::{FunctionId, Node};
 use shader_text::error::Error;
 
 /// A store after a call, of what it left in a variable.
 struct Written {
-    to: Handle<Expression>,
-    from: Handle<Expression>,
+    to: Value,
+    from: Value,
 }
 
 impl<'s> Body<'_, 's> {
@@ -18,16 +17,12 @@ impl<'s> Body<'_, 's> {
         &mut self,
         id: FunctionId,
         arguments: &'s [Node],
-        span: Span,
-    ) -> Result<Option<Handle<Expression>>, Error> {
+    ) -> Result<Option<Value>, Error> {
         let stage = self.builder.stage;
         let callee = stage.functions.get(id.0).and_then(Option::as_ref);
         let handle = self.builder.functions.get(&id).copied();
         let (Some(callee), Some(function)) = (callee, handle) else {
-            return Err(refused(
-                "this function is not defined before its call",
-                span,
-            ));
+            return Err(self.refused("this function is not defined before its call"));
         };
         let mut given = Vec::new();
         for (argument, parameter) in arguments.iter().zip(&callee.parameters) {
@@ -40,26 +35,22 @@ impl<'s> Body<'_, 's> {
         for ((argument, given), parameter) in arguments.iter().zip(given).zip(&callee.parameters) {
             values.push(match given {
                 Some(value) => value,
-                None => self.out_argument(argument, parameter.is_in, &mut written, span)?,
+                None => self.out_argument(argument, parameter.is_in, &mut written)?,
             });
         }
         let has_result = self.builder.module.functions[function].result.is_some();
-        self.writer.flush(span);
-        let result = has_result.then(|| {
-            let result = self.writer.append(Expression::CallResult(function), span);
-            self.known.insert(result, ExpressionKind::Runtime);
-            result
-        });
-        let call = Statement::Call {
+        let result = match has_result {
+            true => Some(self.unevaluated(Expression::CallResult(function))),
+            false => None,
+        };
+        self.push(Statement::Call {
             function,
             arguments: values,
             result,
-        };
-        self.writer.statement(call, span);
+        });
         for Written { to, from } in written {
-            let value = self.add(Expression::Load { pointer: from }, span)?;
-            let store = Statement::Store { pointer: to, value };
-            self.writer.statement(store, span);
+            let value = self.load(from)?;
+            self.store_at(to, value);
         }
         Ok(result)
     }
@@ -71,23 +62,18 @@ impl<'s> Body<'_, 's> {
         argument: &'s Node,
         is_in: bool,
         written: &mut Vec<Written>,
-        span: Span,
-    ) -> Result<Handle<Expression>, Error> {
+    ) -> Result<Value, Error> {
         let target = self.target(argument)?;
         let Some(ty) = self.ty_to_copy(target)? else {
             return Ok(target);
         };
         let value = match is_in {
-            true => Some(self.add(Expression::Load { pointer: target }, span)?),
+            true => Some(self.load(target)?),
             false => None,
         };
-        let copy = self.local(None, ty, None, span)?;
+        let copy = self.local(None, ty, None, self.span)?;
         if let Some(value) = value {
-            let store = Statement::Store {
-                pointer: copy,
-                value,
-            };
-            self.writer.statement(store, span);
+            self.store_at(copy, value);
         }
         written.push(Written {
             to: target,
@@ -97,7 +83,7 @@ impl<'s> Body<'_, 's> {
     }
 
     /// The type of the copy that a target needs.
-    fn ty_to_copy(&mut self, target: Handle<Expression>) -> Result<Option<Handle<Type>>, Error> {
+    fn ty_to_copy(&mut self, target: Value) -> Result<Option<Handle<Type>>, Error> {
         Ok(match *self.ty(target)? {
             TypeInner::Pointer { base, space } if space != AddressSpace::Function => Some(base),
             TypeInner::ValuePointer {

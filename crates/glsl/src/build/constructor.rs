@@ -1,25 +1,17 @@
 //! Constructors.
 
 use naga::{
-    Expression, Handle, Literal, Scalar, ScalarKind, Span, SwizzleComponent, Type, TypeInner,
-    VectorSize,
+    Expression, Handle, Literal, Scalar, ScalarKind, SwizzleComponent, Type, TypeInner, VectorSize,
 };
 
 use super::types::scalar_of;
-use super::{Body, refused};
+use super::{Body, Value};
 use crate::tree::Node;
 use crate::ty::{Length, Ty};
 use shader_text::error::Error;
 
-type Value = Handle<Expression>;
-
 impl<'s> Body<'_, 's> {
-    pub(super) fn construct(
-        &mut self,
-        ty: &Ty,
-        parts: &'s [Node],
-        span: Span,
-    ) -> Result<Value, Error> {
+    pub(super) fn construct(&mut self, ty: &Ty, parts: &'s [Node]) -> Result<Value, Error> {
         let mut values = Vec::with_capacity(parts.len());
         for part in parts {
             values.push(self.value(part)?);
@@ -27,43 +19,25 @@ impl<'s> Body<'_, 's> {
         let ty = match ty {
             Ty::Array(of, None) => {
                 let length = Length::from(values.len() as u32);
-                self.builder
-                    .ty(&Ty::Array(of.clone(), Some(length)), span)?
+                self.glsl_ty(&Ty::Array(of.clone(), Some(length)))?
             }
-            ty => self.builder.ty(ty, span)?,
+            ty => self.glsl_ty(ty)?,
         };
         match values[..] {
-            [value] => self.of_one(ty, value, span),
-            _ => self.of_many(ty, values, span),
+            [value] => self.of_one(ty, value),
+            _ => self.of_many(ty, values),
         }
     }
 
-    fn compose(
-        &mut self,
-        ty: Handle<Type>,
-        components: Vec<Value>,
-        span: Span,
-    ) -> Result<Value, Error> {
-        self.add(Expression::Compose { ty, components }, span)
-    }
-
-    fn part(&mut self, base: Value, index: u32, span: Span) -> Result<Value, Error> {
-        self.add(Expression::AccessIndex { base, index }, span)
-    }
-
-    fn vector_ty(&mut self, size: VectorSize, scalar: Scalar) -> Handle<Type> {
-        self.builder.insert(TypeInner::Vector { size, scalar })
-    }
-
     /// Converts a value's scalars, unless they are of that type.
-    fn forced(&mut self, value: Value, to: Scalar, span: Span) -> Result<Value, Error> {
+    fn forced(&mut self, value: Value, to: Scalar) -> Result<Value, Error> {
         match scalar_of(self.ty(value)?) {
-            Some(from) if from != to => self.cast(value, to, span),
+            Some(from) if from != to => self.cast(value, to),
             _ => Ok(value),
         }
     }
 
-    fn of_one(&mut self, ty: Handle<Type>, value: Value, span: Span) -> Result<Value, Error> {
+    fn of_one(&mut self, ty: Handle<Type>, value: Value) -> Result<Value, Error> {
         let given = self.ty(value)?.clone();
         let to = self.builder.module.types[ty].inner.clone();
         let given_size = match given {
@@ -75,42 +49,40 @@ impl<'s> Body<'_, 's> {
             && is_bool(given.scalar())
             && scalar.kind != ScalarKind::Bool
         {
-            return self.of_bools(scalar, given_size, value, span);
+            return self.of_bools(scalar, given_size, value);
         }
         match to {
             TypeInner::Vector { size, scalar } if given_size.is_none() => {
-                let value = self.forced(value, scalar, span)?;
+                let value = self.forced(value, scalar)?;
                 match self.ty(value)? {
-                    TypeInner::Scalar(_) => self.add(Expression::Splat { size, value }, span),
-                    _ => self.vector(ty, size, scalar, &[value], span),
+                    TypeInner::Scalar(_) => self.splat(size, value),
+                    _ => self.vector(ty, (size, scalar), &[value]),
                 }
             }
             TypeInner::Scalar(scalar) => {
                 let mut value = value;
                 if matches!(given, TypeInner::Vector { .. } | TypeInner::Matrix { .. }) {
-                    value = self.part(value, 0, span)?;
+                    value = self.part(value, 0)?;
                 }
                 if matches!(given, TypeInner::Matrix { .. }) {
-                    value = self.part(value, 0, span)?;
+                    value = self.part(value, 0)?;
                 }
-                self.cast(value, scalar, span)
+                self.cast(value, scalar)
             }
             TypeInner::Vector { size, scalar } => {
                 let value = match given_size == Some(size) {
                     true => value,
-                    false => self.resized(size, value, span)?,
+                    false => self.resized(size, value)?,
                 };
-                self.cast(value, scalar, span)
+                self.cast(value, scalar)
             }
             TypeInner::Matrix {
                 columns,
                 rows,
                 scalar,
-            } => self.matrix(ty, (columns, rows, scalar), value, span),
-            TypeInner::Struct { .. } | TypeInner::Array { .. } => {
-                self.of_many(ty, vec![value], span)
-            }
-            _ => Err(refused("this type cannot be constructed from that", span)),
+            } => self.matrix(ty, (columns, rows, scalar), value),
+            TypeInner::Struct { .. } | TypeInner::Array { .. } => self.of_many(ty, vec![value]),
+            _ => Err(self.refused("this type cannot be constructed from that")),
         }
     }
 
@@ -120,22 +92,21 @@ impl<'s> Body<'_, 's> {
         scalar: Scalar,
         size: Option<VectorSize>,
         condition: Value,
-        span: Span,
     ) -> Result<Value, Error> {
         let scalar = Scalar { width: 4, ..scalar };
         let (Some(zero), Some(one)) = (Literal::zero(scalar), Literal::one(scalar)) else {
-            return Err(refused("this type cannot be constructed from that", span));
+            return Err(self.refused("this type cannot be constructed from that"));
         };
-        let mut reject = self.add(Expression::Literal(zero), span)?;
-        let mut accept = self.add(Expression::Literal(one), span)?;
-        reject = self.splatted(reject, size, span)?;
-        accept = self.splatted(accept, size, span)?;
+        let mut reject = self.literal(zero)?;
+        let mut accept = self.literal(one)?;
+        reject = self.splatted(reject, size)?;
+        accept = self.splatted(accept, size)?;
         let select = Expression::Select {
             condition,
             accept,
             reject,
         };
-        self.add(select, span)
+        self.add(select)
     }
 
     /// A vector of a scalar. Vectors stay.
@@ -143,27 +114,21 @@ impl<'s> Body<'_, 's> {
         &mut self,
         value: Value,
         size: Option<VectorSize>,
-        span: Span,
     ) -> Result<Value, Error> {
         match (self.ty(value)?, size) {
-            (TypeInner::Scalar(_), Some(size)) => self.add(Expression::Splat { size, value }, span),
+            (TypeInner::Scalar(_), Some(size)) => self.splat(size, value),
             _ => Ok(value),
         }
     }
 
     /// The first components of a vector.
-    pub(super) fn resized(
-        &mut self,
-        size: VectorSize,
-        vector: Value,
-        span: Span,
-    ) -> Result<Value, Error> {
+    pub(super) fn resized(&mut self, size: VectorSize, vector: Value) -> Result<Value, Error> {
         let swizzle = Expression::Swizzle {
             size,
             vector,
             pattern: SwizzleComponent::XYZW,
         };
-        self.add(swizzle, span)
+        self.add(swizzle)
     }
 
     /// A matrix of a scalar on the diagonal, or of another matrix, filled up with the identity.
@@ -172,22 +137,21 @@ impl<'s> Body<'_, 's> {
         ty: Handle<Type>,
         (columns, rows, scalar): (VectorSize, VectorSize, Scalar),
         value: Value,
-        span: Span,
     ) -> Result<Value, Error> {
-        let value = self.forced(value, scalar, span)?;
+        let value = self.forced(value, scalar)?;
         let given = self.ty(value)?.clone();
-        let wrong = || refused("this type cannot be constructed from that", span);
+        let wrong = || self.refused("this type cannot be constructed from that");
         let zero = Literal::zero(scalar).ok_or_else(wrong)?;
         let one = Literal::one(scalar).ok_or_else(wrong)?;
         let mut components = Vec::new();
         match given {
             TypeInner::Scalar(_) => {
                 let column_ty = self.vector_ty(rows, scalar);
-                let zero = self.add(Expression::Literal(zero), span)?;
+                let zero = self.literal(zero)?;
                 for c in 0..columns as u32 {
                     let part = |r| if r == c { value } else { zero };
                     let column = (0..rows as u32).map(part).collect();
-                    components.push(self.compose(column_ty, column, span)?);
+                    components.push(self.compose(column_ty, column)?);
                 }
             }
             TypeInner::Matrix {
@@ -195,132 +159,94 @@ impl<'s> Body<'_, 's> {
                 rows: given_rows,
                 ..
             } => {
-                let zero = self.add(Expression::Literal(zero), span)?;
-                let one = self.add(Expression::Literal(one), span)?;
+                let zero = self.literal(zero)?;
+                let one = self.literal(one)?;
                 let column_ty = self.vector_ty(rows, scalar);
                 for c in 0..columns as u32 {
                     let identity = |r| if r == c { one } else { zero };
                     if c >= given_columns as u32 {
                         let column = (0..rows as u32).map(identity).collect();
-                        components.push(self.compose(column_ty, column, span)?);
+                        components.push(self.compose(column_ty, column)?);
                         continue;
                     }
-                    let vector = self.part(value, c, span)?;
+                    let vector = self.part(value, c)?;
                     if given_rows as u32 == rows as u32 {
                         components.push(vector);
                         continue;
                     }
                     if given_rows as u32 > rows as u32 {
-                        components.push(self.resized(rows, vector, span)?);
+                        components.push(self.resized(rows, vector)?);
                         continue;
                     }
                     let mut column = Vec::new();
                     for r in 0..rows as u32 {
                         column.push(match r < given_rows as u32 {
-                            true => self.part(vector, r, span)?,
+                            true => self.part(vector, r)?,
                             false => identity(r),
                         });
                     }
-                    components.push(self.compose(column_ty, column, span)?);
+                    components.push(self.compose(column_ty, column)?);
                 }
             }
             _ => components = vec![value; columns as usize],
         }
-        self.compose(ty, components, span)
+        self.compose(ty, components)
     }
 
     /// A vector of the components of values.
     fn vector(
         &mut self,
         ty: Handle<Type>,
-        size: VectorSize,
-        scalar: Scalar,
+        (size, scalar): (VectorSize, Scalar),
         values: &[Value],
-        span: Span,
     ) -> Result<Value, Error> {
+        let components = self.scalars(values, scalar, size as usize)?;
+        self.compose(ty, components)
+    }
+
+    /// The first components of values, as scalars of a type.
+    fn scalars(
+        &mut self,
+        values: &[Value],
+        scalar: Scalar,
+        most: usize,
+    ) -> Result<Vec<Value>, Error> {
         let mut components = Vec::new();
         for value in values {
-            let value = self.forced(*value, scalar, span)?;
-            if components.len() >= size as usize {
+            let value = self.forced(*value, scalar)?;
+            if components.len() >= most {
                 break;
             }
             match *self.ty(value)? {
                 TypeInner::Vector { size, .. } => {
-                    for index in 0..size as u32 {
-                        components.push(self.part(value, index, span)?);
-                    }
+                    components.extend(self.parts(value, size as u32)?);
                 }
                 TypeInner::Matrix { rows, columns, .. } => {
-                    for c in 0..columns as u32 {
-                        let column = self.part(value, c, span)?;
-                        for r in 0..rows as u32 {
-                            components.push(self.part(column, r, span)?);
-                        }
+                    for column in self.parts(value, columns as u32)? {
+                        components.extend(self.parts(column, rows as u32)?);
                     }
                 }
                 _ => components.push(value),
             }
         }
-        components.truncate(size as usize);
-        self.compose(ty, components, span)
+        components.truncate(most);
+        Ok(components)
     }
 
-    fn of_many(
-        &mut self,
-        ty: Handle<Type>,
-        values: Vec<Value>,
-        span: Span,
-    ) -> Result<Value, Error> {
-        let types = &self.builder.module.types;
-        let wanted: Vec<Option<Scalar>> = match types[ty].inner {
-            TypeInner::Vector { size, scalar } => {
-                return self.vector(ty, size, scalar, &values, span);
-            }
+    fn of_many(&mut self, ty: Handle<Type>, values: Vec<Value>) -> Result<Value, Error> {
+        match self.builder.module.types[ty].inner {
+            TypeInner::Vector { size, scalar } => self.vector(ty, (size, scalar), &values),
+            // In the order of columns.
             TypeInner::Matrix { rows, scalar, .. } => {
-                return self.matrix_of(ty, rows, scalar, &values, span);
+                let flat = self.scalars(&values, scalar, usize::MAX)?;
+                let column_ty = self.vector_ty(rows, scalar);
+                let columns = flat.chunks(rows as usize);
+                let columns = columns.map(|column| self.compose(column_ty, column.to_vec()));
+                let columns = columns.collect::<Result<_, _>>()?;
+                self.compose(ty, columns)
             }
-            TypeInner::Array { base, .. } => {
-                vec![scalar_of(&types[base].inner); values.len()]
-            }
-            TypeInner::Struct { ref members, .. } => {
-                let members = members.iter();
-                members.map(|m| scalar_of(&types[m.ty].inner)).collect()
-            }
-            _ => return Err(refused("too many values for this constructor", span)),
-        };
-        let mut components = Vec::new();
-        for (value, wanted) in values.into_iter().zip(wanted) {
-            components.push(self.widened(value, wanted, span)?);
+            TypeInner::Array { .. } | TypeInner::Struct { .. } => self.compose(ty, values),
+            _ => Err(self.refused("too many values for this constructor")),
         }
-        self.compose(ty, components, span)
-    }
-
-    /// A matrix of components in the order of columns.
-    fn matrix_of(
-        &mut self,
-        ty: Handle<Type>,
-        rows: VectorSize,
-        scalar: Scalar,
-        values: &[Value],
-        span: Span,
-    ) -> Result<Value, Error> {
-        let mut flat = Vec::new();
-        for value in values {
-            let value = self.forced(*value, scalar, span)?;
-            match *self.ty(value)? {
-                TypeInner::Vector { size, .. } => {
-                    for index in 0..size as u32 {
-                        flat.push(self.part(value, index, span)?);
-                    }
-                }
-                _ => flat.push(value),
-            }
-        }
-        let column_ty = self.vector_ty(rows, scalar);
-        let mut components = Vec::new();
-        for column in flat.chunks(rows as usize) {
-            components.push(self.compose(column_ty, column.to_vec(), span)?);
-        }
-        self.compose(ty, components, span)
     }
 }

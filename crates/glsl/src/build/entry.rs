@@ -11,9 +11,8 @@ use naga::{
 use naga_edit::writer::FunctionWriter;
 
 use super::types::array_size;
-use super::{Body, Builder, Declared, Port, refused};
+use super::{Body, Builder, Declared, Port, Value, refused};
 use crate::tree::{BlockTy, Global, GlobalId, GlobalKind, Node, OwnVariable, own_variable};
-use crate::ty::Ty;
 use shader_text::error::{Code, Error};
 
 impl<'s> Builder<'s> {
@@ -82,11 +81,11 @@ impl<'s> Builder<'s> {
                 Ok(Declared::Variable(global))
             }
             GlobalKind::Variable { ty, init } => {
+                let ty = self.ty(ty, span)?;
                 let init = match init {
-                    Some(init) => Some(self.constant(init, ty, span)?),
+                    Some(init) => Some(self.constant(init, span)?),
                     None => None,
                 };
-                let ty = self.ty(ty, span)?;
                 Ok(self.variable(
                     GlobalVariable {
                         name: name.clone(),
@@ -97,8 +96,8 @@ impl<'s> Builder<'s> {
                 ))
             }
             GlobalKind::Constant { ty, init } => {
-                let init = self.constant(init, ty, span)?;
                 let ty = self.ty(ty, span)?;
+                let init = self.constant(init, span)?;
                 let name = name.clone();
                 let constant = Constant { name, ty, init };
                 let handle = self.module.constants.append(constant, span);
@@ -115,8 +114,8 @@ impl<'s> Builder<'s> {
                 let of = Override {
                     name: name.clone(),
                     id: Some(id),
-                    init: Some(self.constant(init, ty, span)?),
                     ty: self.ty(ty, span)?,
+                    init: Some(self.constant(init, span)?),
                 };
                 Ok(Declared::Override(self.module.overrides.append(of, span)))
             }
@@ -184,18 +183,11 @@ impl<'s> Builder<'s> {
     }
 
     /// A constant of the module.
-    fn constant(
-        &mut self,
-        node: &'s Node,
-        ty: &Ty,
-        span: Span,
-    ) -> Result<Handle<Expression>, Error> {
-        let ty = self.ty(ty, span)?;
+    fn constant(&mut self, node: &'s Node, span: Span) -> Result<Value, Error> {
         let mut body = Body::new(self, IrFunction::default());
         body.is_const = true;
         body.span = span;
-        let value = body.value(node)?;
-        body.converted(value, ty, span)
+        body.value(node)
     }
 
     /// The global of a built-in variable.

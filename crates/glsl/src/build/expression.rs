@@ -5,8 +5,8 @@ use naga::{
     Type, TypeInner,
 };
 
-use super::types::{power, scalar_of, size};
-use super::{Body, Declared, refused};
+use super::types::size;
+use super::{Body, Declared, Value, refused};
 use crate::tree::{GlobalId, Kind, Node};
 use shader_text::error::Error;
 
@@ -38,16 +38,16 @@ impl Position {
 
 impl<'s> Body<'_, 's> {
     /// Evaluates an expression.
-    pub(super) fn value(&mut self, node: &'s Node) -> Result<Handle<Expression>, Error> {
+    pub(super) fn value(&mut self, node: &'s Node) -> Result<Value, Error> {
         self.expect(node, Position::Value)
     }
 
     /// The same, for a pointer.
-    pub(super) fn target(&mut self, node: &'s Node) -> Result<Handle<Expression>, Error> {
+    pub(super) fn target(&mut self, node: &'s Node) -> Result<Value, Error> {
         self.expect(node, Position::Target)
     }
 
-    fn expect(&mut self, node: &'s Node, at: Position) -> Result<Handle<Expression>, Error> {
+    fn expect(&mut self, node: &'s Node, at: Position) -> Result<Value, Error> {
         let span = self.place(node);
         self.evaluate(node, at)?
             .ok_or_else(|| refused("this returns nothing, but a value is expected", span))
@@ -66,70 +66,62 @@ impl<'s> Body<'_, 's> {
         &mut self,
         node: &'s Node,
         at: Position,
-    ) -> Result<Option<Handle<Expression>>, Error> {
+    ) -> Result<Option<Value>, Error> {
         let span = self.place(node);
         let around = std::mem::replace(&mut self.span, span);
-        let evaluated = self.evaluate_at(node, at, span);
+        let evaluated = self.evaluate_at(node, at);
         self.span = around;
         evaluated
     }
 
-    fn evaluate_at(
-        &mut self,
-        node: &'s Node,
-        at: Position,
-        span: Span,
-    ) -> Result<Option<Handle<Expression>>, Error> {
+    fn evaluate_at(&mut self, node: &'s Node, at: Position) -> Result<Option<Value>, Error> {
         let found = match &*node.kind {
             Kind::Local(id) => {
                 let local = self.locals.get(id).copied();
-                let local = local.ok_or_else(|| refused("this is not declared", span))?;
-                self.read(local, true, at, span)?
+                let local = local.ok_or_else(|| self.refused("this is not declared"))?;
+                self.read(local, true, at)?
             }
             Kind::Parameter(i) => {
                 let (e, is_pointer) = self.parameters[*i];
-                self.read(e, is_pointer, at, span)?
+                self.read(e, is_pointer, at)?
             }
-            Kind::Global(id) => self.global(*id, at, span)?,
+            Kind::Global(id) => self.global(*id, at)?,
             Kind::BuiltIn(own) => {
                 let pointer = self.own.get(own.name).copied();
-                let pointer = pointer.ok_or_else(|| refused("this must be in a function", span))?;
-                self.read(pointer, true, at, span)?
+                let pointer = pointer.ok_or_else(|| self.refused("this must be in a function"))?;
+                self.read(pointer, true, at)?
             }
-            Kind::Element(base, index) => self.element(base, index, at, span)?,
-            Kind::Field(base, name) => self.field(base, name, at, span)?,
-            Kind::Swizzle(base, components) => self.swizzle(base, components, at, span)?,
-            _ if at.is_target() => return Err(refused("this cannot be assigned to", span)),
-            Kind::Literal(literal) => self.add(Expression::Literal(*literal), span)?,
+            Kind::Element(base, index) => self.element(base, index, at)?,
+            Kind::Field(base, name) => self.field(base, name, at)?,
+            Kind::Swizzle(base, components) => self.swizzle(base, components, at)?,
+            _ if at.is_target() => return Err(self.refused("this cannot be assigned to")),
+            Kind::Literal(literal) => self.literal(*literal)?,
             Kind::Unary(op, of) => {
                 let of = self.value(of)?;
-                self.unary(*op, of, span)?
+                self.unary(*op, of)?
             }
             Kind::Binary(op, a, b) => {
                 let (a, b) = (self.value(a)?, self.value(b)?);
-                self.binary(*op, a, b, span)?
+                self.binary(*op, a, b)?
             }
-            Kind::Choose(condition, accept, reject) => {
-                self.choose(condition, accept, reject, span)?
-            }
+            Kind::Choose(condition, accept, reject) => self.choose(condition, accept, reject)?,
             Kind::Assign(to, value) => {
                 let pointer = self.target(to)?;
                 let value = self.value(value)?;
-                let value = self.implicitly(value, pointer, span)?;
-                self.store(pointer, value, span)?;
+                self.store(pointer, value)?;
                 value
             }
-            Kind::Step { op, postfix, of } => self.step(*op, *postfix, of, span)?,
-            Kind::Construct(ty, parts) => self.construct(ty, parts, span)?,
-            Kind::Combine { .. } => return Err(refused("a sampler is no value", span)),
-            Kind::Call(id, arguments) => return self.call(*id, arguments, span),
+            Kind::Step { op, postfix, of } => self.step(*op, *postfix, of)?,
+            Kind::Construct(ty, parts) => self.construct(ty, parts)?,
+            Kind::Combine { .. } => return Err(self.refused("a sampler is no value")),
+            Kind::Call(id, arguments) => return self.call(*id, arguments),
             Kind::BuiltInCall(name, arguments) => {
-                return self.built_in_call(name, arguments, span);
+                return self.built_in_call(name, arguments);
             }
             Kind::Length(of) => {
                 let array = self.expect(of, Position::Base { constant: true })?;
-                let length = self.add(Expression::ArrayLength(array), span)?;
-                self.cast(length, naga::Scalar::I32, span)?
+                let length = self.add(Expression::ArrayLength(array))?;
+                self.cast(length, naga::Scalar::I32)?
             }
             Kind::Sequence(all) => {
                 let mut last = None;
@@ -138,21 +130,21 @@ impl<'s> Body<'_, 's> {
                 }
                 return Ok(last);
             }
-            Kind::Gather(of) => self.gather(of, span)?,
+            Kind::Gather(of) => self.gather(of)?,
             Kind::Subgroup {
                 of,
                 value,
                 lane,
                 result,
-            } => self.subgroup(*of, value, lane.as_ref(), result, span)?,
-            Kind::Atomic { of, target, value } => self.atomic(*of, target, value, span)?,
+            } => self.subgroup(*of, value, lane.as_ref(), result)?,
+            Kind::Atomic { of, target, value } => self.atomic(*of, target, value)?,
             Kind::ImageAtomic {
                 of,
                 image,
                 at,
                 value,
             } => {
-                self.image_atomic(*of, [image, at, value], span)?;
+                self.image_atomic(*of, [image, at, value])?;
                 return Ok(None);
             }
         };
@@ -160,43 +152,32 @@ impl<'s> Body<'_, 's> {
     }
 
     /// Reads a variable, if its value is asked for.
-    fn read(
-        &mut self,
-        e: Handle<Expression>,
-        is_pointer: bool,
-        at: Position,
-        span: Span,
-    ) -> Result<Handle<Expression>, Error> {
+    fn read(&mut self, e: Value, is_pointer: bool, at: Position) -> Result<Value, Error> {
         match at {
-            Position::Value if is_pointer => self.add(Expression::Load { pointer: e }, span),
+            Position::Value if is_pointer => self.load(e),
             _ => Ok(e),
         }
     }
 
-    fn global(
-        &mut self,
-        id: GlobalId,
-        at: Position,
-        span: Span,
-    ) -> Result<Handle<Expression>, Error> {
+    fn global(&mut self, id: GlobalId, at: Position) -> Result<Value, Error> {
         let declared = self.builder.globals.get(&id).copied();
-        let declared = declared.ok_or_else(|| refused("this is not declared", span))?;
+        let declared = declared.ok_or_else(|| self.refused("this is not declared"))?;
         match declared {
             Declared::Constant(constant, _) if self.is_const => {
-                return self.add(Expression::Constant(constant), span);
+                return self.add(Expression::Constant(constant));
             }
             Declared::Override(of) if self.is_const => {
-                return self.add(Expression::Override(of), span);
+                return self.add(Expression::Override(of));
             }
             // A constant has no pointer, which an index that varies needs.
             Declared::Constant(constant, ty) if at == (Position::Base { constant: false }) => {
-                let init = self.add(Expression::Constant(constant), Span::UNDEFINED)?;
+                let init = self.add_at(Expression::Constant(constant), Span::UNDEFINED)?;
                 return self.local(None, ty, Some(init), Span::UNDEFINED);
             }
             _ => {}
         }
         let e = self.globals.get(&id).copied();
-        let e = e.ok_or_else(|| refused("this must be in a function", span))?;
+        let e = e.ok_or_else(|| self.refused("this must be in a function"))?;
         let is_pointer = match declared {
             Declared::Variable(global) => {
                 let space = self.builder.module.global_variables[global].space;
@@ -204,7 +185,7 @@ impl<'s> Body<'_, 's> {
             }
             _ => false,
         };
-        self.read(e, is_pointer, at, span)
+        self.read(e, is_pointer, at)
     }
 
     /// Adds a local variable, and returns the pointer to it.
@@ -212,22 +193,16 @@ impl<'s> Body<'_, 's> {
         &mut self,
         name: Option<String>,
         ty: Handle<Type>,
-        init: Option<Handle<Expression>>,
+        init: Option<Value>,
         span: Span,
-    ) -> Result<Handle<Expression>, Error> {
+    ) -> Result<Value, Error> {
         let variable = LocalVariable { name, ty, init };
         let locals = &mut self.writer.function.local_variables;
         let local = locals.append(variable, span);
-        self.add(Expression::LocalVariable(local), span)
+        self.add_at(Expression::LocalVariable(local), span)
     }
 
-    fn element(
-        &mut self,
-        base: &'s Node,
-        index: &'s Node,
-        at: Position,
-        span: Span,
-    ) -> Result<Handle<Expression>, Error> {
+    fn element(&mut self, base: &'s Node, index: &'s Node, at: Position) -> Result<Value, Error> {
         let index = self.value(index)?;
         let constant = match at {
             // The pointer is to a variable in any case.
@@ -239,15 +214,15 @@ impl<'s> Body<'_, 's> {
             Some(index) => Expression::AccessIndex { base, index },
             None => Expression::Access { base, index },
         };
-        let pointer = self.add(element, span)?;
+        let pointer = self.add(element)?;
         match at == Position::Value && self.ty(pointer)?.pointer_space().is_some() {
-            true => self.add(Expression::Load { pointer }, span),
+            true => self.load(pointer),
             false => Ok(pointer),
         }
     }
 
     /// The index that an expression is, if it is constant.
-    fn constant_index(&self, e: Handle<Expression>) -> Option<u32> {
+    fn constant_index(&self, e: Value) -> Option<u32> {
         let module = &self.builder.module;
         let mut expression = self.expression(e);
         if let Expression::Constant(constant) = expression {
@@ -262,17 +237,11 @@ impl<'s> Body<'_, 's> {
     }
 
     /// A member, which is loaded alone.
-    fn field(
-        &mut self,
-        base: &'s Node,
-        name: &'s str,
-        at: Position,
-        span: Span,
-    ) -> Result<Handle<Expression>, Error> {
+    fn field(&mut self, base: &'s Node, name: &'s str, at: Position) -> Result<Value, Error> {
         if let Kind::Global(id) = *base.kind
             && let Some(member) = self.members.get(&(id, name)).copied()
         {
-            return self.read(member, true, at, span);
+            return self.read(member, true, at);
         }
         let base_at = match at {
             Position::Target => Position::Target,
@@ -286,15 +255,14 @@ impl<'s> Body<'_, 's> {
             ref ty => (ty, false),
         };
         let TypeInner::Struct { members, .. } = ty else {
-            return Err(refused("this type has no members", span));
+            return Err(self.refused("this type has no members"));
         };
         let index = members.iter().position(|m| m.name.as_deref() == Some(name));
         let Some(index) = index else {
-            return Err(refused(&format!("there is no member `{name}`"), span));
+            return Err(self.refused(&format!("there is no member `{name}`")));
         };
-        let index = index as u32;
-        let member = self.add(Expression::AccessIndex { base, index }, span)?;
-        self.read(member, is_pointer, at, span)
+        let member = self.part(base, index as u32)?;
+        self.read(member, is_pointer, at)
     }
 
     fn swizzle(
@@ -302,8 +270,7 @@ impl<'s> Body<'_, 's> {
         base: &'s Node,
         components: &[u32],
         at: Position,
-        span: Span,
-    ) -> Result<Handle<Expression>, Error> {
+    ) -> Result<Value, Error> {
         let mut vector = self.expect(base, at)?;
         let mut pattern = [SwizzleComponent::X; 4];
         for (to, component) in pattern.iter_mut().zip(components) {
@@ -321,20 +288,18 @@ impl<'s> Body<'_, 's> {
         }
         let is_pointer = self.ty(vector)?.pointer_space().is_some();
         if let [_] = components {
-            let index = pattern[0] as u32;
-            let base = vector;
-            return self.add(Expression::AccessIndex { base, index }, span);
+            return self.part(vector, pattern[0] as u32);
         }
         // A store to a swizzle takes the pointer from the load.
         if is_pointer {
-            vector = self.add(Expression::Load { pointer: vector }, span)?;
+            vector = self.load(vector)?;
         }
         let swizzle = Expression::Swizzle {
             size: size(components.len() as u8),
             vector,
             pattern,
         };
-        self.add(swizzle, span)
+        self.add(swizzle)
     }
 
     /// An `if` that stores one of two values in a variable.
@@ -343,19 +308,18 @@ impl<'s> Body<'_, 's> {
         condition: &'s Node,
         accept: &'s Node,
         reject: &'s Node,
-        span: Span,
-    ) -> Result<Handle<Expression>, Error> {
+    ) -> Result<Value, Error> {
         let condition = self.value(condition)?;
-        let enclosing = self.writer.open(span);
+        let enclosing = self.open();
         let accept_span = self.place(accept);
         let accepted = self.value(accept)?;
-        let mut accept = self.writer.close(enclosing, span);
-        let enclosing = self.writer.open(span);
+        let mut accept = self.close(enclosing);
+        let enclosing = self.open();
         let reject_span = self.place(reject);
         let rejected = self.value(reject)?;
-        let mut reject = self.writer.close(enclosing, span);
+        let mut reject = self.close(enclosing);
         let ty = self.ty_handle(accepted)?;
-        let pointer = self.local(None, ty, None, span)?;
+        let pointer = self.local(None, ty, None, self.span)?;
         let store = |value| Statement::Store { pointer, value };
         accept.push(store(accepted), accept_span);
         reject.push(store(rejected), reject_span);
@@ -364,82 +328,29 @@ impl<'s> Body<'_, 's> {
             accept,
             reject,
         };
-        self.writer.statement(choice, span);
-        self.add(Expression::Load { pointer }, span)
-    }
-
-    /// Converts a value to the type of what a pointer points to, if GLSL does so implicitly.
-    fn implicitly(
-        &mut self,
-        value: Handle<Expression>,
-        pointer: Handle<Expression>,
-        span: Span,
-    ) -> Result<Handle<Expression>, Error> {
-        self.resolve(pointer)?;
-        let to = match *self.known_ty(pointer) {
-            TypeInner::Pointer { base, .. } => scalar_of(&self.builder.module.types[base].inner),
-            ref ty => scalar_of(ty),
-        };
-        self.widened(value, to, span)
-    }
-
-    /// Converts a value to a type of the module, if GLSL does so implicitly.
-    pub(super) fn converted(
-        &mut self,
-        value: Handle<Expression>,
-        ty: Handle<Type>,
-        span: Span,
-    ) -> Result<Handle<Expression>, Error> {
-        let to = scalar_of(&self.builder.module.types[ty].inner);
-        self.widened(value, to, span)
-    }
-
-    pub(super) fn widened(
-        &mut self,
-        value: Handle<Expression>,
-        to: Option<naga::Scalar>,
-        span: Span,
-    ) -> Result<Handle<Expression>, Error> {
-        let Some(to) = to else {
-            return Ok(value);
-        };
-        let from = scalar_of(self.ty(value)?).and_then(power);
-        match power(to) > from && from.is_some() {
-            true => self.cast(value, to, span),
-            false => Ok(value),
-        }
+        self.push(choice);
+        self.load(pointer)
     }
 
     /// Converts a value's scalars.
-    pub(super) fn cast(
-        &mut self,
-        value: Handle<Expression>,
-        to: naga::Scalar,
-        span: Span,
-    ) -> Result<Handle<Expression>, Error> {
+    pub(super) fn cast(&mut self, value: Value, to: naga::Scalar) -> Result<Value, Error> {
         let cast = Expression::As {
             expr: value,
             kind: to.kind,
             convert: Some(to.width),
         };
-        self.add(cast, span)
+        self.add(cast)
     }
 
     /// Stores a value, to a swizzle by component.
-    pub(super) fn store(
-        &mut self,
-        pointer: Handle<Expression>,
-        value: Handle<Expression>,
-        span: Span,
-    ) -> Result<(), Error> {
+    pub(super) fn store(&mut self, pointer: Value, value: Value) -> Result<(), Error> {
         let Expression::Swizzle {
             size,
             vector,
             pattern,
         } = *self.expression(pointer)
         else {
-            let store = Statement::Store { pointer, value };
-            self.writer.statement(store, span);
+            self.store_at(pointer, value);
             return Ok(());
         };
         let vector = match *self.expression(vector) {
@@ -447,14 +358,9 @@ impl<'s> Body<'_, 's> {
             _ => vector,
         };
         for (component, index) in pattern.iter().zip(0..size as u32) {
-            let to = Expression::AccessIndex {
-                base: vector,
-                index: *component as u32,
-            };
-            let pointer = self.add(to, span)?;
-            let value = self.add(Expression::AccessIndex { base: value, index }, span)?;
-            self.writer
-                .statement(Statement::Store { pointer, value }, span);
+            let pointer = self.part(vector, *component as u32)?;
+            let value = self.part(value, index)?;
+            self.store_at(pointer, value);
         }
         Ok(())
     }

@@ -6,14 +6,14 @@ use naga::proc::ensure_block_returns;
 use naga::{
     AddressSpace, Block, Expression, Function as IrFunction, FunctionArgument, FunctionResult,
     GlobalVariable, Handle, ScalarKind, Span, Statement as Ir, StorageAccess, SwitchCase,
-    SwitchValue, TypeInner, UnaryOperator,
+    SwitchValue, Type, TypeInner, UnaryOperator,
 };
 
 use super::expression::Position;
-use super::{Body, Builder, Declared, refused};
+use super::{Body, Builder, Declared, Value};
 use crate::tree::{
-    Case, Function, FunctionId, GlobalId, GlobalKind, Kind, Node, OwnVariable, ParameterTy,
-    Statement, StatementKind as S,
+    Case, Function, FunctionId, GlobalId, GlobalKind, Kind, LocalId, Node, OwnVariable,
+    ParameterTy, Statement, StatementKind as S,
 };
 use crate::ty::Ty;
 use shader_text::error::Error;
@@ -90,7 +90,7 @@ impl<'s> Body<'_, 's> {
                 Declared::Constant(handle, _) => Expression::Constant(handle),
                 Declared::Override(handle) => Expression::Override(handle),
             };
-            let e = self.add(e, global.span)?;
+            let e = self.add_at(e, global.span)?;
             self.globals.insert(*id, e);
             let GlobalKind::Block(block) = &global.kind else {
                 continue;
@@ -99,7 +99,7 @@ impl<'s> Body<'_, 's> {
                 let name = member.name.as_str();
                 if used.members.contains(&(*id, name)) {
                     let pointer = Expression::AccessIndex { base: e, index };
-                    let pointer = self.add(pointer, global.span)?;
+                    let pointer = self.add_at(pointer, global.span)?;
                     self.members.insert((*id, name), pointer);
                 }
             }
@@ -112,7 +112,8 @@ impl<'s> Body<'_, 's> {
         own: &[(&'static OwnVariable, Handle<GlobalVariable>)],
     ) -> Result<(), Error> {
         for (own, global) in own {
-            let pointer = self.add(Expression::GlobalVariable(*global), Span::UNDEFINED)?;
+            let pointer = Expression::GlobalVariable(*global);
+            let pointer = self.add_at(pointer, Span::UNDEFINED)?;
             self.own.insert(own.name, pointer);
         }
         Ok(())
@@ -121,8 +122,9 @@ impl<'s> Body<'_, 's> {
     fn parameters(&mut self, id: FunctionId, of: &'s Function) -> Result<(), Error> {
         for (i, parameter) in of.parameters.iter().enumerate() {
             let span = parameter.span;
+            self.span = span;
             let base = match &parameter.ty {
-                ParameterTy::Data(ty) => self.builder.ty(ty, span)?,
+                ParameterTy::Data(ty) => self.glsl_ty(ty)?,
                 ParameterTy::Handle(ty) => {
                     let mut ty = ty.clone();
                     ty.compares |= self.builder.comparing.has_parameter(id, i);
@@ -142,7 +144,7 @@ impl<'s> Body<'_, 's> {
                 ty,
                 binding: None,
             });
-            let argument = self.add(Expression::FunctionArgument(i as u32), span)?;
+            let argument = self.add(Expression::FunctionArgument(i as u32))?;
             let is_value = matches!(parameter.ty, ParameterTy::Data(_)) && !parameter.is_out;
             if !is_value || of.is_plain {
                 self.parameters.push((argument, parameter.is_out));
@@ -151,13 +153,10 @@ impl<'s> Body<'_, 's> {
             // The function may write it.
             let name = Some(parameter.name.clone());
             let pointer = self.local(name, base, None, span)?;
-            let store = Ir::Store {
-                pointer,
-                value: argument,
-            };
-            self.writer.statement(store, span);
+            self.store_at(pointer, argument);
             self.parameters.push((pointer, true));
         }
+        self.span = of.span;
         Ok(())
     }
 
@@ -172,14 +171,13 @@ impl<'s> Body<'_, 's> {
         for own in own {
             if !self.own.contains_key(own.name) {
                 let global = self.builder.register(own)?;
-                let pointer = self.add(Expression::GlobalVariable(global), Span::UNDEFINED)?;
-                self.own.insert(own.name, pointer);
+                self.declare_own(&[(own, global)])?;
             }
         }
         Ok(())
     }
 
-    fn root(&mut self, node: &'s Node) -> Result<Handle<Expression>, Error> {
+    fn root(&mut self, node: &'s Node) -> Result<Value, Error> {
         self.register(node)?;
         self.value(node)
     }
@@ -195,10 +193,10 @@ impl<'s> Body<'_, 's> {
     }
 
     /// Writes statements to a block of their own.
-    fn block(&mut self, all: &'s [Statement], span: Span) -> Result<Block, Error> {
-        let enclosing = self.writer.open(span);
+    fn block(&mut self, all: &'s [Statement]) -> Result<Block, Error> {
+        let enclosing = self.open();
         self.statements(all)?;
-        Ok(self.writer.close(enclosing, span))
+        Ok(self.close(enclosing))
     }
 
     fn statement(&mut self, statement: &'s Statement) -> Result<(), Error> {
@@ -207,21 +205,18 @@ impl<'s> Body<'_, 's> {
             false => self.span,
         };
         let around = std::mem::replace(&mut self.span, span);
-        self.statement_at(statement, span)?;
+        self.statement_at(statement)?;
         self.span = around;
         Ok(())
     }
 
-    fn statement_at(&mut self, statement: &'s Statement, span: Span) -> Result<(), Error> {
+    fn statement_at(&mut self, statement: &'s Statement) -> Result<(), Error> {
         let ir = match &statement.kind {
             S::Declare(local, init) => {
                 let of = &self.builder.stage.locals[local.0];
-                let ty = self.builder.ty(&of.ty, span)?;
+                let ty = self.glsl_ty(&of.ty)?;
                 let init = match init {
-                    Some(init) => {
-                        let value = self.root(init)?;
-                        Some(self.converted(value, ty, span)?)
-                    }
+                    Some(init) => Some(self.root(init)?),
                     None => None,
                 };
                 // A variable in a loop begins anew each time.
@@ -230,8 +225,7 @@ impl<'s> Body<'_, 's> {
                     Some(e) if is_initial(e) => (Some(e), None),
                     init => (None, init),
                 };
-                let pointer = self.local(Some(of.name.clone()), ty, initial, span)?;
-                self.locals.insert(*local, pointer);
+                let pointer = self.declare(*local, ty, initial)?;
                 match late {
                     Some(value) => Ir::Store { pointer, value },
                     None => return Ok(()),
@@ -242,16 +236,16 @@ impl<'s> Body<'_, 's> {
                 self.evaluate(node, Position::Value)?;
                 return Ok(());
             }
-            S::Block(inner) => Ir::Block(self.block(inner, span)?),
+            S::Block(inner) => Ir::Block(self.block(inner)?),
             S::If {
                 condition,
                 accept,
                 reject,
             } => {
                 let condition = self.root(condition)?;
-                let accept = self.inner(accept, span)?;
+                let accept = self.inner(accept)?;
                 let reject = match reject {
-                    Some(reject) => self.inner(reject, span)?,
+                    Some(reject) => self.inner(reject)?,
                     None => Block::new(),
                 };
                 Ir::If {
@@ -260,20 +254,20 @@ impl<'s> Body<'_, 's> {
                     reject,
                 }
             }
-            S::Switch { selector, cases } => self.switch(selector, cases, span)?,
+            S::Switch { selector, cases } => self.switch(selector, cases)?,
             S::While { condition, body } => {
-                let enclosing = self.writer.open(span);
+                let enclosing = self.open();
                 self.break_unless(condition)?;
-                self.looped(body, span)?;
-                endless(self.writer.close(enclosing, span), Block::new())
+                self.looped(body)?;
+                endless(self.close(enclosing), Block::new())
             }
             S::DoWhile { body, condition } => {
-                let enclosing = self.writer.open(span);
-                self.looped(body, span)?;
+                let enclosing = self.open();
+                self.looped(body)?;
                 if !body.iter().any(Statement::leaves) {
                     self.break_unless(condition)?;
                 }
-                endless(self.writer.close(enclosing, span), Block::new())
+                endless(self.close(enclosing), Block::new())
             }
             S::For {
                 init,
@@ -284,20 +278,20 @@ impl<'s> Body<'_, 's> {
                 if let Some(init) = init {
                     self.statement(init)?;
                 }
-                let enclosing = self.writer.open(span);
+                let enclosing = self.open();
                 if let Some(condition) = condition {
                     self.break_unless(condition)?;
                 }
-                let inner = self.writer.close(enclosing, span);
-                let enclosing = self.writer.open(span);
+                let inner = self.close(enclosing);
+                let enclosing = self.open();
                 if let Some(step) = step {
                     self.register(step)?;
                     self.evaluate(step, Position::Value)?;
                 }
-                let continuing = self.writer.close(enclosing, span);
-                let enclosing = self.writer.reopen(inner, span);
-                self.looped(body, span)?;
-                endless(self.writer.close(enclosing, span), continuing)
+                let continuing = self.close(enclosing);
+                let enclosing = self.writer.reopen(inner, self.span);
+                self.looped(body)?;
+                endless(self.close(enclosing), continuing)
             }
             S::Break => Ir::Break,
             S::Continue => Ir::Continue,
@@ -310,23 +304,35 @@ impl<'s> Body<'_, 's> {
                 Ir::Return { value }
             }
         };
-        self.writer.statement(ir, span);
+        self.push(ir);
         Ok(())
     }
 
+    fn declare(
+        &mut self,
+        local: LocalId,
+        ty: Handle<Type>,
+        init: Option<Value>,
+    ) -> Result<Value, Error> {
+        let name = self.builder.stage.locals[local.0].name.clone();
+        let pointer = self.local(Some(name), ty, init, self.span)?;
+        self.locals.insert(local, pointer);
+        Ok(pointer)
+    }
+
     /// A block in a block, as the text has braces.
-    fn inner(&mut self, all: &'s [Statement], span: Span) -> Result<Block, Error> {
-        let enclosing = self.writer.open(span);
-        let block = self.block(all, span)?;
-        self.writer.statement(Ir::Block(block), span);
-        Ok(self.writer.close(enclosing, span))
+    fn inner(&mut self, all: &'s [Statement]) -> Result<Block, Error> {
+        let enclosing = self.open();
+        let block = self.block(all)?;
+        self.push(Ir::Block(block));
+        Ok(self.close(enclosing))
     }
 
     /// The body of a loop.
-    fn looped(&mut self, body: &'s [Statement], span: Span) -> Result<(), Error> {
+    fn looped(&mut self, body: &'s [Statement]) -> Result<(), Error> {
         let around = std::mem::replace(&mut self.in_loop, true);
-        let block = self.block(body, span)?;
-        self.writer.statement(Ir::Block(block), span);
+        let block = self.block(body)?;
+        self.push(Ir::Block(block));
         self.in_loop = around;
         Ok(())
     }
@@ -335,7 +341,7 @@ impl<'s> Body<'_, 's> {
         let span = self.place(condition);
         let expr = self.root(condition)?;
         let op = UnaryOperator::LogicalNot;
-        let condition = self.add(Expression::Unary { op, expr }, span)?;
+        let condition = self.add_at(Expression::Unary { op, expr }, span)?;
         let mut accept = Block::new();
         accept.push(Ir::Break, Span::UNDEFINED);
         let exit = Ir::If {
@@ -347,7 +353,7 @@ impl<'s> Body<'_, 's> {
         Ok(())
     }
 
-    fn switch(&mut self, selector: &'s Node, all: &'s [Case], span: Span) -> Result<Ir, Error> {
+    fn switch(&mut self, selector: &'s Node, all: &'s [Case]) -> Result<Ir, Error> {
         let selector = self.root(selector)?;
         let is_uint = self.ty(selector)?.scalar_kind() == Some(ScalarKind::Uint);
         let mut cases = Vec::new();
@@ -365,23 +371,21 @@ impl<'s> Body<'_, 's> {
             };
             let is_last = at + 1 == all.len();
             if is_last && reached.is_empty() && !breaks {
-                return Err(refused("the last case has no statement", span));
+                return Err(self.refused("the last case has no statement"));
             }
             // What a case declares is visible in later ones, even if it is not reached.
             let unreached = &case.body[last.map_or(case.body.len(), |last| last + 1)..];
-            let enclosing = self.writer.open(span);
+            let enclosing = self.open();
             for statement in unreached {
                 if let S::Declare(local, _) = &statement.kind {
-                    let of = &self.builder.stage.locals[local.0];
-                    let ty = self.builder.ty(&of.ty, span)?;
-                    let pointer = self.local(Some(of.name.clone()), ty, None, span)?;
-                    self.locals.insert(*local, pointer);
+                    let ty = self.glsl_ty(&self.builder.stage.locals[local.0].ty)?;
+                    self.declare(*local, ty, None)?;
                 }
             }
             self.statements(reached)?;
             cases.push(SwitchCase {
                 value,
-                body: self.writer.close(enclosing, span),
+                body: self.close(enclosing),
                 fall_through: !breaks && !is_last,
             });
         }

@@ -19,16 +19,21 @@ mod types;
 use std::collections::HashMap;
 
 use naga::front::Typifier;
-use naga::proc::{ConstantEvaluator, ExpressionKindTracker, Layouter, ResolveContext};
+use naga::proc::{
+    ConstantEvaluator, ExpressionKind, ExpressionKindTracker, Layouter, ResolveContext,
+};
 use naga::{
-    Binding, Expression, Function as IrFunction, GlobalVariable, Handle, Module, ShaderStage, Span,
-    Type, TypeInner,
+    BinaryOperator, Binding, Block, Expression, Function as IrFunction, GlobalVariable, Handle,
+    Literal, Module, Scalar, ShaderStage, Span, Statement, Type, TypeInner, VectorSize,
 };
 use naga_edit::writer::FunctionWriter;
 
 use self::comparing::Comparing;
 use super::tree::{FunctionId, GlobalId, LocalId, OwnVariable, Stage};
+use crate::ty::Ty;
 use shader_text::error::{Code, Error};
+
+type Value = Handle<Expression>;
 
 /// What a global is in the IR.
 #[derive(Clone, Copy, Debug)]
@@ -106,13 +111,13 @@ struct Body<'b, 's> {
     types: Typifier,
     /// The kinds of the function's expressions.
     known: ExpressionKindTracker,
-    globals: HashMap<GlobalId, Handle<Expression>>,
+    globals: HashMap<GlobalId, Value>,
     /// Members of blocks without an instance.
-    members: HashMap<(GlobalId, &'s str), Handle<Expression>>,
-    own: HashMap<&'static str, Handle<Expression>>,
-    locals: HashMap<LocalId, Handle<Expression>>,
+    members: HashMap<(GlobalId, &'s str), Value>,
+    own: HashMap<&'static str, Value>,
+    locals: HashMap<LocalId, Value>,
     /// The value or pointer of each parameter, and whether it is a pointer.
-    parameters: Vec<(Handle<Expression>, bool)>,
+    parameters: Vec<(Value, bool)>,
     /// A constant of the module is written.
     is_const: bool,
     in_loop: bool,
@@ -139,7 +144,12 @@ impl<'b, 's> Body<'b, 's> {
     }
 
     /// Appends an expression, or its value if it is constant.
-    fn add(&mut self, expression: Expression, span: Span) -> Result<Handle<Expression>, Error> {
+    fn add(&mut self, expression: Expression) -> Result<Value, Error> {
+        self.add_at(expression, self.span)
+    }
+
+    /// The same at another place.
+    fn add_at(&mut self, expression: Expression, span: Span) -> Result<Value, Error> {
         let Builder {
             module,
             layouter,
@@ -156,14 +166,83 @@ impl<'b, 's> Body<'b, 's> {
         added.map_err(|error| refused(&error.to_string(), span))
     }
 
+    fn load(&mut self, pointer: Value) -> Result<Value, Error> {
+        self.add(Expression::Load { pointer })
+    }
+
+    /// An element, a component or a member, of a value or a pointer.
+    fn part(&mut self, base: Value, index: u32) -> Result<Value, Error> {
+        self.add(Expression::AccessIndex { base, index })
+    }
+
+    fn parts(&mut self, base: Value, n: u32) -> Result<Vec<Value>, Error> {
+        (0..n).map(|index| self.part(base, index)).collect()
+    }
+
+    fn binary_of(&mut self, op: BinaryOperator, left: Value, right: Value) -> Result<Value, Error> {
+        self.add(Expression::Binary { op, left, right })
+    }
+
+    fn compose(&mut self, ty: Handle<Type>, components: Vec<Value>) -> Result<Value, Error> {
+        self.add(Expression::Compose { ty, components })
+    }
+
+    /// An expression that a statement gives its value.
+    fn unevaluated(&mut self, of: Expression) -> Value {
+        self.writer.flush(self.span);
+        let result = self.writer.append(of, self.span);
+        self.known.insert(result, ExpressionKind::Runtime);
+        result
+    }
+
+    fn push(&mut self, statement: Statement) {
+        self.writer.statement(statement, self.span);
+    }
+
+    fn store_at(&mut self, pointer: Value, value: Value) {
+        self.push(Statement::Store { pointer, value });
+    }
+
+    /// Begins a block, and returns the one around it.
+    fn open(&mut self) -> Block {
+        self.writer.open(self.span)
+    }
+
+    /// Ends a block, and returns to the one around it.
+    fn close(&mut self, enclosing: Block) -> Block {
+        self.writer.close(enclosing, self.span)
+    }
+
+    /// A vector of that many of a scalar.
+    fn splat(&mut self, size: VectorSize, value: Value) -> Result<Value, Error> {
+        self.add(Expression::Splat { size, value })
+    }
+
+    fn literal(&mut self, literal: Literal) -> Result<Value, Error> {
+        self.add(Expression::Literal(literal))
+    }
+
+    /// A type of GLSL.
+    fn glsl_ty(&mut self, ty: &Ty) -> Result<Handle<Type>, Error> {
+        self.builder.ty(ty, self.span)
+    }
+
+    fn vector_ty(&mut self, size: VectorSize, scalar: Scalar) -> Handle<Type> {
+        self.builder.insert(TypeInner::Vector { size, scalar })
+    }
+
+    fn refused(&self, text: &str) -> Error {
+        refused(text, self.span)
+    }
+
     /// The type of an expression.
-    fn ty(&mut self, e: Handle<Expression>) -> Result<&TypeInner, Error> {
+    fn ty(&mut self, e: Value) -> Result<&TypeInner, Error> {
         self.resolve(e)?;
         Ok(self.known_ty(e))
     }
 
     /// The type of an expression that is resolved.
-    fn known_ty(&self, e: Handle<Expression>) -> &TypeInner {
+    fn known_ty(&self, e: Value) -> &TypeInner {
         let types = match self.is_const {
             true => &self.builder.types,
             false => &self.types,
@@ -171,7 +250,7 @@ impl<'b, 's> Body<'b, 's> {
         types.get(e, &self.builder.module.types)
     }
 
-    fn resolve(&mut self, e: Handle<Expression>) -> Result<(), Error> {
+    fn resolve(&mut self, e: Value) -> Result<(), Error> {
         let function = &self.writer.function;
         let Builder { module, types, .. } = &mut *self.builder;
         let locals = &function.local_variables;
@@ -184,7 +263,7 @@ impl<'b, 's> Body<'b, 's> {
     }
 
     /// The type of an expression as a type of the module.
-    fn ty_handle(&mut self, e: Handle<Expression>) -> Result<Handle<Type>, Error> {
+    fn ty_handle(&mut self, e: Value) -> Result<Handle<Type>, Error> {
         self.resolve(e)?;
         let Builder { module, types, .. } = &mut *self.builder;
         let types = if self.is_const {
@@ -196,7 +275,7 @@ impl<'b, 's> Body<'b, 's> {
     }
 
     /// An expression of the current arena.
-    fn expression(&self, e: Handle<Expression>) -> &Expression {
+    fn expression(&self, e: Value) -> &Expression {
         match self.is_const {
             true => &self.builder.module.global_expressions[e],
             false => &self.writer.function.expressions[e],

@@ -1,15 +1,13 @@
 //! Texture and image functions. The vector of coordinates holds the layer and the reference too.
 
 use naga::{
-    BinaryOperator, Expression, Handle, ImageClass, ImageDimension, ImageQuery, Literal,
-    SampleLevel, Scalar, Span, Statement, SwizzleComponent, TypeInner, VectorSize,
+    BinaryOperator, Expression, ImageClass, ImageDimension, ImageQuery, Literal, SampleLevel,
+    Scalar, Statement, SwizzleComponent, TypeInner, VectorSize,
 };
 
-use super::{Body, refused};
+use super::{Body, Value, refused};
 use crate::tree::{Gather, Kind, Node};
 use shader_text::error::Error;
-
-type Value = Handle<Expression>;
 
 /// What a vector of coordinates holds.
 struct Coordinates {
@@ -25,10 +23,9 @@ impl<'s> Body<'_, 's> {
         &mut self,
         name: &str,
         arguments: &'s [Node],
-        span: Span,
     ) -> Result<Option<Value>, Error> {
         let Some((first, rest)) = arguments.split_first() else {
-            return Err(refused("an argument is missing", span));
+            return Err(self.refused("an argument is missing"));
         };
         let (image, sampler) = match &*first.kind {
             Kind::Combine {
@@ -41,66 +38,57 @@ impl<'s> Body<'_, 's> {
             values.push(self.value(argument)?);
         }
         let found = match name {
-            "textureSize" | "imageSize" => {
-                self.texture_size(image, values.first().copied(), span)?
-            }
+            "textureSize" | "imageSize" => self.texture_size(image, values.first().copied())?,
             "textureQueryLevels" => {
                 let query = ImageQuery::NumLevels;
-                let levels = self.add(Expression::ImageQuery { image, query }, span)?;
-                self.cast(levels, Scalar::I32, span)?
+                let levels = self.add(Expression::ImageQuery { image, query })?;
+                self.cast(levels, Scalar::I32)?
             }
-            "texelFetch" | "texelFetchOffset" | "imageLoad" => self.fetch(image, &values, span)?,
+            "texelFetch" | "texelFetchOffset" | "imageLoad" => self.fetch(image, &values)?,
             "imageStore" => {
                 let [at, value] = values[..] else {
-                    return Err(refused("an argument is missing", span));
+                    return Err(self.refused("an argument is missing"));
                 };
-                let of = self.coordinates(image, at, None, span)?;
+                let of = self.coordinates(image, at, None)?;
                 let store = Statement::ImageStore {
                     image,
                     coordinate: of.coordinate,
                     array_index: of.layer,
                     value,
                 };
-                self.writer.statement(store, span);
+                self.push(store);
                 return Ok(None);
             }
             _ => {
                 let sampler = sampler.ok_or_else(|| {
-                    refused("a texture function does not accept these arguments", span)
+                    self.refused("a texture function does not accept these arguments")
                 })?;
-                self.sample(name, (image, sampler), values, span)?
+                self.sample(name, (image, sampler), values)?
             }
         };
         Ok(Some(found))
     }
 
-    fn component(&mut self, base: Value, index: u32, span: Span) -> Result<Value, Error> {
-        self.add(Expression::AccessIndex { base, index }, span)
-    }
-
     /// Divides coordinates by the last of them.
-    fn projected(&mut self, of: Value, span: Span) -> Result<Value, Error> {
+    fn projected(&mut self, of: Value) -> Result<Value, Error> {
         let TypeInner::Vector { size, .. } = *self.ty(of)? else {
-            return Err(refused(
-                "a texture function does not accept these arguments",
-                span,
-            ));
+            return Err(self.refused("a texture function does not accept these arguments"));
         };
-        let mut right = self.component(of, size as u32 - 1, span)?;
+        let mut right = self.part(of, size as u32 - 1)?;
         let smaller = match size {
             VectorSize::Bi => None,
             VectorSize::Tri => Some(VectorSize::Bi),
             VectorSize::Quad => Some(VectorSize::Tri),
         };
         let left = match smaller {
-            None => self.component(of, 0, span)?,
+            None => self.part(of, 0)?,
             Some(size) => {
-                right = self.add(Expression::Splat { size, value: right }, span)?;
-                self.resized(size, of, span)?
+                right = self.splat(size, right)?;
+                self.resized(size, of)?
             }
         };
         let op = BinaryOperator::Divide;
-        self.add(Expression::Binary { op, left, right }, span)
+        self.binary_of(op, left, right)
     }
 
     fn sample(
@@ -108,15 +96,15 @@ impl<'s> Body<'_, 's> {
         name: &str,
         (image, sampler): (Value, Value),
         values: Vec<Value>,
-        span: Span,
     ) -> Result<Value, Error> {
-        let missing = || refused("an argument is missing", span);
+        let at = self.span;
+        let missing = || refused("an argument is missing", at);
         let mut values = values.into_iter();
         let mut at = values.next().ok_or_else(missing)?;
         if name.contains("Proj") {
-            at = self.projected(at, span)?;
+            at = self.projected(at)?;
         }
-        let of = self.coordinates(image, at, values.as_slice().first().copied(), span)?;
+        let of = self.coordinates(image, at, values.as_slice().first().copied())?;
         if of.is_apart {
             values.next();
         }
@@ -146,7 +134,7 @@ impl<'s> Body<'_, 's> {
             level = SampleLevel::Bias(bias);
         }
         let array_index = match of.layer {
-            Some(layer) => Some(self.cast(layer, Scalar::I32, span)?),
+            Some(layer) => Some(self.cast(layer, Scalar::I32)?),
             None => None,
         };
         let sample = Expression::ImageSample {
@@ -160,14 +148,14 @@ impl<'s> Body<'_, 's> {
             depth_ref: of.reference,
             clamp_to_edge: false,
         };
-        self.add(sample, span)
+        self.add(sample)
     }
 
-    fn fetch(&mut self, image: Value, values: &[Value], span: Span) -> Result<Value, Error> {
+    fn fetch(&mut self, image: Value, values: &[Value]) -> Result<Value, Error> {
         let Some(at) = values.first() else {
-            return Err(refused("an argument is missing", span));
+            return Err(self.refused("an argument is missing"));
         };
-        let of = self.coordinates(image, *at, None, span)?;
+        let of = self.coordinates(image, *at, None)?;
         let is_multi = match *self.ty(image)? {
             TypeInner::Image { class, .. } => class.is_multisampled(),
             _ => false,
@@ -180,26 +168,21 @@ impl<'s> Body<'_, 's> {
             sample: which.filter(|_| is_multi),
             level: which.filter(|_| !is_multi),
         };
-        self.add(load, span)
+        self.add(load)
     }
 
-    fn texture_size(
-        &mut self,
-        image: Value,
-        level: Option<Value>,
-        span: Span,
-    ) -> Result<Value, Error> {
+    fn texture_size(&mut self, image: Value, level: Option<Value>) -> Result<Value, Error> {
         let TypeInner::Image { arrayed, .. } = *self.ty(image)? else {
-            return Err(refused("this is not a texture", span));
+            return Err(self.refused("this is not a texture"));
         };
         let query = ImageQuery::Size { level };
-        let mut size = self.add(Expression::ImageQuery { image, query }, span)?;
+        let mut size = self.add(Expression::ImageQuery { image, query })?;
         if arrayed {
             let mut components = Vec::new();
             let whole = match *self.ty(size)? {
                 TypeInner::Vector { size: n, .. } => {
                     for index in 0..n as u32 {
-                        components.push(self.component(size, index, span)?);
+                        components.push(self.part(size, index)?);
                     }
                     match n {
                         VectorSize::Bi => VectorSize::Tri,
@@ -212,14 +195,14 @@ impl<'s> Body<'_, 's> {
                 }
             };
             let query = ImageQuery::NumLayers;
-            components.push(self.add(Expression::ImageQuery { image, query }, span)?);
+            components.push(self.add(Expression::ImageQuery { image, query })?);
             let ty = self.builder.insert(TypeInner::Vector {
                 size: whole,
                 scalar: Scalar::U32,
             });
-            size = self.add(Expression::Compose { ty, components }, span)?;
+            size = self.compose(ty, components)?;
         }
-        self.cast(size, Scalar::I32, span)
+        self.cast(size, Scalar::I32)
     }
 
     fn coordinates(
@@ -227,7 +210,6 @@ impl<'s> Body<'_, 's> {
         image: Value,
         at: Value,
         next: Option<Value>,
-        span: Span,
     ) -> Result<Coordinates, Error> {
         let TypeInner::Image {
             dim,
@@ -235,7 +217,7 @@ impl<'s> Body<'_, 's> {
             class,
         } = *self.ty(image)?
         else {
-            return Err(refused("this is not a texture", span));
+            return Err(self.refused("this is not a texture"));
         };
         let wanted = match dim {
             ImageDimension::D1 => None,
@@ -247,14 +229,14 @@ impl<'s> Body<'_, 's> {
             _ => None,
         };
         let coordinate = match (wanted, given) {
-            (Some(size), Some(given)) if size != given => self.resized(size, at, span)?,
-            (None, Some(_)) => self.component(at, 0, span)?,
+            (Some(size), Some(given)) if size != given => self.resized(size, at)?,
+            (None, Some(_)) => self.part(at, 0)?,
             _ => at,
         };
         let mut index = wanted.map_or(1, |size| size as u32);
         let mut layer = None;
         if arrayed {
-            layer = Some(self.component(at, index, span)?);
+            layer = Some(self.part(at, index)?);
             index += 1;
         }
         let compares = matches!(class, ImageClass::Depth { .. });
@@ -262,7 +244,7 @@ impl<'s> Body<'_, 's> {
         let reference = match (compares, is_apart) {
             (false, _) => None,
             (true, true) => next,
-            (true, false) => Some(self.component(at, index, span)?),
+            (true, false) => Some(self.part(at, index)?),
         };
         Ok(Coordinates {
             coordinate,
@@ -272,7 +254,7 @@ impl<'s> Body<'_, 's> {
         })
     }
 
-    pub(super) fn gather(&mut self, of: &'s Gather, span: Span) -> Result<Value, Error> {
+    pub(super) fn gather(&mut self, of: &'s Gather) -> Result<Value, Error> {
         let image = self.value(&of.texture)?;
         let sampler = self.value(&of.sampler)?;
         let coordinate = self.value(&of.coordinates)?;
@@ -288,9 +270,9 @@ impl<'s> Body<'_, 's> {
                 });
                 let mut components = Vec::new();
                 for n in parts {
-                    components.push(self.add(Expression::Literal(Literal::I32(n)), span)?);
+                    components.push(self.literal(Literal::I32(n))?);
                 }
-                Some(self.add(Expression::Compose { ty, components }, span)?)
+                Some(self.compose(ty, components)?)
             }
             None => None,
         };
@@ -305,7 +287,7 @@ impl<'s> Body<'_, 's> {
             depth_ref,
             clamp_to_edge: false,
         };
-        self.add(sample, span)
+        self.add(sample)
     }
 
     /// The image and coordinates of an image atomic.
@@ -313,11 +295,10 @@ impl<'s> Body<'_, 's> {
         &mut self,
         image: &'s Node,
         at: &'s Node,
-        span: Span,
     ) -> Result<[Option<Value>; 3], Error> {
         let image = self.value(image)?;
         let at = self.value(at)?;
-        let of = self.coordinates(image, at, None, span)?;
+        let of = self.coordinates(image, at, None)?;
         Ok([Some(image), Some(of.coordinate), of.layer])
     }
 }

@@ -43,17 +43,6 @@ pub(super) fn scalar_of(ty: &TypeInner) -> Option<Scalar> {
     }
 }
 
-/// The rank of a number in implicit conversions.
-pub(super) fn power(scalar: Scalar) -> Option<u8> {
-    Some(match scalar.kind {
-        ScalarKind::Sint => 0,
-        ScalarKind::Uint => 1,
-        ScalarKind::Float if scalar.width == 4 => 2,
-        ScalarKind::Float => 3,
-        ScalarKind::Bool | ScalarKind::AbstractInt | ScalarKind::AbstractFloat => return None,
-    })
-}
-
 /// A type with its alignment and size in a block.
 struct Placed {
     ty: Handle<Type>,
