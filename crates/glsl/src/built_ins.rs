@@ -1,16 +1,19 @@
-//! Built-in variables for which `resolve` declares an input or output.
+//! GLSL's built-in variables.
 
 use naga::{BuiltIn, ShaderStage};
 
+use super::ty::Component::Float;
+use super::ty::Ty;
+
 /// A built-in variable.
-#[derive(Debug, PartialEq)]
+#[derive(Debug)]
 pub(super) struct Variable {
     /// Names in GLSL, separated by spaces.
     names: &'static str,
-    pub stage: Option<ShaderStage>,
+    stage: Option<ShaderStage>,
     pub is_output: bool,
-    /// The declared type, without the array's length.
-    pub ty: &'static str,
+    /// The type in the IR; of an array, that of an element.
+    pub ty: Ty,
     pub built_in: BuiltIn,
 }
 
@@ -18,7 +21,7 @@ const fn of(
     names: &'static str,
     stage: Option<ShaderStage>,
     is_output: bool,
-    ty: &'static str,
+    ty: Ty,
     built_in: BuiltIn,
 ) -> Variable {
     Variable {
@@ -32,23 +35,52 @@ const fn of(
 
 const FRAGMENT: Option<ShaderStage> = Some(ShaderStage::Fragment);
 const VERTEX: Option<ShaderStage> = Some(ShaderStage::Vertex);
+const VEC3: Ty = Ty::Vector(Float, 3);
+const VEC4: Ty = Ty::Vector(Float, 4);
+const POSITION: BuiltIn = BuiltIn::Position { invariant: false };
 
+/// Those that become a global where they are first used.
 #[rustfmt::skip]
-const VARIABLES: &[Variable] = &[
-    of("gl_SampleMaskIn", FRAGMENT, false, "uint", BuiltIn::SampleMask),
-    of("gl_SampleMask", FRAGMENT, true, "uint", BuiltIn::SampleMask),
-    of("gl_ClipDistance", VERTEX, true, "float", BuiltIn::ClipDistances),
-    of("gl_BaryCoordEXT gl_BaryCoordNV", FRAGMENT, false, "vec3", BuiltIn::Barycentric { perspective: true }),
-    of("gl_BaryCoordNoPerspEXT gl_BaryCoordNoPerspNV", FRAGMENT, false, "vec3", BuiltIn::Barycentric { perspective: false }),
-    of("gl_ViewIndex gl_ViewID_OVR", None, false, "uint", BuiltIn::ViewIndex),
-    of("gl_SubgroupSize", None, false, "uint", BuiltIn::SubgroupSize),
-    of("gl_SubgroupInvocationID", None, false, "uint", BuiltIn::SubgroupInvocationId),
+static PLAIN: &[Variable] = &[
+    of("gl_Position", VERTEX, true, VEC4, POSITION),
+    of("gl_FragCoord", FRAGMENT, false, VEC4, POSITION),
+    of("gl_FrontFacing", FRAGMENT, false, Ty::BOOL, BuiltIn::FrontFacing),
+    of("gl_FragDepth gl_FragDepthEXT", FRAGMENT, true, Ty::FLOAT, BuiltIn::FragDepth),
+    of("gl_VertexIndex gl_VertexID", VERTEX, false, Ty::UINT, BuiltIn::VertexIndex),
+    of("gl_InstanceIndex gl_InstanceID gl_InstanceIDARB", VERTEX, false, Ty::UINT, BuiltIn::InstanceIndex),
+    of("gl_SampleID", FRAGMENT, false, Ty::UINT, BuiltIn::SampleIndex),
+    of("gl_PrimitiveID", FRAGMENT, false, Ty::UINT, BuiltIn::PrimitiveIndex),
+    of("gl_BaseVertex gl_BaseVertexARB", VERTEX, false, Ty::UINT, BuiltIn::BaseVertex),
+    of("gl_BaseInstance gl_BaseInstanceARB", VERTEX, false, Ty::UINT, BuiltIn::BaseInstance),
+    of("gl_DrawID gl_DrawIDARB", VERTEX, false, Ty::UINT, BuiltIn::DrawIndex),
 ];
 
-/// The built-in of that name in a stage.
-pub(super) fn variable(name: &str, stage: ShaderStage) -> Option<&'static Variable> {
-    let mut all = VARIABLES.iter();
+/// Those for which `resolve` declares an input or output.
+#[rustfmt::skip]
+static DECLARED: &[Variable] = &[
+    of("gl_SampleMaskIn", FRAGMENT, false, Ty::UINT, BuiltIn::SampleMask),
+    of("gl_SampleMask", FRAGMENT, true, Ty::UINT, BuiltIn::SampleMask),
+    of("gl_ClipDistance", VERTEX, true, Ty::FLOAT, BuiltIn::ClipDistances),
+    of("gl_BaryCoordEXT gl_BaryCoordNV", FRAGMENT, false, VEC3, BuiltIn::Barycentric { perspective: true }),
+    of("gl_BaryCoordNoPerspEXT gl_BaryCoordNoPerspNV", FRAGMENT, false, VEC3, BuiltIn::Barycentric { perspective: false }),
+    of("gl_ViewIndex gl_ViewID_OVR", None, false, Ty::UINT, BuiltIn::ViewIndex),
+    of("gl_SubgroupSize", None, false, Ty::UINT, BuiltIn::SubgroupSize),
+    of("gl_SubgroupInvocationID", None, false, Ty::UINT, BuiltIn::SubgroupInvocationId),
+];
+
+fn named(all: &'static [Variable], name: &str, stage: ShaderStage) -> Option<&'static Variable> {
+    let mut all = all.iter();
     all.find(|v| v.names.split(' ').any(|n| n == name) && v.stage.is_none_or(|s| s == stage))
+}
+
+/// The one of that name in a stage that becomes a global where it is first used.
+pub(super) fn plain(name: &str, stage: ShaderStage) -> Option<&'static Variable> {
+    named(PLAIN, name, stage)
+}
+
+/// The one of that name in a stage for which `resolve` declares an input or output.
+pub(super) fn declared(name: &str, stage: ShaderStage) -> Option<&'static Variable> {
+    named(DECLARED, name, stage)
 }
 
 impl Variable {

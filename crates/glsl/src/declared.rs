@@ -237,6 +237,6 @@ fn ty(structs: &Structs, of: &Ty) -> Option<Type> {
             });
             Type::Struct(name.clone(), members.collect::<Option<_>>()?)
         }
-        Ty::Void | Ty::Opaque(_) | Ty::Unknown => return None,
+        Ty::Void | Ty::Opaque(_) => return None,
     })
 }

@@ -11,6 +11,7 @@ mod build;
 mod built_ins;
 mod constant;
 mod declared;
+mod errors;
 mod formats;
 mod functions;
 mod include;

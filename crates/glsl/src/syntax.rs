@@ -21,6 +21,7 @@ use super::preprocess::{Preprocessed, Task, preprocess};
 use super::ty::Ty;
 use super::type_names::TypeNames;
 use super::version::Dialect;
+use crate::errors::wrong;
 use shader_text::error::{Code, Error};
 use shader_text::nesting;
 use shader_text::options::{ClipSpace, Options};
@@ -211,25 +212,21 @@ fn explain(
         _ => String::new(),
     };
     match error {
-        E::InvalidToken { location } => {
-            Error::new(Code::Parse, "invalid token").label_if(at(location))
-        }
-        E::UnrecognizedEof { expected, .. } => Error::new(
-            Code::Parse,
+        E::InvalidToken { location } => wrong("invalid token", at(location)),
+        E::UnrecognizedEof { expected, .. } => wrong(
             format!("unexpected end of the file{}", one_of(&expected)),
-        )
-        .label_if(places.last().copied()),
+            places.last().copied(),
+        ),
         E::UnrecognizedToken {
             token: (start, token, _),
             expected,
-        } => Error::new(
-            Code::Parse,
+        } => wrong(
             format!("unexpected {token}{}", one_of(&expected)),
-        )
-        .label_if(at(start)),
+            at(start),
+        ),
         E::ExtraToken {
             token: (start, token, _),
-        } => Error::new(Code::Parse, format!("unexpected {token}")).label_if(at(start)),
+        } => wrong(format!("unexpected {token}"), at(start)),
         E::User { error } => {
             let message = error.to_string();
             let LexicalError::Token { pos, .. } = error;

@@ -7,8 +7,10 @@
 
 use std::rc::Rc;
 
-use naga::{BinaryOperator, Binding, BuiltIn, Literal, ResourceBinding, Span, UnaryOperator};
+use naga::{BinaryOperator, Binding, Literal, MathFunction, ResourceBinding, Span, UnaryOperator};
 
+use super::built_ins::Variable;
+use super::functions::Meaning;
 use super::operations::{Atomic, Subgroup};
 use super::ty::{Rules, Ty};
 
@@ -43,7 +45,7 @@ pub(super) enum Kind {
     Parameter(usize),
     Global(GlobalId),
     /// A built-in variable that becomes a global where it is first used.
-    BuiltIn(&'static OwnVariable),
+    BuiltIn(&'static Variable),
     /// An element of an array, a column or a component.
     Element(Node, Node),
     /// A member of a struct or block.
@@ -69,8 +71,10 @@ pub(super) enum Kind {
         compares: bool,
     },
     Call(FunctionId, Vec<Node>),
-    /// A built-in function, with the types of its arguments for messages.
-    BuiltInCall(String, Vec<Node>),
+    /// A built-in function.
+    BuiltInCall(Meaning, Vec<Node>),
+    /// A function of a texture or an image, by its name in GLSL 4.50.
+    TextureCall(String, Vec<Node>),
     /// The length of an unsized array.
     Length(Node),
     /// Its value is that of the last.
@@ -196,8 +200,16 @@ impl Node {
         Self::construct(ty, vec![value])
     }
 
-    pub(super) fn own(name: &str, arguments: Vec<Self>) -> Self {
-        Self::new(Kind::BuiltInCall(name.to_owned(), arguments))
+    pub(super) fn built_in(meaning: Meaning, arguments: Vec<Self>) -> Self {
+        Self::new(Kind::BuiltInCall(meaning, arguments))
+    }
+
+    pub(super) fn math(function: MathFunction, arguments: Vec<Self>) -> Self {
+        Self::built_in(Meaning::Math(function), arguments)
+    }
+
+    pub(super) fn texture(name: &str, arguments: Vec<Self>) -> Self {
+        Self::new(Kind::TextureCall(name.to_owned(), arguments))
     }
 
     /// Evaluates `first`, then the node.
@@ -230,6 +242,7 @@ impl Node {
                 &*of.kind,
                 Kind::Call(..)
                     | Kind::BuiltInCall(..)
+                    | Kind::TextureCall(..)
                     | Kind::Construct(..)
                     | Kind::Assign(..)
                     | Kind::Step { .. }
@@ -286,6 +299,7 @@ impl Kind {
             Self::Construct(_, all)
             | Self::Call(_, all)
             | Self::BuiltInCall(_, all)
+            | Self::TextureCall(_, all)
             | Self::Sequence(all) => all.iter().for_each(each),
             Self::Combine {
                 texture, sampler, ..
@@ -585,64 +599,4 @@ pub(super) struct Stage {
     pub early_fragment_tests: bool,
     /// The position is invariant.
     pub invariant: bool,
-}
-
-/// A built-in variable of GLSL that the IR has as it is.
-#[derive(Debug, PartialEq)]
-pub(super) struct OwnVariable {
-    pub name: &'static str,
-    pub built_in: BuiltIn,
-    /// A float vector of four, a float, a bool or a uint.
-    pub ty: Ty,
-    pub is_output: bool,
-}
-
-const fn own(name: &'static str, built_in: BuiltIn, ty: Ty, is_output: bool) -> OwnVariable {
-    OwnVariable {
-        name,
-        built_in,
-        ty,
-        is_output,
-    }
-}
-
-const VEC4: Ty = Ty::Vector(super::ty::Component::Float, 4);
-const POSITION: BuiltIn = BuiltIn::Position { invariant: false };
-
-/// All of them.
-pub(super) static OWN: &[OwnVariable] = &[
-    own("gl_Position", POSITION, VEC4, true),
-    own("gl_FragCoord", POSITION, VEC4, false),
-    own("gl_FrontFacing", BuiltIn::FrontFacing, Ty::BOOL, false),
-    own("gl_FragDepth", BuiltIn::FragDepth, Ty::FLOAT, true),
-    own("gl_VertexIndex", BuiltIn::VertexIndex, Ty::UINT, false),
-    own("gl_InstanceIndex", BuiltIn::InstanceIndex, Ty::UINT, false),
-    own("gl_SampleID", BuiltIn::SampleIndex, Ty::UINT, false),
-    own("gl_PrimitiveID", BuiltIn::PrimitiveIndex, Ty::UINT, false),
-    own("gl_BaseVertex", BuiltIn::BaseVertex, Ty::UINT, false),
-    own("gl_BaseInstance", BuiltIn::BaseInstance, Ty::UINT, false),
-    own("gl_DrawID", BuiltIn::DrawIndex, Ty::UINT, false),
-];
-
-/// The one of that name in a stage.
-pub(super) fn own_variable(name: &str, stage: naga::ShaderStage) -> Option<&'static OwnVariable> {
-    let is_vertex = stage == naga::ShaderStage::Vertex;
-    let name = match name {
-        "gl_FragDepthEXT" => "gl_FragDepth",
-        "gl_VertexID" => "gl_VertexIndex",
-        "gl_InstanceID" | "gl_InstanceIDARB" => "gl_InstanceIndex",
-        "gl_BaseVertexARB" => "gl_BaseVertex",
-        "gl_BaseInstanceARB" => "gl_BaseInstance",
-        "gl_DrawIDARB" => "gl_DrawID",
-        other => other,
-    };
-    let of_fragments = [
-        "gl_FragCoord",
-        "gl_FrontFacing",
-        "gl_FragDepth",
-        "gl_SampleID",
-        "gl_PrimitiveID",
-    ];
-    let own = OWN.iter().find(|own| own.name == name)?;
-    (of_fragments.contains(&own.name) != is_vertex).then_some(own)
 }

@@ -86,8 +86,6 @@ pub(super) enum Ty {
     Combined(String),
     /// Another opaque type by name: `texture2D`, `sampler`, `image2D`.
     Opaque(String),
-    /// A type that is not known here.
-    Unknown,
 }
 
 impl Ty {
@@ -186,7 +184,7 @@ impl Ty {
     /// The type's name; for an array, that of its innermost element.
     pub(super) fn base_name(&self) -> String {
         match self {
-            Self::Void | Self::Unknown => "void".to_owned(),
+            Self::Void => "void".to_owned(),
             Self::Scalar(k) => k.scalar().to_owned(),
             Self::Vector(k, n) => format!("{}vec{n}", k.prefix()),
             Self::Matrix(k, c, r) if c == r => format!("{}mat{c}", k.prefix()),

@@ -9,8 +9,8 @@ use naga::{
 
 use super::expression::Position;
 use super::{Body, Builder, Value};
+use crate::errors::unsupported;
 use crate::operations::Atomic;
-use crate::stage::unsupported;
 use crate::tree::Node;
 use shader_text::error::Error;
 

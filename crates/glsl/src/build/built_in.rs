@@ -1,12 +1,12 @@
 //! Calls of GLSL's functions. `resolve` checks the types of their arguments.
 
 use naga::{
-    Barrier, BinaryOperator as O, Expression, GatherMode, Literal, MathFunction as F,
-    RelationalFunction, Scalar, ScalarKind, Statement, TypeInner, UnaryOperator, VectorSize,
+    Barrier, BinaryOperator as O, Expression, GatherMode, Literal, MathFunction as F, Scalar,
+    ScalarKind, Statement, TypeInner, UnaryOperator, VectorSize,
 };
 
 use super::{Body, Value};
-use crate::functions::{self, Meaning};
+use crate::functions::Meaning;
 use crate::operations::Subgroup;
 use crate::tree::Node;
 use crate::ty::Ty;
@@ -15,35 +15,61 @@ use shader_text::error::Error;
 impl<'s> Body<'_, 's> {
     pub(super) fn built_in_call(
         &mut self,
-        name: &str,
+        meaning: Meaning,
         arguments: &'s [Node],
     ) -> Result<Option<Value>, Error> {
-        if ["texture", "texel", "image"]
-            .iter()
-            .any(|w| name.starts_with(w))
-        {
-            return self.texture_call(name, arguments);
-        }
-        if name == "barrier" {
-            let barrier = Statement::ControlBarrier(Barrier::all());
-            self.push(barrier);
-            return Ok(None);
-        }
         let mut values = Vec::with_capacity(arguments.len());
         for argument in arguments {
             values.push(self.value(argument)?);
         }
-        self.built_in(name, values).map(Some)
+        if let Meaning::Barrier = meaning {
+            self.push(Statement::ControlBarrier(Barrier::all()));
+            return Ok(None);
+        }
+        self.built_in(meaning, values).map(Some)
     }
 
-    pub(super) fn math(&mut self, fun: F, values: &[Value]) -> Result<Value, Error> {
-        let at = |i: usize| values.get(i).copied();
-        let Some(arg) = at(0) else {
-            return Err(self.refused("an argument is missing"));
+    pub(super) fn missing(&self) -> Error {
+        self.refused("an argument is missing")
+    }
+
+    fn built_in(&mut self, meaning: Meaning, values: Vec<Value>) -> Result<Value, Error> {
+        let first = *values.first().ok_or_else(|| self.missing())?;
+        let last = *values.last().unwrap_or(&first);
+        let expression = match meaning {
+            Meaning::Math(fun) => return self.math_of(fun, values),
+            Meaning::Modulo => return self.modulo(first, last),
+            Meaning::Operator(op) => return self.binary_of(op, first, last),
+            Meaning::Derivative(axis, ctrl) => Expression::Derivative {
+                axis,
+                ctrl,
+                expr: first,
+            },
+            Meaning::Bits(kind) => Expression::As {
+                expr: first,
+                kind,
+                convert: None,
+            },
+            Meaning::Relational(fun) => Expression::Relational {
+                fun,
+                argument: first,
+            },
+            Meaning::Not => Expression::Unary {
+                op: UnaryOperator::LogicalNot,
+                expr: first,
+            },
+            Meaning::Barrier | Meaning::Image | Meaning::Composed => {
+                return Err(self.refused("no function takes these arguments"));
+            }
         };
+        self.add(expression)
+    }
+
+    fn math(&mut self, fun: F, values: &[Value]) -> Result<Value, Error> {
+        let at = |i: usize| values.get(i).copied();
         let math = Expression::Math {
             fun,
-            arg,
+            arg: at(0).ok_or_else(|| self.missing())?,
             arg1: at(1),
             arg2: at(2),
             arg3: at(3),
@@ -51,86 +77,43 @@ impl<'s> Body<'_, 's> {
         self.add(math)
     }
 
-    fn built_in(&mut self, name: &str, mut values: Vec<Value>) -> Result<Value, Error> {
-        let Some(first) = values.first().copied() else {
-            return Err(self.refused("an argument is missing"));
-        };
-        let bits = |kind| Expression::As {
-            expr: first,
-            kind,
-            convert: None,
-        };
-        match name {
-            "atan" if values.len() == 2 => self.math(F::Atan2, &values),
-            "atan" => self.math(F::Atan, &values),
-            "floatBitsToInt" => self.add(bits(ScalarKind::Sint)),
-            "floatBitsToUint" => self.add(bits(ScalarKind::Uint)),
-            "intBitsToFloat" | "uintBitsToFloat" => self.add(bits(ScalarKind::Float)),
-            "all" | "any" => {
-                let fun = match name {
-                    "all" => RelationalFunction::All,
-                    _ => RelationalFunction::Any,
-                };
-                let argument = first;
-                self.add(Expression::Relational { fun, argument })
-            }
-            "not" => {
-                let op = UnaryOperator::LogicalNot;
-                self.add(Expression::Unary { op, expr: first })
-            }
+    /// A function whose scalars stand for vectors where GLSL allows it.
+    fn math_of(&mut self, fun: F, mut values: Vec<Value>) -> Result<Value, Error> {
+        // The vector, and the scalars beside it.
+        let (vector, scalars) = match fun {
+            F::Atan if values.len() == 2 => return self.math(F::Atan2, &values),
             // WGSL counts in unsigned numbers.
-            "bitfieldExtract" | "bitfieldInsert" => {
-                let (fun, at) = match name {
-                    "bitfieldExtract" => (F::ExtractBits, 1),
-                    _ => (F::InsertBits, 2),
-                };
-                for value in values.iter_mut().skip(at) {
+            F::ExtractBits | F::InsertBits => {
+                let counts = if fun == F::ExtractBits { 1 } else { 2 };
+                for value in values.iter_mut().skip(counts) {
                     *value = self.cast(*value, Scalar::U32)?;
                 }
-                self.math(fun, &values)
+                return self.math(fun, &values);
             }
-            "mix" if self.is_bool(values.last().copied().unwrap_or(first))? => {
-                let [reject, accept, condition] = values[..] else {
-                    return Err(self.refused("an argument is missing"));
-                };
-                let select = Expression::Select {
-                    condition,
-                    accept,
-                    reject,
-                };
-                self.add(select)
+            F::Mix => {
+                if let [reject, accept, condition] = values[..]
+                    && self.ty(condition)?.scalar_kind() == Some(ScalarKind::Bool)
+                {
+                    return self.add(Expression::Select {
+                        condition,
+                        accept,
+                        reject,
+                    });
+                }
+                (0, 2..3)
             }
-            "mod" => self.modulo(values),
-            "min" | "max" | "step" | "mix" | "clamp" | "smoothstep" => {
-                self.splatted_math(name, values)
-            }
-            _ => match functions::meaning(name) {
-                Some(Meaning::Math(fun)) => {
-                    let found = self.math(fun, &values)?;
-                    let is_uint = self.ty(first)?.scalar_kind() == Some(ScalarKind::Uint);
-                    match matches!(fun, F::FirstTrailingBit | F::FirstLeadingBit) && is_uint {
-                        true => self.cast(found, Scalar::I32),
-                        false => Ok(found),
-                    }
-                }
-                Some(Meaning::Derivative(axis, ctrl)) => {
-                    let expr = first;
-                    self.add(Expression::Derivative { axis, ctrl, expr })
-                }
-                Some(Meaning::Operator(op)) => {
-                    let right = *values.last().unwrap_or(&first);
-                    let left = first;
-                    self.binary_of(op, left, right)
-                }
-                Some(Meaning::Other) | None => {
-                    Err(self.refused(&format!("no `{name}` takes these arguments")))
-                }
-            },
+            F::Min | F::Max => (0, 1..2),
+            F::Clamp => (0, 1..3),
+            F::Step => (1, 0..1),
+            F::SmoothStep => (2, 0..2),
+            _ => return self.math(fun, &values),
+        };
+        let vector = *values.get(vector).ok_or_else(|| self.missing())?;
+        let size = self.vector_size(vector)?;
+        for value in values.get_mut(scalars).unwrap_or_default() {
+            *value = self.splatted(*value, size)?;
         }
-    }
-
-    fn is_bool(&mut self, value: Value) -> Result<bool, Error> {
-        Ok(self.ty(value)?.scalar_kind() == Some(ScalarKind::Bool))
+        self.math(fun, &values)
     }
 
     fn vector_size(&mut self, value: Value) -> Result<Option<VectorSize>, Error> {
@@ -141,39 +124,13 @@ impl<'s> Body<'_, 's> {
     }
 
     /// `x - y * floor(x / y)`.
-    fn modulo(&mut self, values: Vec<Value>) -> Result<Value, Error> {
-        let [x, y] = values[..] else {
-            return Err(self.refused("an argument is missing"));
-        };
+    fn modulo(&mut self, x: Value, y: Value) -> Result<Value, Error> {
         let size = self.vector_size(x)?;
         let y = self.splatted(y, size)?;
-        let binary = |op, left, right| Expression::Binary { op, left, right };
-        let quotient = self.add(binary(O::Divide, x, y))?;
+        let quotient = self.binary_of(O::Divide, x, y)?;
         let floor = self.math(F::Floor, &[quotient])?;
-        let product = self.add(binary(O::Multiply, floor, y))?;
-        self.add(binary(O::Subtract, x, product))
-    }
-
-    /// Functions of vectors that take scalars for some arguments.
-    fn splatted_math(&mut self, name: &str, mut values: Vec<Value>) -> Result<Value, Error> {
-        let (fun, of, scalars): (F, usize, &[usize]) = match name {
-            "min" => (F::Min, 0, &[1]),
-            "max" => (F::Max, 0, &[1]),
-            "mix" => (F::Mix, 0, &[2]),
-            "clamp" => (F::Clamp, 0, &[1, 2]),
-            "step" => (F::Step, 1, &[0]),
-            _ => (F::SmoothStep, 2, &[0, 1]),
-        };
-        let Some(vector) = values.get(of).copied() else {
-            return Err(self.refused("an argument is missing"));
-        };
-        let size = self.vector_size(vector)?;
-        for at in scalars {
-            if let Some(value) = values.get_mut(*at) {
-                *value = self.splatted(*value, size)?;
-            }
-        }
-        self.math(fun, &values)
+        let product = self.binary_of(O::Multiply, floor, y)?;
+        self.binary_of(O::Subtract, x, product)
     }
 
     /// A function of a subgroup.
@@ -192,10 +149,7 @@ impl<'s> Body<'_, 's> {
             (_, Some(lane)) => Some(self.value(lane)?),
             (_, None) => None,
         };
-        let by = |mode: fn(Value) -> GatherMode| {
-            lane.map(mode)
-                .ok_or_else(|| self.refused("an argument is missing"))
-        };
+        let by = |mode: fn(Value) -> GatherMode| lane.map(mode).ok_or_else(|| self.missing());
         let mode = match of {
             Subgroup::Collective(..) | Subgroup::Ballot => None,
             Subgroup::First => Some(GatherMode::BroadcastFirst),

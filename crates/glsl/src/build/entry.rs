@@ -12,13 +12,14 @@ use naga_edit::writer::FunctionWriter;
 
 use super::types::array_size;
 use super::{Body, Builder, Declared, Port, Value, refused};
-use crate::tree::{BlockTy, Global, GlobalId, GlobalKind, Node, OwnVariable, own_variable};
+use crate::built_ins::{self, Variable};
+use crate::tree::{BlockTy, Global, GlobalId, GlobalKind, Node};
 use shader_text::error::{Code, Error};
 
 impl<'s> Builder<'s> {
     pub(super) fn globals(&mut self) -> Result<(), Error> {
         if self.stage.invariant
-            && let Some(own) = own_variable("gl_Position", self.kind)
+            && let Some(own) = built_ins::plain("gl_Position", self.kind)
         {
             self.register(own)?;
             for port in &mut self.ports {
@@ -193,14 +194,14 @@ impl<'s> Builder<'s> {
     /// The global of a built-in variable.
     pub(super) fn register(
         &mut self,
-        own: &'static OwnVariable,
+        own: &'static Variable,
     ) -> Result<Handle<GlobalVariable>, Error> {
-        if let Some((_, known)) = self.own.iter().find(|(of, _)| of.name == own.name) {
+        if let Some((_, known)) = self.own.iter().find(|(of, _)| std::ptr::eq(*of, own)) {
             return Ok(*known);
         }
         let ty = self.ty(&own.ty, Span::UNDEFINED)?;
         let variable = GlobalVariable {
-            name: Some(own.name.to_owned()),
+            name: Some(own.first_name().to_owned()),
             ..plain(ty)
         };
         let global = self
@@ -210,7 +211,7 @@ impl<'s> Builder<'s> {
         self.own.push((own, global));
         self.ports.push(Port {
             global,
-            name: own.name.to_owned(),
+            name: own.first_name().to_owned(),
             binding: Binding::BuiltIn(own.built_in),
             is_output: own.is_output,
         });

@@ -87,7 +87,7 @@ impl<'s> Body<'_, 's> {
             }
             Kind::Global(id) => self.global(*id, at)?,
             Kind::BuiltIn(own) => {
-                let pointer = self.own.get(own.name).copied();
+                let pointer = self.own.get(own.first_name()).copied();
                 let pointer = pointer.ok_or_else(|| self.refused("this must be in a function"))?;
                 self.read(pointer, true, at)?
             }
@@ -115,9 +115,10 @@ impl<'s> Body<'_, 's> {
             Kind::Construct(ty, parts) => self.construct(ty, parts)?,
             Kind::Combine { .. } => return Err(self.refused("a sampler is no value")),
             Kind::Call(id, arguments) => return self.call(*id, arguments),
-            Kind::BuiltInCall(name, arguments) => {
-                return self.built_in_call(name, arguments);
+            Kind::BuiltInCall(meaning, arguments) => {
+                return self.built_in_call(*meaning, arguments);
             }
+            Kind::TextureCall(name, arguments) => return self.texture_call(name, arguments),
             Kind::Length(of) => {
                 let array = self.expect(of, Position::Base { constant: true })?;
                 let length = self.add(Expression::ArrayLength(array))?;

@@ -11,9 +11,10 @@ use naga::{
 
 use super::expression::Position;
 use super::{Body, Builder, Declared, Value};
+use crate::built_ins::Variable;
 use crate::tree::{
-    Case, Function, FunctionId, GlobalId, GlobalKind, Kind, LocalId, Node, OwnVariable,
-    ParameterTy, Statement, StatementKind as S,
+    Case, Function, FunctionId, GlobalId, GlobalKind, Kind, LocalId, Node, ParameterTy, Statement,
+    StatementKind as S,
 };
 use crate::ty::Ty;
 use shader_text::error::Error;
@@ -109,12 +110,12 @@ impl<'s> Body<'_, 's> {
 
     fn declare_own(
         &mut self,
-        own: &[(&'static OwnVariable, Handle<GlobalVariable>)],
+        own: &[(&'static Variable, Handle<GlobalVariable>)],
     ) -> Result<(), Error> {
         for (own, global) in own {
             let pointer = Expression::GlobalVariable(*global);
             let pointer = self.add_at(pointer, Span::UNDEFINED)?;
-            self.own.insert(own.name, pointer);
+            self.own.insert(own.first_name(), pointer);
         }
         Ok(())
     }
@@ -169,7 +170,7 @@ impl<'s> Body<'_, 's> {
             }
         });
         for own in own {
-            if !self.own.contains_key(own.name) {
+            if !self.own.contains_key(own.first_name()) {
                 let global = self.builder.register(own)?;
                 self.declare_own(&[(own, global)])?;
             }

@@ -29,9 +29,11 @@ use naga::{
 use naga_edit::writer::FunctionWriter;
 
 use self::comparing::Comparing;
-use super::tree::{FunctionId, GlobalId, LocalId, OwnVariable, Stage};
+use super::tree::{FunctionId, GlobalId, LocalId, Stage};
+use crate::built_ins::Variable;
+use crate::errors::wrong;
 use crate::ty::Ty;
-use shader_text::error::{Code, Error};
+use shader_text::error::Error;
 
 type Value = Handle<Expression>;
 
@@ -64,7 +66,7 @@ pub(super) struct Builder<'s> {
     structs: HashMap<&'s str, Handle<Type>>,
     globals: HashMap<GlobalId, Declared>,
     /// Built-in variables, from their first use on.
-    own: Vec<(&'static OwnVariable, Handle<GlobalVariable>)>,
+    own: Vec<(&'static Variable, Handle<GlobalVariable>)>,
     ports: Vec<Port>,
     functions: HashMap<FunctionId, Handle<IrFunction>>,
     comparing: Comparing,
@@ -295,5 +297,5 @@ fn refused(text: &str, span: Span) -> Error {
         true => WRONG_TYPE,
         false => text,
     };
-    Error::new(Code::Parse, message).label_if(span.is_defined().then_some(span))
+    wrong(message, span.is_defined().then_some(span))
 }

@@ -25,7 +25,7 @@ impl<'s> Body<'_, 's> {
         arguments: &'s [Node],
     ) -> Result<Option<Value>, Error> {
         let Some((first, rest)) = arguments.split_first() else {
-            return Err(self.refused("an argument is missing"));
+            return Err(self.missing());
         };
         let (image, sampler) = match &*first.kind {
             Kind::Combine {
@@ -47,7 +47,7 @@ impl<'s> Body<'_, 's> {
             "texelFetch" | "texelFetchOffset" | "imageLoad" => self.fetch(image, &values)?,
             "imageStore" => {
                 let [at, value] = values[..] else {
-                    return Err(self.refused("an argument is missing"));
+                    return Err(self.missing());
                 };
                 let of = self.coordinates(image, at, None)?;
                 let store = Statement::ImageStore {
@@ -153,7 +153,7 @@ impl<'s> Body<'_, 's> {
 
     fn fetch(&mut self, image: Value, values: &[Value]) -> Result<Value, Error> {
         let Some(at) = values.first() else {
-            return Err(self.refused("an argument is missing"));
+            return Err(self.missing());
         };
         let of = self.coordinates(image, *at, None)?;
         let is_multi = match *self.ty(image)? {

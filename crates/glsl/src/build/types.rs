@@ -9,9 +9,10 @@ use naga::{
 };
 
 use super::{Builder, WRONG_TYPE, refused};
+use crate::errors::wrong;
 use crate::tree::{HandleTy, Member};
 use crate::ty::{Component, Rules, Ty};
-use shader_text::error::{Code, Error};
+use shader_text::error::Error;
 
 pub(super) fn size(n: u8) -> VectorSize {
     match n {
@@ -80,14 +81,16 @@ impl<'s> Builder<'s> {
             Ty::Struct(name) => {
                 let known = self.structs.get(name.as_str()).copied();
                 return known.ok_or_else(|| {
-                    Error::new(Code::Parse, format!("there is no type `{name}`"))
-                        .label_if(span.is_defined().then_some(span))
+                    wrong(
+                        format!("there is no type `{name}`"),
+                        span.is_defined().then_some(span),
+                    )
                 });
             }
             Ty::Opaque(name) | Ty::Combined(name) => {
                 return self.handle(&HandleTy::plain(name), None, StorageAccess::empty(), span);
             }
-            Ty::Void | Ty::Unknown => return Err(refused(WRONG_TYPE, span)),
+            Ty::Void => return Err(refused(WRONG_TYPE, span)),
         };
         Ok(self.insert(inner))
     }
@@ -119,8 +122,10 @@ impl<'s> Builder<'s> {
             return Ok(self.insert(TypeInner::Sampler { comparison }));
         }
         let unknown = || {
-            Error::new(Code::Parse, format!("there is no type `{name}`"))
-                .label_if(span.is_defined().then_some(span))
+            wrong(
+                format!("there is no type `{name}`"),
+                span.is_defined().then_some(span),
+            )
         };
         let (kind, rest) = match name.as_bytes().first() {
             Some(b'u') => (ScalarKind::Uint, &name[1..]),

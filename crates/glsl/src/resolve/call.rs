@@ -1,19 +1,20 @@
 //! Calls of constructors, user functions and built-in functions.
 
 use glsl_lang::ast::{self, Expr, ExprData, FunIdentifierData};
-use naga::{BinaryOperator, Span, UnaryOperator};
+use naga::{BinaryOperator, MathFunction, ScalarKind, Span, UnaryOperator};
 
 use super::effect::{Argument, after};
 use super::expression::Ex;
 use super::fold::Folds;
 use super::overload::{OverloadChoice, choose};
-use super::{Pair, Resolver, builtin, helpers, texture};
-use crate::functions;
+use super::{Pair, Resolver, helpers, texture};
+use crate::errors::{unsupported, wrong};
+use crate::functions::{self, Meaning};
 use crate::operations::{self, Atomic, Subgroup};
-use crate::stage::{Signature, Storage, spelled, unsupported};
+use crate::stage::{Signature, Storage, spelled};
 use crate::tree::{FunctionId, Kind, Node};
 use crate::ty::{BlockEntry, Component, Length, MemoryLayout, Ty};
-use shader_text::error::{Code, Error};
+use shader_text::error::Error;
 use shader_text::unsupported;
 
 impl Resolver<'_, '_> {
@@ -117,7 +118,7 @@ impl Resolver<'_, '_> {
                 let values: Vec<Ex> = values.into_iter().map(|v| self.coerce(v, of)).collect();
                 constructed(&values, ty)
             }
-            (Ty::Void | Ty::Opaque(_) | Ty::Unknown, _) => constructed(&values, ty),
+            (Ty::Void | Ty::Opaque(_), _) => constructed(&values, ty),
             (_, [value]) if value.ty == ty => value.clone(),
             // The first component of a vector or matrix.
             (Ty::Scalar(_), [value]) => {
@@ -252,7 +253,7 @@ impl Resolver<'_, '_> {
         signatures: &[Signature],
         arguments: &[Expr],
     ) -> Result<bool, Error> {
-        let own = functions::meaning(name).is_some() || texture::function(name).is_some();
+        let own = functions::named(name).is_some() || texture::function(name).is_some();
         if !own {
             return Ok(false);
         }
@@ -400,26 +401,25 @@ impl Resolver<'_, '_> {
             Some(Component::Float) if half => ex.converted(&ex.ty.with_kind(Component::Half)),
             _ => ex,
         };
-        let result = builtin::result(name, &types);
-        // Implicit conversions.
-        let kind = match name {
-            _ if builtin::is_of_floats(name) => None,
-            "min" | "max" | "clamp" | "mix" | "fma" | "refract" | "lessThan" | "lessThanEqual"
-            | "greaterThan" | "greaterThanEqual" | "equal" | "notEqual" => {
-                Some(types.iter().filter_map(Ty::kind).max_by_key(|k| k.power()))
-            }
-            _ => Some(None),
+        unsupported::refuse(name, place)?;
+        let Some(function) = functions::named(name) else {
+            let message = "a texture function does not accept these arguments";
+            return Err(match name.starts_with("image") {
+                true => wrong(message, place),
+                false => unsupported(format!("there is no function `{name}`"), place),
+            });
         };
+        let kind = function.converts_to(&types);
         values = values
             .into_iter()
-            .map(|v| match (kind, v.ty.kind()) {
-                (Some(kind), _) => self.coerce_kind(v, kind),
-                (None, Some(Component::Int | Component::Uint)) => {
-                    self.coerce_kind(v, Some(Component::Float))
-                }
-                _ => v,
-            })
+            .map(|v| self.coerce_kind(v, kind))
             .collect();
+        let given: Vec<Ty> = values.iter().map(|v| v.ty.clone()).collect();
+        let Some(result) = function.result(&given) else {
+            let spelled: Vec<String> = types.iter().map(Ty::name).collect();
+            let message = format!("no `{name}` takes ({})", spelled.join(", "));
+            return Err(wrong(message, place));
+        };
         let (mut first, folds) = self.arguments_to_fold(name, &mut values);
         // Evaluate values that are used several times only once.
         let is_repeated = match name {
@@ -439,18 +439,16 @@ impl Resolver<'_, '_> {
                 *value = held;
             }
         }
-        let given: Vec<Ty> = values.iter().map(|v| v.ty.clone()).collect();
         let nodes: Vec<Node> = values.into_iter().map(|v| v.node).collect();
-        let replaced = replacement(name, &nodes, types.first(), &result);
-        if replaced.is_none() {
-            check_supported(name, place)?;
-            if !builtin::takes(name, &given) {
-                let spelled: Vec<String> = types.iter().map(Ty::name).collect();
-                let message = format!("no `{name}` takes ({})", spelled.join(", "));
-                return Err(Error::new(Code::Parse, message).label_if(place));
-            }
-        }
-        let node = replaced.unwrap_or_else(|| Node::own(name, nodes)).at(place);
+        let node = match (
+            function.meaning,
+            composed(name, &nodes, types.first(), &result),
+        ) {
+            (_, Some(composed)) => composed,
+            (Meaning::Image, None) => Node::texture(name, nodes),
+            (meaning, None) => Node::built_in(meaning, nodes),
+        };
+        let node = node.at(place);
         Ok(narrowed(after(first, Ex::new(node, result).folding(folds))))
     }
 
@@ -502,7 +500,7 @@ impl Resolver<'_, '_> {
         // The others order memory, which WebGPU does not.
         let [target, value, ..] = arguments else {
             let message = format!("`{name}` takes a member and a value");
-            return Err(Error::new(Code::Parse, message).label_if(place));
+            return Err(wrong(message, place));
         };
         let target = self.raw(target)?;
         let Ty::Scalar(Component::Int | Component::Uint) = target.ty else {
@@ -684,11 +682,17 @@ fn constructed(values: &[Ex], ty: Ty) -> Ex {
 }
 
 /// An expression for built-in functions that the IR lacks or restricts.
-fn replacement(name: &str, values: &[Node], first: Option<&Ty>, result: &Ty) -> Option<Node> {
+fn composed(name: &str, values: &[Node], first: Option<&Ty>, result: &Ty) -> Option<Node> {
     use BinaryOperator as O;
+    let first = first?;
     let at = |i: usize| values.get(i).cloned();
     let binary = Node::binary;
-    Some(match (name, first?) {
+    let number = |x: f32| match first.kind() {
+        Some(kind @ Component::Double) => Node::convert(&Ty::Scalar(kind), Node::float(x)),
+        _ => Node::float(x),
+    };
+    let abs = |of: Node| Node::math(MathFunction::Abs, vec![of]);
+    Some(match (name, first) {
         ("matrixCompMult", ty @ Ty::Matrix(_, columns, _)) => {
             let (a, b) = (at(0)?, at(1)?);
             let column = |c: u32| binary(O::Multiply, a.nth(c), b.nth(c));
@@ -704,19 +708,19 @@ fn replacement(name: &str, values: &[Node], first: Option<&Ty>, result: &Ty) -> 
         }
         // The IR's only take vectors.
         ("dot", Ty::Scalar(_)) => binary(O::Multiply, at(0)?, at(1)?),
-        ("length", Ty::Scalar(_)) => Node::own("abs", vec![at(0)?]),
-        ("distance", Ty::Scalar(_)) => Node::own("abs", vec![binary(O::Subtract, at(0)?, at(1)?)]),
-        ("normalize", Ty::Scalar(_)) => Node::own("sign", vec![at(0)?]),
+        ("length", Ty::Scalar(_)) => abs(at(0)?),
+        ("distance", Ty::Scalar(_)) => abs(binary(O::Subtract, at(0)?, at(1)?)),
+        ("normalize", Ty::Scalar(_)) => Node::math(MathFunction::Sign, vec![at(0)?]),
         ("reflect", Ty::Scalar(_)) => {
             let (i, n) = (at(0)?, at(1)?);
-            let twice = binary(O::Multiply, Node::float(2.0), n.clone());
+            let twice = binary(O::Multiply, number(2.0), n.clone());
             let of = binary(O::Multiply, binary(O::Multiply, twice, n), i.clone());
             binary(O::Subtract, i, of)
         }
         ("faceforward", Ty::Scalar(_)) => {
             let n = at(0)?;
             let product = binary(O::Multiply, at(1)?, at(2)?);
-            let is_less = binary(O::Less, product, Node::float(0.0));
+            let is_less = binary(O::Less, product, number(0.0));
             Node::choose(is_less, n.clone(), Node::unary(UnaryOperator::Negate, n))
         }
         // Both as vectors of one component that matters.
@@ -724,11 +728,12 @@ fn replacement(name: &str, values: &[Node], first: Option<&Ty>, result: &Ty) -> 
             let ty = Ty::Vector(Component::Float, 2);
             let vector = |x: Node| Node::construct(&ty, vec![x, Node::float(0.0)]);
             let all = vec![vector(at(0)?), vector(at(1)?), at(2)?];
-            Node::own("refract", all).component(0)
+            Node::math(MathFunction::Refract, all).component(0)
         }
         // The IR's functions count in the type of their argument.
         ("bitCount" | "findLSB" | "findMSB", of) if of.kind() == Some(Component::Uint) => {
-            Node::convert(result, Node::own(name, vec![at(0)?]))
+            let count = functions::named(name)?.meaning;
+            Node::convert(result, Node::built_in(count, vec![at(0)?]))
         }
         // A choice of one evaluates the other not.
         ("mix", Ty::Scalar(Component::Bool)) => Node::choose(at(2)?, at(1)?, at(0)?),
@@ -739,10 +744,10 @@ fn replacement(name: &str, values: &[Node], first: Option<&Ty>, result: &Ty) -> 
         }
         // WGSL lacks both. Test the bits, which no compiler treats as a constant.
         ("isnan" | "isinf", of) => {
-            let bits = Node::own("floatBitsToUint", vec![at(0)?]);
-            let (function, operator) = match name {
-                "isnan" => ("greaterThan", O::Greater),
-                _ => ("equal", O::Equal),
+            let bits = Node::built_in(Meaning::Bits(ScalarKind::Uint), vec![at(0)?]);
+            let operator = match name {
+                "isnan" => O::Greater,
+                _ => O::Equal,
             };
             let of_each = |n: u32| match of {
                 Ty::Vector(_, size) => {
@@ -751,21 +756,9 @@ fn replacement(name: &str, values: &[Node], first: Option<&Ty>, result: &Ty) -> 
                 _ => Node::uint(n),
             };
             let magnitude = binary(O::And, bits, of_each(0x7FFF_FFFF));
-            let infinite = of_each(0x7F80_0000);
-            match of {
-                Ty::Vector(..) => Node::own(function, vec![magnitude, infinite]),
-                _ => binary(operator, magnitude, infinite),
-            }
+            let both = vec![magnitude, of_each(0x7F80_0000)];
+            Node::built_in(Meaning::Operator(operator), both)
         }
         _ => return None,
     })
-}
-
-/// Rejects built-in functions that WebGPU or the IR lacks.
-fn check_supported(name: &str, place: Option<Span>) -> Result<(), Error> {
-    unsupported::refuse(name, place)?;
-    match functions::meaning(name).is_some() || name.starts_with("image") {
-        true => Ok(()),
-        false => Err(unsupported(format!("there is no function `{name}`"), place)),
-    }
 }

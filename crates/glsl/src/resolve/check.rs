@@ -7,8 +7,9 @@ use naga::Span;
 use super::Resolver;
 use super::expression::Ex;
 use super::overload::{conversion, is_same};
+use crate::errors::wrong;
 use crate::ty::{Component, Ty};
-use shader_text::error::{Code, Error};
+use shader_text::error::Error;
 
 /// The type with its article.
 pub(super) fn a(ty: &Ty) -> String {
@@ -24,7 +25,7 @@ pub(super) fn a(ty: &Ty) -> String {
 /// Whether the type is not known here.
 fn is_open(ty: &Ty) -> bool {
     match ty {
-        Ty::Unknown | Ty::Opaque(_) => true,
+        Ty::Opaque(_) => true,
         Ty::Array(of, n) => n.is_none() || is_open(of),
         _ => false,
     }
@@ -95,11 +96,10 @@ impl Resolver<'_, '_> {
     ) -> Result<(), Error> {
         match fits(op, left, right) {
             true => Ok(()),
-            false => Err(Error::new(
-                Code::Parse,
+            false => Err(wrong(
                 format!("`{word}` does not accept {} and {}", a(left), a(right)),
-            )
-            .label_if(place)),
+                place,
+            )),
         }
     }
 
@@ -112,7 +112,7 @@ impl Resolver<'_, '_> {
             Ty::Void => format!("this returns nothing, but {} is expected", a(to)),
             _ => format!("{} is given, but {} is expected", a(from), a(to)),
         };
-        let error = Error::new(Code::Parse, message).label_if(place);
+        let error = wrong(message, place);
         let asked = to.kind().is_some() && from.kind().is_some();
         let smaller = from
             .components()
@@ -128,11 +128,10 @@ impl Resolver<'_, '_> {
     pub(super) fn check_condition(&self, of: &Ex, place: Option<Span>) -> Result<(), Error> {
         match is_open(&of.ty) || of.ty == Ty::BOOL {
             true => Ok(()),
-            false => Err(Error::new(
-                Code::Parse,
+            false => Err(wrong(
                 format!("a condition must be a bool, but this is {}", a(&of.ty)),
-            )
-            .label_if(place)),
+                place,
+            )),
         }
     }
 
@@ -146,10 +145,7 @@ impl Resolver<'_, '_> {
             };
         match fits {
             true => Ok(()),
-            false => Err(
-                Error::new(Code::Parse, format!("`{word}` does not accept {}", a(of)))
-                    .label_if(place),
-            ),
+            false => Err(wrong(format!("`{word}` does not accept {}", a(of)), place)),
         }
     }
 
@@ -160,7 +156,7 @@ impl Resolver<'_, '_> {
         index: &Ty,
         place: Option<Span>,
     ) -> Result<(), Error> {
-        let has = is_open(of) || matches!(of, Ty::Array(..) | Ty::Vector(..) | Ty::Matrix(..));
+        let has = matches!(of, Ty::Array(..) | Ty::Vector(..) | Ty::Matrix(..));
         let message = match (
             has,
             is_open(index) || *index == Ty::INT || *index == Ty::UINT,
@@ -172,7 +168,7 @@ impl Resolver<'_, '_> {
                 a(index)
             ),
         };
-        Err(Error::new(Code::Parse, message).label_if(place))
+        Err(wrong(message, place))
     }
 
     /// Checks a constructor's arguments (GLSL 4.60, 5.4).
@@ -186,7 +182,7 @@ impl Resolver<'_, '_> {
         let wrong = |why: String| {
             let types: Vec<String> = given.iter().map(Ty::name).collect();
             let message = format!("`{}({})`: {why}", ty.name(), types.join(", "));
-            Err(Error::new(Code::Parse, message).label_if(place))
+            Err(wrong(message, place))
         };
         if given.iter().any(is_open) {
             return Ok(());

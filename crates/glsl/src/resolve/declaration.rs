@@ -7,11 +7,13 @@ use naga_edit::declared;
 
 use super::fold::Folds;
 use super::{Pair, Resolver, Var};
+use crate::built_ins;
+use crate::errors::unsupported;
 use crate::formats::format_named;
 use crate::interface::{BindingSlot, handles};
-use crate::stage::{Block, Global as AstGlobal, Storage, Variable, unsupported};
+use crate::stage::{Block, Global as AstGlobal, Storage, Variable};
 use crate::tree::{
-    self, BlockTy, Global, GlobalId, GlobalKind, HandleTy, Kind, Member, Node, Statement, StructTy,
+    BlockTy, GlobalId, GlobalKind, HandleTy, Kind, Member, Node, Statement, StructTy,
 };
 use crate::ty::{BlockEntry, GlslMember, MemoryLayout, Rules, Ty, stored};
 use shader_text::error::Error;
@@ -33,7 +35,7 @@ impl Resolver<'_, '_> {
         if self.clip == ClipSpace::OpenGl
             && self.is_vertex()
             && self.stage.used.contains("gl_Position")
-            && let Some(own) = tree::own_variable("gl_Position", self.stage.kind)
+            && let Some(own) = built_ins::plain("gl_Position", self.stage.kind)
         {
             // z = (z + w) / 2
             let position = Node::new(Kind::BuiltIn(own));
@@ -103,11 +105,7 @@ impl Resolver<'_, '_> {
         kind: GlobalKind,
         place: Option<Span>,
     ) -> Node {
-        let (id, node) = self.global_node(Global {
-            name,
-            kind,
-            span: place.unwrap_or_default(),
-        });
+        let (id, node) = self.global_node(name, kind, place);
         self.out.declared.push(id);
         node
     }
@@ -193,11 +191,7 @@ impl Resolver<'_, '_> {
             binding: (space != AddressSpace::Immediate).then(|| bound(slot.unwrap_or_default())),
             length: block.array,
         });
-        let (id, node) = self.global_node(Global {
-            name: instance.clone(),
-            kind,
-            span: block.place.unwrap_or_default(),
-        });
+        let (id, node) = self.global_node(instance.clone(), kind, block.place);
         let fixed = match storage {
             true if memory.contains(&"readonly") => Some("in a readonly block"),
             true => None,
@@ -298,11 +292,7 @@ impl Resolver<'_, '_> {
             length: None,
             is_open: false,
         });
-        let (id, node) = self.global_node(Global {
-            name: Some(instance),
-            kind,
-            span: Span::UNDEFINED,
-        });
+        let (id, node) = self.global_node(Some(instance), kind, None);
         for uniform in self.stage.uniforms.clone() {
             let path = self
                 .stage
@@ -371,11 +361,7 @@ impl Resolver<'_, '_> {
                 }
             }
         };
-        let (id, node) = self.global_node(Global {
-            name: Some(name),
-            kind,
-            span: global.place.unwrap_or_default(),
-        });
+        let (id, node) = self.global_node(Some(name), kind, global.place);
         if is_used {
             self.out.declared.push(id);
         }

@@ -119,7 +119,7 @@ impl Resolver<'_, '_> {
     /// Makes a value that may be evaluated several times. Also returns the assignment to evaluate
     /// first.
     pub(super) fn once(&mut self, value: &Ex) -> (Option<Node>, Ex) {
-        if value.node.is_path() || matches!(value.ty, Ty::Unknown) {
+        if value.node.is_path() {
             return (None, value.clone());
         }
         match self.temporary(&value.ty) {
@@ -278,7 +278,7 @@ impl Resolver<'_, '_> {
 
     /// A by-value argument, held in a temporary if later arguments have side effects.
     pub(super) fn in_order(&mut self, of: &Expr, value: Ex) -> Result<Argument, Error> {
-        if is_literal(of) || matches!(value.ty, Ty::Unknown) {
+        if is_literal(of) {
             return Ok(Argument::of(value.node));
         }
         let held = self.needed(&value.ty, self.place(of.span))?;

@@ -10,8 +10,9 @@ use super::fold::Folds;
 use super::{Pair, Resolver, Var, check};
 use crate::built_ins;
 use crate::constant::{self, ConstantValue};
-use crate::stage::{initial_length, unsupported};
-use crate::tree::{self, Kind, Node};
+use crate::errors::{unsupported, wrong};
+use crate::stage::initial_length;
+use crate::tree::{Kind, Node};
 use crate::ty::{Component, MemoryLayout, Ty};
 use shader_text::error::{Code, Error};
 use shader_text::unsupported;
@@ -169,7 +170,7 @@ impl Resolver<'_, '_> {
                 check::a(&a.ty),
                 check::a(&b.ty)
             );
-            return Err(Error::new(Code::Parse, message).label_if(place));
+            return Err(wrong(message, place));
         }
         let ty = match (a.ty.kind(), b.ty.kind()) {
             (Some(x), Some(y)) if x.power() < y.power() => b.ty.clone(),
@@ -186,11 +187,10 @@ impl Resolver<'_, '_> {
         if name.starts_with("gl_") {
             return self.own_variable(name, expr);
         }
-        Err(Error::new(
-            shader_text::error::Code::Parse,
+        Err(wrong(
             format!("`{name}` is not declared"),
-        )
-        .label_if(self.place(expr.span)))
+            self.place(expr.span),
+        ))
     }
 
     pub(super) fn of_var(&self, var: &Var) -> Ex {
@@ -239,15 +239,15 @@ impl Resolver<'_, '_> {
             }
             _ => {}
         }
-        if let Some(own) = tree::own_variable(name, self.stage.kind) {
+        if let Some(own) = built_ins::plain(name, self.stage.kind) {
             let ex = Ex::new(Node::new(Kind::BuiltIn(own)), own.ty.clone());
             return Ok(match own.ty {
                 Ty::UINT => ex.converted(&Ty::INT),
                 _ => ex,
             });
         }
-        if built_ins::variable(name, self.stage.kind).is_some() {
-            return Ok(self.built_in(name));
+        if let Some(variable) = built_ins::declared(name, self.stage.kind) {
+            return Ok(self.built_in(name, variable));
         }
         unsupported::refuse(name, place)?;
         Err(unsupported(
@@ -257,10 +257,7 @@ impl Resolver<'_, '_> {
     }
 
     /// A built-in that is declared as an input or output of ours. Arrays keep their index.
-    fn built_in(&mut self, name: &str) -> Ex {
-        let Some(variable) = built_ins::variable(name, self.stage.kind) else {
-            return Ex::new(Node::int(0), Ty::Unknown);
-        };
+    fn built_in(&mut self, name: &str, variable: &built_ins::Variable) -> Ex {
         let of = variable.first_name();
         let mut ex = self.standin(of, of.trim_start_matches("gl_"));
         match of {
@@ -514,11 +511,10 @@ impl Resolver<'_, '_> {
                     .get(&of)
                     .and_then(|s| s.members.iter().find(|m| m.name == name).cloned());
                 let Some(member) = member else {
-                    return Err(Error::new(
-                        shader_text::error::Code::Parse,
+                    return Err(wrong(
                         format!("the struct `{of}` has no member `{name}`"),
-                    )
-                    .label_if(self.place(whole.span)));
+                        self.place(whole.span),
+                    ));
                 };
                 let mut ex = Ex::new(base.node.field(name), member.ty);
                 ex.lay = self.stage.structs.member_lay(&of, base.lay);
@@ -534,7 +530,12 @@ impl Resolver<'_, '_> {
                 }
             }
             Ty::Vector(..) => self.components_of(base, of_expr, name, self.place(whole.span))?,
-            _ => Ex::new(base.node.field(name), Ty::Unknown),
+            _ => {
+                return Err(wrong(
+                    format!("{} has no members", check::a(&base.ty)),
+                    self.place(whole.span),
+                ));
+            }
         };
         Ok(ex.folding(folds))
     }
@@ -672,7 +673,7 @@ pub(super) fn element(base: &Ex, index: &Node) -> Ex {
             (Ty::Vector(*k, *rows), padded.then_some(2))
         }
         Ty::Vector(k, _) => (Ty::Scalar(*k), None),
-        _ => (Ty::Unknown, None),
+        other => (other.clone(), None),
     };
     let node = match padded {
         Some(n) => node.swizzle(0..n),
@@ -734,7 +735,6 @@ pub(super) fn compound(op: &A) -> Option<B> {
 
 fn wider(a: &Ty, b: &Ty) -> Ty {
     match (a, b) {
-        (Ty::Unknown, _) | (_, Ty::Unknown) => Ty::Unknown,
         (Ty::Scalar(_), other) => other.clone(),
         (other, _) => other.clone(),
     }

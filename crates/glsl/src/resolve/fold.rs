@@ -125,7 +125,7 @@ impl Resolver<'_, '_> {
     /// The value by way of a variable, if one can be declared here.
     pub(super) fn hidden(&mut self, ex: Ex) -> (Option<Node>, Ex) {
         let held = match &ex.ty {
-            Ty::Unknown | Ty::Opaque(_) => None,
+            Ty::Opaque(_) => None,
             ty => self.temporary(ty),
         };
         match held {

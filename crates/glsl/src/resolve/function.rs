@@ -6,8 +6,9 @@ use glsl_lang::ast::{self, FunctionParameterDeclarationData as P};
 
 use super::{Pair, Resolver, Var};
 use crate::constant;
+use crate::errors::unsupported;
 use crate::interface::{flat, handles};
-use crate::stage::{Signature, Storage, unsupported};
+use crate::stage::{Signature, Storage};
 use crate::tree::{
     Function, FunctionId, HandleTy, Kind, Node, Parameter, ParameterTy, Statement,
     StatementKind as S,

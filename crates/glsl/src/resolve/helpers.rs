@@ -1,6 +1,6 @@
 //! Functions that GLSL has and the IR lacks, written out.
 
-use naga::{BinaryOperator as O, Span};
+use naga::{BinaryOperator as O, MathFunction, Span};
 
 use super::Resolver;
 use crate::tree::{
@@ -104,7 +104,7 @@ impl Resolver<'_, '_> {
 pub(super) fn modf(mut helper: Helper, ty: &Ty) -> Helper {
     let x = helper.parameter("x", ty);
     let whole = helper.out("whole", ty);
-    helper.assign(&whole, Node::own("trunc", vec![x.clone()]));
+    helper.assign(&whole, Node::math(MathFunction::Trunc, vec![x.clone()]));
     helper.returns(Node::binary(O::Subtract, x, whole));
     helper
 }
@@ -116,7 +116,7 @@ fn less(ty: &Ty, a: Node, b: Node) -> Node {
             let is_less = Node::binary(O::Less, a, b);
             Node::choose(is_less, Node::uint(1), Node::uint(0))
         }
-        _ => Node::convert(ty, Node::own("lessThan", vec![a, b])),
+        _ => Node::convert(ty, Node::binary(O::Less, a, b)),
     }
 }
 

@@ -5,7 +5,6 @@
 //! `overload` for overload resolution, `texture` for texture functions, `check` for type checks,
 //! `store` for block layouts, `effect` for the order of evaluation, and `fold` for constants.
 
-mod builtin;
 mod call;
 mod check;
 mod declaration;
@@ -28,7 +27,9 @@ use naga::{ShaderStage, Span};
 use self::fold::Folds;
 use super::interface::Interface;
 use super::stage::GlslStage;
-use super::tree::{FunctionId, Global, GlobalId, Kind, Local, LocalId, Node, Stage, Statement};
+use super::tree::{
+    FunctionId, Global, GlobalId, GlobalKind, Kind, Local, LocalId, Node, Stage, Statement,
+};
 use super::ty::{MemoryLayout, Ty};
 use shader_text::error::Error;
 use shader_text::options::ClipSpace;
@@ -120,7 +121,7 @@ pub(super) struct Resolver<'a, 'u> {
     /// The current function's result type.
     result: Ty,
     /// The globals that replace `gl_FragColor`, `gl_PointSize` and others.
-    standins: BTreeMap<&'static str, GlobalId>,
+    standins: BTreeMap<&'static str, (GlobalId, Ty)>,
     /// Elements of `gl_ClipDistance` in use.
     clip_distances: u32,
     /// The outputs of `gl_FragData` in use.
@@ -214,9 +215,15 @@ impl Resolver<'_, '_> {
     }
 
     /// Adds a global, which [`Stage::declared`] must list to be declared.
-    fn global_node(&mut self, global: Global) -> (GlobalId, Node) {
+    fn global_node(
+        &mut self,
+        name: Option<String>,
+        kind: GlobalKind,
+        place: Option<Span>,
+    ) -> (GlobalId, Node) {
         let id = GlobalId(self.out.globals.len());
-        self.out.globals.push(global);
+        let span = place.unwrap_or_default();
+        self.out.globals.push(Global { name, kind, span });
         (id, Node::new(Kind::Global(id)))
     }
 

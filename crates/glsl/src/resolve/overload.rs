@@ -3,9 +3,10 @@
 use naga::Span;
 
 use super::Resolver;
+use crate::errors::wrong;
 use crate::stage::{Signature, Storage};
 use crate::ty::{Component, Ty};
-use shader_text::error::{Code, Error};
+use shader_text::error::Error;
 
 /// The conversion of an argument.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -15,8 +16,6 @@ pub(super) enum Conversion {
     IntToFloat,
     IntToDouble,
     Other,
-    /// The type is not known here.
-    Open,
 }
 
 impl Conversion {
@@ -50,9 +49,6 @@ pub(super) fn conversion(from: &Ty, to: &Ty, implicit: bool) -> Option<Conversio
     if is_same(from, to) {
         return Some(Conversion::Exact);
     }
-    if matches!(from, Ty::Unknown) || matches!(to, Ty::Unknown) {
-        return Some(Conversion::Open);
-    }
     let (a, b) = (from.kind()?, to.kind()?);
     if !implicit || from.with_kind(b) != *to {
         return None;
@@ -77,8 +73,7 @@ fn conversions(signature: &Signature, given: &[&Ty], implicit: bool) -> Option<V
     each.map(|((storage, to), from)| match storage {
         Storage::Out => conversion(to, from, implicit),
         // In both directions.
-        Storage::InOut => conversion(from, to, implicit)
-            .filter(|c| matches!(c, Conversion::Exact | Conversion::Open)),
+        Storage::InOut => conversion(from, to, implicit).filter(|c| *c == Conversion::Exact),
         _ => conversion(from, to, implicit),
     })
     .collect()
@@ -156,22 +151,18 @@ impl Resolver<'_, '_> {
         let implicit = self.is_implicit();
         match choose(signatures, &given, implicit) {
             OverloadChoice::One(i) => Ok(i),
-            // With an unknown type, take the first.
-            OverloadChoice::Several(which) if given.contains(&&Ty::Unknown) => Ok(which[0]),
-            OverloadChoice::Several(which) => Err(Error::new(
-                Code::Parse,
+            OverloadChoice::Several(which) => Err(wrong(
                 format!(
                     "`{name}` with ({}) is ambiguous: {}",
                     called(),
                     list(&which)
                 ),
+                place,
             )
-            .label_if(place)
             .note("convert an argument, so that one of them fits best")),
             OverloadChoice::None => {
                 let all: Vec<usize> = (0..signatures.len()).collect();
-                let error = Error::new(Code::Parse, format!("no `{name}` takes ({})", called()))
-                    .label_if(place)
+                let error = wrong(format!("no `{name}` takes ({})", called()), place)
                     .note(format!("there is {}", list(&all)));
                 let would = !implicit && choose(signatures, &given, true) != OverloadChoice::None;
                 Err(match would {

@@ -1,13 +1,14 @@
 //! Resolves inputs and outputs, and the globals that stand for built-in variables.
 
-use naga::{Binding, Interpolation, Sampling, Span};
+use naga::{Binding, Interpolation, Sampling};
 
 use super::expression::Ex;
 use super::{Resolver, Var};
 use crate::built_ins;
+use crate::errors::unsupported;
 use crate::interface::{flat, index};
-use crate::stage::{Variable, unsupported};
-use crate::tree::{Global, GlobalId, GlobalKind, Kind, Node, Statement};
+use crate::stage::Variable;
+use crate::tree::{GlobalId, GlobalKind, Kind, Node, Statement};
 use crate::ty::{Component, Leaf, Ty};
 use shader_text::error::Error;
 
@@ -71,12 +72,9 @@ impl Resolver<'_, '_> {
     /// A varying that no function uses.
     fn unused(&mut self, name: &str, variable: &Variable) -> Node {
         let ty = variable.ty.clone();
-        let global = Global {
-            name: Some(name.to_owned()),
-            kind: GlobalKind::Variable { ty, init: None },
-            span: variable.place.unwrap_or_default(),
-        };
-        self.global_node(global).1
+        let kind = GlobalKind::Variable { ty, init: None };
+        self.global_node(Some(name.to_owned()), kind, variable.place)
+            .1
     }
 
     /// A target of less than four components. WebGPU needs all of them. OpenGL leaves the rest
@@ -195,51 +193,51 @@ impl Resolver<'_, '_> {
 
     /// The global that stands for a built-in.
     pub(super) fn standin(&mut self, of: &'static str, wanted: &str) -> Ex {
-        let id = match self.standins.get(of) {
-            Some(id) => *id,
+        let (id, ty) = match self.standins.get(of) {
+            Some(known) => known.clone(),
             None => {
                 let name = self.fresh(wanted);
-                let kind = self.standin_kind(of, &name);
-                let (id, _) = self.global_node(Global {
-                    name: Some(name),
-                    kind,
-                    span: Span::UNDEFINED,
-                });
-                self.standins.insert(of, id);
-                id
+                let (ty, kind) = self.standin_kind(of, &name);
+                let (id, _) = self.global_node(Some(name), kind, None);
+                self.standins.insert(of, (id, ty.clone()));
+                (id, ty)
             }
-        };
-        let ty = match &self.out.globals[id.0].kind {
-            GlobalKind::Port { ty, .. } | GlobalKind::Variable { ty, .. } => ty.clone(),
-            _ => Ty::Unknown,
         };
         Ex::new(Node::new(Kind::Global(id)), ty)
     }
 
-    fn standin_kind(&self, of: &'static str, name: &str) -> GlobalKind {
+    fn standin_kind(&self, of: &'static str, name: &str) -> (Ty, GlobalKind) {
         let array = |of: Ty, n: u32| Ty::Array(Box::new(of), Some(n.into()));
-        let variable = |ty, init| GlobalKind::Variable { ty, init };
-        match (of, built_ins::variable(of, self.stage.kind)) {
-            ("gl_FragColor", _) => GlobalKind::Port {
-                ty: Ty::Vector(Component::Float, 4),
-                is_output: true,
-                binding: at_location(0),
-                name: name.to_owned(),
-            },
+        let (ty, init, port) = match (of, built_ins::declared(of, self.stage.kind)) {
+            ("gl_FragColor", _) => {
+                let ty = Ty::Vector(Component::Float, 4);
+                (ty, None, Some((true, at_location(0))))
+            }
             ("gl_SampleMask", _) => {
                 let ty = array(Ty::INT, 1);
                 let init = Node::construct(&ty, vec![Node::int(-1)]);
-                variable(ty, Some(init))
+                (ty, Some(init), None)
             }
-            ("gl_ClipDistance", _) => variable(array(Ty::FLOAT, 1), None),
-            (_, Some(own)) => GlobalKind::Port {
-                ty: Ty::named(own.ty),
-                is_output: false,
-                binding: Binding::BuiltIn(own.built_in),
+            ("gl_ClipDistance", _) => (array(Ty::FLOAT, 1), None, None),
+            (_, Some(own)) => {
+                let binding = Binding::BuiltIn(own.built_in);
+                (own.ty.clone(), None, Some((false, binding)))
+            }
+            (_, None) => (Ty::FLOAT, None, None),
+        };
+        let kind = match port {
+            Some((is_output, binding)) => GlobalKind::Port {
+                ty: ty.clone(),
+                is_output,
+                binding,
                 name: name.to_owned(),
             },
-            (_, None) => variable(Ty::FLOAT, None),
-        }
+            None => GlobalKind::Variable {
+                ty: ty.clone(),
+                init,
+            },
+        };
+        (ty, kind)
     }
 
     /// The output beside the array of a built-in.
@@ -249,22 +247,21 @@ impl Resolver<'_, '_> {
         if let Some(at) = known.clone().position(|g| g.name.as_ref() == Some(&name)) {
             return Node::new(Kind::Global(GlobalId(at)));
         }
-        let built_in = built_ins::variable(of, self.stage.kind);
+        let built_in = built_ins::declared(of, self.stage.kind);
         let kind = GlobalKind::Port {
             ty: Ty::UINT,
             is_output: true,
             binding: built_in.map_or(at_location(0), |own| Binding::BuiltIn(own.built_in)),
             name: name.clone(),
         };
-        let span = Span::UNDEFINED;
         let name = Some(name);
-        self.global_node(Global { name, kind, span }).1
+        self.global_node(name, kind, None).1
     }
 
     /// The globals for `gl_FragColor` and other names that the IR lacks.
     pub(super) fn standins_declared(&mut self) -> Vec<GlobalId> {
         let mut out = Vec::new();
-        for (of, id) in self.standins.clone() {
+        for (of, (id, _)) in self.standins.clone() {
             out.push(id);
             match of {
                 "gl_SampleMask" => {
@@ -307,9 +304,8 @@ impl Resolver<'_, '_> {
                     binding: at_location(target),
                     name: name.clone(),
                 };
-                let span = Span::UNDEFINED;
                 let name = Some(name);
-                let (id, _) = self.global_node(Global { name, kind, span });
+                let (id, _) = self.global_node(name, kind, None);
                 self.targets.insert(target, id);
                 id
             }

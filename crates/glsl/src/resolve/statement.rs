@@ -11,7 +11,8 @@ use naga::{Span, UnaryOperator};
 
 use super::expression::Ex;
 use super::{Resolver, Var, effect};
-use crate::stage::{Storage, simple, unsupported};
+use crate::errors::{unsupported, wrong};
+use crate::stage::{Storage, simple};
 use crate::tree::{Case, Node, Statement, StatementKind as S};
 use crate::ty::Ty;
 use crate::{constant, operations};
@@ -66,8 +67,7 @@ impl Resolver<'_, '_> {
                     let ex = self.expr(e)?;
                     let result = self.result.clone();
                     if result == Ty::Void {
-                        return Err(Error::new(Code::Parse, "this function returns nothing")
-                            .label_if(self.place(e.span)));
+                        return Err(wrong("this function returns nothing", self.place(e.span)));
                     }
                     self.check_given(&ex.ty, &result, self.place(e.span))?;
                     S::Return(Some(self.coerce(ex, &result).node))
@@ -439,7 +439,7 @@ impl Resolver<'_, '_> {
         }
         if constant && init.is_none() {
             let message = format!("the constant `{author}` has no value");
-            return Err(Error::new(Code::Parse, message).label_if(place));
+            return Err(wrong(message, place));
         }
         // Unreachable initialisers never run; constants need theirs.
         let given = init.filter(|_| constant || !self.unreached);
@@ -452,7 +452,7 @@ impl Resolver<'_, '_> {
         let fixed = constant.then_some("a constant");
         if self.scopes.last().is_some_and(|s| s.contains_key(author)) {
             let message = format!("`{author}` is declared twice");
-            return Err(Error::new(Code::Parse, message).label_if(place));
+            return Err(wrong(message, place));
         }
         let local = self.add_local(author, ty.clone());
         self.bind(author, Var::plain(Node::local(local), ty).fixed(fixed));

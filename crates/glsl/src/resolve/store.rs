@@ -2,16 +2,17 @@
 //! and structs of these. Also writes targets by component where the IR has no pointer to them.
 
 use glsl_lang::ast::{AssignmentOpData, BinaryOpData, Expr, ExprData};
-use naga::{BinaryOperator, Span};
+use naga::{BinaryOperator, MathFunction, Span};
 
 use super::Resolver;
 use super::effect::{after, is_literal};
 use super::expression::{Ex, compound, element, operator, splat};
 use super::fold::Folds;
-use crate::stage::unsupported;
+use crate::errors::{unsupported, wrong};
+use crate::functions::Meaning;
 use crate::tree::{Kind, Node};
 use crate::ty::{BlockEntry, Component, GlslMember, MemoryLayout, Struct, Ty};
-use shader_text::error::{Code, Error};
+use shader_text::error::Error;
 use shader_text::unsupported;
 
 impl Resolver<'_, '_> {
@@ -115,7 +116,10 @@ impl Resolver<'_, '_> {
             )),
             Ty::Vector(Component::Bool, n) => {
                 let zero = Node::convert(&Ty::Vector(Component::Uint, *n), Node::uint(0));
-                value(Node::own("notEqual", vec![node.clone(), zero]))
+                value(Node::built_in(
+                    Meaning::Operator(BinaryOperator::NotEqual),
+                    vec![node.clone(), zero],
+                ))
             }
             Ty::Matrix(..) => {
                 let turned = ex.lay.turned(&ex.ty);
@@ -131,7 +135,7 @@ impl Resolver<'_, '_> {
                     _ => node.clone(),
                 };
                 match ex.lay.rows {
-                    true => value(Node::own("transpose", vec![inner])),
+                    true => value(Node::math(MathFunction::Transpose, vec![inner])),
                     false => value(inner),
                 }
             }
@@ -189,7 +193,7 @@ impl Resolver<'_, '_> {
             }
             Ty::Matrix(..) => {
                 let turned = match lay.rows {
-                    true => Node::own("transpose", vec![node.clone()]),
+                    true => Node::math(MathFunction::Transpose, vec![node.clone()]),
                     false => node.clone(),
                 };
                 match lay.stored(&lay.turned(ty)) {
@@ -355,17 +359,15 @@ impl Resolver<'_, '_> {
             }
             ExprData::Bracket(of, _) => return self.check_written(of),
             _ => {
-                return Err(Error::new(Code::Parse, "this cannot be assigned to")
-                    .label_if(self.place(target.span)));
+                return Err(wrong("this cannot be assigned to", self.place(target.span)));
             }
         };
         match fixed {
             None => Ok(()),
-            Some(what) => Err(Error::new(
-                Code::Parse,
+            Some(what) => Err(wrong(
                 format!("`{name}` is {what} and cannot be assigned to"),
-            )
-            .label_if(self.place(target.span))),
+                self.place(target.span),
+            )),
         }
     }
 
@@ -376,7 +378,7 @@ impl Resolver<'_, '_> {
             .as_ref()
             .map_or(&[][..], |(_, numbers)| numbers);
         match (1..numbers.len()).any(|i| numbers[i..].contains(&numbers[i - 1])) {
-            true => Err(Error::new(Code::Parse, "a component appears twice").label_if(place)),
+            true => Err(wrong("a component appears twice", place)),
             false => Ok(()),
         }
     }
@@ -440,7 +442,7 @@ impl Resolver<'_, '_> {
         };
         all.extend(hidden);
         // The target is read when the value is known.
-        let (first, from) = match is_changed && !matches!(from.ty, Ty::Unknown) {
+        let (first, from) = match is_changed {
             true => self.hold(&from, of)?,
             false => (None, from),
         };
@@ -560,11 +562,10 @@ impl Resolver<'_, '_> {
             return Ok(base);
         };
         let numbers = numbers(name, size).ok_or_else(|| {
-            Error::new(
-                Code::Parse,
+            wrong(
                 format!("a {} has no components `{name}`", base.ty.name()),
+                place,
             )
-            .label_if(place)
         })?;
         if let (Some((inner, chosen)), ExprData::Dot(of, _)) = (&base.swizzle, &of.content) {
             let letters = numbers

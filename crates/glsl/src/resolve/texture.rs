@@ -1,18 +1,19 @@
 //! Texture functions of all GLSL versions.
 
 use glsl_lang::ast::Expr;
-use naga::{BinaryOperator as O, Span};
+use naga::{BinaryOperator as O, DerivativeAxis, DerivativeControl, MathFunction, Span};
 
 use super::effect::after;
 use super::expression::Ex;
 use super::{Pair, Resolver};
 use crate::constant;
+use crate::errors::{unsupported, wrong};
+use crate::functions::Meaning;
 use crate::interface::handles;
-use crate::stage::unsupported;
-use crate::tree::{Case, Gather, Global, GlobalKind, Kind, Node, Statement, StatementKind};
+use crate::tree::{Case, Gather, GlobalKind, Kind, Node, Statement, StatementKind};
 use crate::ty::{Component, Ty};
 use crate::version::Dialect;
-use shader_text::error::{Code, Error};
+use shader_text::error::Error;
 use shader_text::unsupported;
 
 /// A texture function.
@@ -259,7 +260,7 @@ impl Resolver<'_, '_> {
         }
         if !shape.takes(&name, &rest) {
             let message = format!("no `{author}` takes these arguments");
-            return Err(Error::new(Code::Parse, message).label_if(place));
+            return Err(wrong(message, place));
         }
         let mut first = Vec::new();
         let projects = matches!(
@@ -297,11 +298,7 @@ impl Resolver<'_, '_> {
                         init: Node::construct(&offset.ty, all),
                         ty: offset.ty.clone(),
                     };
-                    let (id, _) = self.global_node(Global {
-                        name: Some(name),
-                        kind,
-                        span: Span::UNDEFINED,
-                    });
+                    let (id, _) = self.global_node(Some(name), kind, None);
                     self.offsets.push((parts, id));
                     id
                 }
@@ -333,7 +330,7 @@ impl Resolver<'_, '_> {
     ) -> Result<(Option<Node>, Ex), Error> {
         let call = |sampler: Node| {
             let rest = rest.iter().map(|r| r.node.clone());
-            Node::own(name, [sampler].into_iter().chain(rest).collect()).at(place)
+            Node::texture(name, [sampler].into_iter().chain(rest).collect()).at(place)
         };
         let Some((index, pairs)) = &sampler.choice else {
             return Ok((None, Ex::new(call(sampler.node.clone()), result)));
@@ -413,9 +410,6 @@ impl Resolver<'_, '_> {
         let Kind::Global(texture) = *first.texture.kind else {
             return None;
         };
-        if rest.iter().any(|r| r.ty == Ty::Unknown) {
-            return None;
-        }
         // Offsets must stay constants.
         let offset_of = |this: &Self, r: &Ex| match *r.node.kind {
             Kind::Global(id) if this.offsets.iter().any(|(_, of)| *of == id) => {
@@ -456,10 +450,11 @@ impl Resolver<'_, '_> {
                 .cloned();
             inner.truncate(1 + has_offset);
             for (at, axis) in ["dx", "dy"].into_iter().enumerate() {
-                let derivative = if at == 0 { "dFdx" } else { "dFdy" };
-                let mut value = Node::own(derivative, vec![of.clone()]);
+                let along = [DerivativeAxis::X, DerivativeAxis::Y][at];
+                let derivative = Meaning::Derivative(along, DerivativeControl::None);
+                let mut value = Node::built_in(derivative, vec![of.clone()]);
                 if let Some(bias) = &bias {
-                    let factor = Node::own("exp2", vec![bias.clone()]);
+                    let factor = Node::math(MathFunction::Exp2, vec![bias.clone()]);
                     value = Node::binary(O::Multiply, value, factor);
                 }
                 let local = self.add_local(axis, coordinates.clone());
@@ -471,7 +466,7 @@ impl Resolver<'_, '_> {
         let chosen = helper.declare(chosen, None);
         let cases = pairs.iter().enumerate().map(|(i, pair)| {
             let all = [pair.node()].into_iter().chain(inner.iter().cloned());
-            let call = Node::own(&function, all.collect());
+            let call = Node::texture(&function, all.collect());
             Case {
                 value: (i + 1 < pairs.len()).then_some(i as i64),
                 body: vec![

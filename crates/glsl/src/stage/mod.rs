@@ -13,7 +13,8 @@ use super::constant::{self, ConstantValue, Constants, Specialised};
 use super::lengths::Candidate;
 use super::syntax::Unit;
 use super::ty::{Component, GlslMember, Length, Rules, Structs, Ty};
-use shader_text::error::{Code, Error};
+use crate::errors::unsupported;
+use shader_text::error::Error;
 
 mod qualifiers;
 mod reachable;
@@ -175,11 +176,6 @@ fn of_blocks(q: &Qualifiers) -> Option<usize> {
         Some(Storage::Buffer) => Some(1),
         _ => None,
     }
-}
-
-/// An error about an unsupported feature.
-pub(super) fn unsupported(what: impl Into<String>, place: Option<Span>) -> Error {
-    Error::new(Code::Unsupported, what).label_if(place)
 }
 
 impl<'u> GlslStage<'u> {

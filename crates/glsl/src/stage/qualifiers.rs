@@ -7,7 +7,8 @@ use glsl_lang::ast::{
 use naga::{ConservativeDepth, ShaderStage};
 use naga_edit::declared::Precision;
 
-use super::{GlslStage, unsupported};
+use super::GlslStage;
+use crate::errors::unsupported;
 use shader_text::error::Error;
 use shader_text::unsupported;
 

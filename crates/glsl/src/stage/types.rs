@@ -6,7 +6,8 @@ use glsl_lang::ast::{
 use glsl_lang::transpiler::glsl::{FormattingState, show_type_specifier_non_array};
 use naga::Span;
 
-use super::{GlslStage, unsupported};
+use super::GlslStage;
+use crate::errors::unsupported;
 use crate::ty::{GlslMember, Struct, Ty};
 use shader_text::error::{Code, Error};
 use shader_text::unsupported;
