@@ -47,7 +47,6 @@ const CYCLES: &[&str] = &[
     "cli/src: input <-> materials",
     "cli/src: input <-> state",
     "cli/src: promises <-> verify",
-    "crates/glsl/src: constant <-> stage",
     "crates/lab/src: measure::bounds <-> measure::frequency",
     "crates/lab/src: measure::frequency <-> measure::interpolation",
     "crates/lab/src: measure::outputs <-> measure::verify",

@@ -5,7 +5,7 @@ use std::collections::{BTreeSet, HashMap};
 
 use glsl_lang::ast::{BinaryOpData as B, Expr, ExprData, FunIdentifierData, UnaryOpData};
 
-use super::ty::Ty;
+use super::ty::{Component, Ty, spelled};
 
 /// Scalar and vector constants by name, and array lengths by [`length_of`] the array's name.
 #[derive(Clone, Debug, Default)]
@@ -69,6 +69,8 @@ use ConstantValue::{Bool, Float, Int, Uint, Vector};
 
 mod built_in;
 
+pub(super) use built_in::call;
+
 /// The key for an array's length. No name has brackets, so it is unique.
 fn length_of(name: &str) -> String {
     format!("{name}.length()")
@@ -95,7 +97,7 @@ pub(super) fn declare(
     constants.defaults.remove(name);
     constants.defaults.remove(&length_of(name));
     if let Some((value, mut from)) = assumed
-        && let Some(value) = converted(value, ty)
+        && let Some(value) = construct(ty, &[value])
     {
         let value = match (id, value) {
             (Some(id), Int(n)) if constants.raised == Some(id) => Int(n.wrapping_add(1)),
@@ -135,16 +137,8 @@ fn alias_of(e: &Expr, ty: &Ty, constants: &Constants) -> Option<(u32, String)> {
         return None;
     };
     let (value, _) = constants.defaults.get(name.as_str())?;
-    let is_same = converted(value.clone(), ty).as_ref() == Some(value);
+    let is_same = construct(ty, std::slice::from_ref(value)).as_ref() == Some(value);
     constants.specialised(name.as_str()).filter(|_| is_same)
-}
-
-/// Converts the value to `ty`.
-fn converted(value: ConstantValue, ty: &Ty) -> Option<ConstantValue> {
-    match ty {
-        Ty::Scalar(_) | Ty::Vector(..) => call(&ty.name(), &[value]),
-        _ => None,
-    }
 }
 
 /// Evaluates an integer constant expression; `None` for any other expression.
@@ -222,11 +216,19 @@ fn value(expr: &Expr, named: &dyn Fn(&str) -> Option<ConstantValue>) -> Option<C
             _ => None,
         },
         ExprData::FunCall(name, arguments) => {
+            let all = || {
+                arguments
+                    .iter()
+                    .map(of)
+                    .collect::<Option<Vec<ConstantValue>>>()
+            };
             let name = match &name.content {
                 FunIdentifierData::TypeSpecifier(ty) if ty.array_specifier.is_some() => {
                     return None;
                 }
-                FunIdentifierData::TypeSpecifier(ty) => super::stage::spelled(&ty.ty),
+                FunIdentifierData::TypeSpecifier(ty) => {
+                    return construct(&Ty::named(&spelled(&ty.ty)), &all()?);
+                }
                 FunIdentifierData::Expr(callee) => match &callee.content {
                     ExprData::Dot(array, method) if method.as_str() == "length" => {
                         let ExprData::Variable(name) = &array.content else {
@@ -237,8 +239,7 @@ fn value(expr: &Expr, named: &dyn Fn(&str) -> Option<ConstantValue>) -> Option<C
                     _ => name.as_ident()?.to_string(),
                 },
             };
-            let values: Option<Vec<ConstantValue>> = arguments.iter().map(of).collect();
-            call(&name, values?.as_slice())
+            call(&name, &all()?)
         }
         _ => None,
     }
@@ -381,56 +382,14 @@ fn compared<T: PartialOrd>(op: &B, a: &T, b: &T) -> Option<ConstantValue> {
     }))
 }
 
-/// The value of a constructor or of a built-in function. Undefined values are NaN.
-pub(super) fn call(name: &str, values: &[ConstantValue]) -> Option<ConstantValue> {
-    let vector = [
-        ("bvec", "bool"),
-        ("ivec", "int"),
-        ("uvec", "uint"),
-        ("vec", "float"),
-    ]
-    .iter()
-    .find_map(|(prefix, of)| Some((name.strip_prefix(prefix)?.parse::<usize>().ok()?, *of)));
-    if let Some((n, of)) = vector {
-        return constructed(n, of, values);
-    }
-    Some(match (name, values) {
-        ("int" | "uint" | "float" | "bool", [Vector(_)]) => return None,
-        ("int", [v]) => Int(match *v {
-            Int(n) => n,
-            Uint(n) => n as i32,
-            Float(x) => x as i32,
-            Bool(b) => i32::from(b),
-            Vector(_) => return None,
-        }),
-        ("uint", [v]) => Uint(match *v {
-            Int(n) => n as u32,
-            Uint(n) => n,
-            Float(x) => x as u32,
-            Bool(b) => u32::from(b),
-            Vector(_) => return None,
-        }),
-        ("float", [v]) => Float(match *v {
-            Int(n) => n as f32,
-            Uint(n) => n as f32,
-            Float(x) => x,
-            Bool(b) => f32::from(b),
-            Vector(_) => return None,
-        }),
-        ("bool", [v]) => Bool(match *v {
-            Int(n) => n != 0,
-            Uint(n) => n != 0,
-            Float(x) => x != 0.0,
-            Bool(b) => b,
-            Vector(_) => return None,
-        }),
-        _ => return built_in::call(name, values),
-    })
-}
-
-/// A vector of `n` components of type `of`: from one scalar, from a larger vector, or from values
-/// with `n` components in total (4.60, 5.4.2).
-fn constructed(n: usize, of: &str, values: &[ConstantValue]) -> Option<ConstantValue> {
+/// The value of a constructor of a scalar or a vector: from one scalar, from a larger vector, or from
+/// values with as many components in total (4.60, 5.4.2).
+pub(super) fn construct(ty: &Ty, values: &[ConstantValue]) -> Option<ConstantValue> {
+    let (kind, n) = match (ty, values) {
+        (Ty::Scalar(kind), [value]) => return scalar(*kind, value),
+        (Ty::Vector(kind, n), _) => (*kind, usize::from(*n)),
+        _ => return None,
+    };
     let mut parts: Vec<ConstantValue> = Vec::new();
     for value in values {
         match value {
@@ -443,8 +402,29 @@ fn constructed(n: usize, of: &str, values: &[ConstantValue]) -> Option<ConstantV
         [scalar] => parts = vec![scalar.clone(); n],
         _ => {}
     }
-    let parts: Option<Vec<ConstantValue>> = parts.into_iter().map(|p| call(of, &[p])).collect();
-    parts
-        .filter(|p| (2..=4).contains(&n) && p.len() == n)
-        .map(Vector)
+    let parts: Option<Vec<ConstantValue>> = parts.iter().map(|part| scalar(kind, part)).collect();
+    parts.filter(|p| p.len() == n).map(Vector)
+}
+
+/// A scalar of another.
+fn scalar(kind: Component, value: &ConstantValue) -> Option<ConstantValue> {
+    Some(match (kind, value) {
+        (Component::Int, Int(n)) => Int(*n),
+        (Component::Int, Uint(n)) => Int(*n as i32),
+        (Component::Int, Float(x)) => Int(*x as i32),
+        (Component::Int, Bool(b)) => Int(i32::from(*b)),
+        (Component::Uint, Int(n)) => Uint(*n as u32),
+        (Component::Uint, Uint(n)) => Uint(*n),
+        (Component::Uint, Float(x)) => Uint(*x as u32),
+        (Component::Uint, Bool(b)) => Uint(u32::from(*b)),
+        (Component::Float, Int(n)) => Float(*n as f32),
+        (Component::Float, Uint(n)) => Float(*n as f32),
+        (Component::Float, Float(x)) => Float(*x),
+        (Component::Float, Bool(b)) => Float(f32::from(*b)),
+        (Component::Bool, Int(n)) => Bool(*n != 0),
+        (Component::Bool, Uint(n)) => Bool(*n != 0),
+        (Component::Bool, Float(x)) => Bool(*x != 0.0),
+        (Component::Bool, Bool(b)) => Bool(*b),
+        _ => return None,
+    })
 }

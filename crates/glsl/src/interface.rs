@@ -185,7 +185,9 @@ impl Interface {
                             .map(|m| (&m.name, &m.ty))
                             .ne(of.members.iter().map(|m| (&m.name, &m.ty))) =>
                     {
-                        let shared = self.uniforms.iter().any(|u| names(&u.ty, stage, name));
+                        let is_it = |ty: &Ty| matches!(ty, Ty::Struct(of) if of == name);
+                        let mut uniforms = self.uniforms.iter();
+                        let shared = uniforms.any(|u| stage.structs.any(&u.ty, &is_it));
                         if shared {
                             let place = of.members.first().and_then(|m| m.place);
                             return Err(Error::new(
@@ -325,20 +327,6 @@ impl Interface {
 fn carries(output: &Ty, input: &Ty) -> bool {
     let more = output.components() >= input.components() && input.components().is_some();
     output == input || output.kind() == input.kind() && output.kind().is_some() && more
-}
-
-/// Whether a type contains the struct `name`.
-fn names(ty: &Ty, stage: &GlslStage<'_>, name: &str) -> bool {
-    match ty.innermost() {
-        Ty::Struct(of) => {
-            of == name
-                || stage
-                    .structs
-                    .get(of)
-                    .is_some_and(|s| s.members.iter().any(|m| names(&m.ty, stage, name)))
-        }
-        _ => false,
-    }
 }
 
 /// Adds missing structs of `ty` to a stage, inner ones first.

@@ -27,8 +27,6 @@ mod ty;
 mod type_names;
 mod version;
 
-use std::path::Path;
-
 use naga::{EarlyDepthTest, Module, ShaderStage};
 use naga_edit::declared::Declared;
 use shader_text::source::SourceMap;
@@ -36,7 +34,6 @@ use shader_text::source::SourceMap;
 use self::constant::Specialised;
 use self::interface::Interface;
 use self::stage::GlslStage;
-use self::syntax::StageText;
 use self::version::Dialect;
 use naga_edit::{beyond_wgsl, killed_loops, lengths as length_constants, wrapped_main};
 use shader_text::error::Error;
@@ -169,21 +166,8 @@ fn units(
     options: &Options,
     map: &mut SourceMap,
 ) -> Result<Vec<syntax::Unit>, Error> {
-    let mut units = Vec::new();
-    for text in texts {
-        let unit = syntax::parse(
-            &StageText {
-                text: text.text,
-                stage: text.stage,
-                path: Path::new(text.name),
-                base: text.base,
-                options,
-            },
-            map,
-        )?;
-        units.push(unit);
-    }
-    Ok(units)
+    let all = texts.iter().map(|text| syntax::parse(text, options, map));
+    all.collect()
 }
 
 /// Guesses the clip space: OpenGL's, unless the text is Vulkan's GLSL, which has explicit bindings
@@ -267,14 +251,7 @@ pub fn tree(
     text: &Text<'_>,
     map: &mut SourceMap,
 ) -> Result<glsl_lang::ast::TranslationUnit, Error> {
-    let input = StageText {
-        text: text.text,
-        stage: text.stage,
-        path: Path::new(text.name),
-        base: text.base,
-        options: &Options::default(),
-    };
-    syntax::parse(&input, map).map(|unit| unit.tree)
+    syntax::parse(text, &Options::default(), map).map(|unit| unit.tree)
 }
 
 /// Builds a vertex stage that writes all inputs of a fragment stage.
@@ -283,16 +260,7 @@ pub fn vertex_stage_for(
     options: &Options,
     map: &mut SourceMap,
 ) -> Result<String, Error> {
-    let unit = syntax::parse(
-        &StageText {
-            text: text.text,
-            stage: text.stage,
-            path: Path::new(text.name),
-            base: text.base,
-            options,
-        },
-        map,
-    )?;
+    let unit = syntax::parse(text, options, map)?;
     let stage = GlslStage::collect(&unit, ShaderStage::Fragment, None)?;
     let mut out = "#version 450\n".to_owned();
     for name in &stage.structs.order {

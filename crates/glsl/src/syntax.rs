@@ -13,9 +13,10 @@ use glsl_lang::lexer::{HasLexerError, LangLexer, ParseContext, ParseOptions, Tok
 use glsl_lang::parse::{HasParser, LangParser};
 use lang_util::position::{LexerPosition, NodeSpan};
 use lang_util::{FileId, TextSize};
-use naga::{ShaderStage, Span};
+use naga::Span;
 use shader_text::source::SourceMap;
 
+use super::Text;
 use super::include::Files;
 use super::preprocess::{Preprocessed, Task, preprocess};
 use super::ty::Ty;
@@ -73,20 +74,14 @@ fn joined(first: Span, last: Span) -> Span {
     }
 }
 
-/// One stage's text and how to read it.
-pub(super) struct StageText<'a> {
-    pub text: &'a str,
-    pub stage: ShaderStage,
-    /// The file, for relative includes.
-    pub path: &'a Path,
-    /// The file's offset in the source map.
-    pub base: u32,
-    pub options: &'a Options,
-}
-
 /// Preprocesses and parses a stage. Adds included files to `map`.
-pub(super) fn parse(input: &StageText<'_>, map: &mut SourceMap) -> Result<Unit, Error> {
-    let dialect = Dialect::of(input.text, input.path);
+pub(super) fn parse(
+    input: &Text<'_>,
+    options: &Options,
+    map: &mut SourceMap,
+) -> Result<Unit, Error> {
+    let path = Path::new(input.name);
+    let dialect = Dialect::of(input.text, path);
     // In other dialects these names of Vulkan's textures are functions.
     let old = ["texture2D(", "textureCube(", "texture2D (", "texture3D("];
     let has = |word: &str| input.text.contains(word);
@@ -100,8 +95,8 @@ pub(super) fn parse(input: &StageText<'_>, map: &mut SourceMap) -> Result<Unit, 
         Dialect { version, .. } if version >= 420 => has("sampler"),
         Dialect { version, .. } => version == 110 && has("sampler") && !old.into_iter().any(has),
     };
-    let folder = input.path.parent().unwrap_or(Path::new(""));
-    let files = Files::new(input.options);
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let files = Files::new(options);
     // The lexer knows Vulkan's types since 4.60.
     let lexed_version = if vulkan { 460 } else { dialect.version };
     let task = Task {
@@ -110,9 +105,9 @@ pub(super) fn parse(input: &StageText<'_>, map: &mut SourceMap) -> Result<Unit, 
         folder,
         base: input.base,
         dialect,
-        defines: &input.options.defines,
-        vulkan: input.options.clip_space == Some(ClipSpace::AsWritten)
-            || input.path.extension().is_some_and(|e| e == "slang"),
+        defines: &options.defines,
+        vulkan: options.clip_space == Some(ClipSpace::AsWritten)
+            || path.extension().is_some_and(|e| e == "slang"),
         lexed_version,
     };
     let preprocessed = preprocess(&task, &files, map);
@@ -122,16 +117,16 @@ pub(super) fn parse(input: &StageText<'_>, map: &mut SourceMap) -> Result<Unit, 
     let preprocessed = preprocessed?;
     // Macros can nest deeply. The original text has been checked already.
     if preprocessed.is_more {
-        check_nesting(&preprocessed, input.options)?;
+        check_nesting(&preprocessed, options)?;
     }
     let text = preprocessed.text.as_str();
-    let options = ParseOptions {
+    let lexing = ParseOptions {
         default_version: preprocessed.lexed_version,
         target_vulkan: vulkan,
         ..ParseOptions::default()
     };
     let context = ParseContext::default();
-    let lexer = <Lexer<'_> as LangLexer<'_>>::new(text, &options).run(context.clone());
+    let lexer = <Lexer<'_> as LangLexer<'_>>::new(text, &lexing).run(context.clone());
     let mut numbered = Numbered {
         text,
         lexer,
@@ -181,7 +176,7 @@ pub(super) fn parse(input: &StageText<'_>, map: &mut SourceMap) -> Result<Unit, 
             invariant_all: preprocessed.invariant_all,
             asks_for_vulkan: preprocessed.asks_for_vulkan,
             is_nonuniform: preprocessed.is_nonuniform,
-            array_elements: input.options.limits.array_elements.min(1 << 24),
+            array_elements: options.limits.array_elements.min(1 << 24),
             places,
         }),
         Err(error) => Err(explain(error, &places, &span)),

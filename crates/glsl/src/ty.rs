@@ -2,6 +2,8 @@
 
 use std::collections::HashMap;
 
+use glsl_lang::ast::{TypeSpecifierNonArray, TypeSpecifierNonArrayData};
+use glsl_lang::transpiler::glsl::{FormattingState, show_type_specifier_non_array};
 use naga::Span;
 
 use super::tree::Node;
@@ -222,6 +224,21 @@ impl Ty {
     }
 }
 
+/// A type's name as written; `struct` for an inline definition.
+pub(super) fn spelled(ty: &TypeSpecifierNonArray) -> String {
+    match &ty.content {
+        TypeSpecifierNonArrayData::TypeName(name) => name.as_str().to_owned(),
+        TypeSpecifierNonArrayData::Struct(_) => "struct".to_owned(),
+        _ => {
+            let mut name = String::new();
+            let shown =
+                show_type_specifier_non_array(&mut name, ty, &mut FormattingState::default());
+            debug_assert!(shown.is_ok());
+            name
+        }
+    }
+}
+
 /// A member of a struct or block.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct GlslMember {
@@ -358,7 +375,8 @@ impl Structs {
             Ty::Array(of, _) => {
                 let stride = |(align, size): (u32, u32)| size.next_multiple_of(align);
                 let (align, size) = self.std140(of);
-                self.is_std430(of) && stride((align.max(16), size)) == stride(self.std430(of))
+                self.is_std430(of)
+                    && stride((align.max(16), size)) == stride(self.placed(of, true, false))
             }
             Ty::Struct(name) => self.get(name).is_none_or(|s| {
                 let padded = || {
@@ -388,30 +406,31 @@ impl Structs {
         }
     }
 
+    /// Whether the type is, or contains, one that `is` says yes to. Arrays are what their elements are.
+    pub(super) fn any(&self, ty: &Ty, is: &dyn Fn(&Ty) -> bool) -> bool {
+        let ty = ty.innermost();
+        let members = |name: &String| self.get(name).into_iter().flat_map(|of| &of.members);
+        is(ty) || matches!(ty, Ty::Struct(name) if members(name).any(|m| self.any(&m.ty, is)))
+    }
+
     /// Whether the type contains combined samplers.
     pub(super) fn has_samplers(&self, ty: &Ty) -> bool {
-        match ty {
-            Ty::Combined(_) => true,
-            Ty::Array(of, _) => self.has_samplers(of),
-            Ty::Struct(name) => {
-                let of = self.get(name);
-                of.is_some_and(|s| s.members.iter().any(|m| self.has_samplers(&m.ty)))
-            }
-            _ => false,
-        }
+        self.any(ty, &|ty| matches!(ty, Ty::Combined(_)))
     }
 
     /// Whether the type contains anything but samplers.
     pub(super) fn has_data(&self, ty: &Ty) -> bool {
-        match ty {
-            Ty::Combined(_) => false,
-            Ty::Array(of, _) => self.has_data(of),
-            Ty::Struct(name) => {
-                let of = self.get(name);
-                of.is_none_or(|s| s.members.iter().any(|m| self.has_data(&m.ty)))
-            }
-            _ => true,
-        }
+        self.any(ty, &|ty| !matches!(ty, Ty::Combined(_) | Ty::Struct(_)))
+    }
+
+    /// Whether the type contains 16-bit floats.
+    pub(super) fn has_halves(&self, ty: &Ty) -> bool {
+        self.any(ty, &|ty| ty.kind() == Some(Component::Half))
+    }
+
+    /// Whether the type contains a matrix.
+    pub(super) fn has_matrices(&self, ty: &Ty) -> bool {
+        self.any(ty, &|ty| matches!(ty, Ty::Matrix(..)))
     }
 
     /// Lists the samplers in a value at `path`, with path and type: `material.maps[1]`.
@@ -514,92 +533,43 @@ pub(super) enum BlockEntry<'a> {
 
 impl Structs {
     /// Alignment and size in std140 (OpenGL 4.6, 7.6.2.2).
-    pub(super) fn std140(&self, ty: &Ty) -> (u32, u32) {
-        self.std140_by(ty, false)
+    fn std140(&self, ty: &Ty) -> (u32, u32) {
+        self.placed(ty, false, false)
     }
 
-    /// The same for row-major or column-major matrices.
-    pub(super) fn std140_by(&self, ty: &Ty, by_rows: bool) -> (u32, u32) {
+    /// The same by std430, if `tight`, and with row-major matrices.
+    pub(super) fn placed(&self, ty: &Ty, tight: bool, by_rows: bool) -> (u32, u32) {
         let width = |k: &Component| if *k == Component::Double { 8 } else { 4 };
-        let vector = |k: &Component, n: u8| {
-            (
-                width(k) * [1, 2, 4, 4][usize::from(n) - 1],
-                width(k) * u32::from(n),
-            )
-        };
+        let align = |k: &Component, n: u8| width(k) * [1, 2, 4, 4][usize::from(n) - 1];
+        let least = if tight { 1 } else { 16 };
         match ty {
             Ty::Scalar(k) => (width(k), width(k)),
-            Ty::Vector(k, n) => vector(k, *n),
+            Ty::Vector(k, n) => (align(k, *n), width(k) * u32::from(*n)),
             Ty::Matrix(k, columns, rows) => {
                 let (columns, rows) = match by_rows {
                     true => (rows, columns),
                     false => (columns, rows),
                 };
-                let stride = vector(k, *rows).0.max(16);
+                let stride = align(k, *rows).max(least);
                 (stride, stride * u32::from(*columns))
             }
             Ty::Array(of, n) => {
-                let (align, size) = self.std140_by(of, by_rows);
-                let align = align.max(16);
-                (
-                    align,
-                    size.next_multiple_of(align) * n.map_or(1, |length| length.n),
-                )
+                let (align, size) = self.placed(of, tight, by_rows);
+                let align = align.max(least);
+                let length = n.map_or(1, |length| length.n);
+                (align, size.next_multiple_of(align).saturating_mul(length))
             }
             Ty::Struct(name) => {
-                let members = self
-                    .get(name)
-                    .map(|s| s.members.as_slice())
-                    .unwrap_or_default();
-                let mut align = 16;
-                let mut end = 0;
-                for member in members.iter().filter(|m| self.has_data(&m.ty)) {
-                    let (a, size) = self.std140_by(&member.ty, by_rows);
-                    align = align.max(a);
-                    end = u32::next_multiple_of(end, a) + size;
+                let members = self.get(name).into_iter().flat_map(|of| &of.members);
+                let (mut most, mut end) = (least.max(4), 0u32);
+                for member in members.filter(|m| self.has_data(&m.ty)) {
+                    let (align, size) = self.placed(&member.ty, tight, by_rows);
+                    most = most.max(align);
+                    end = end.next_multiple_of(align).saturating_add(size);
                 }
-                (align, end.next_multiple_of(align))
+                (most, end.next_multiple_of(most))
             }
             _ => (16, 16),
-        }
-    }
-
-    /// Alignment and size in std430 (storage blocks, push constants).
-    pub(super) fn std430(&self, ty: &Ty) -> (u32, u32) {
-        self.std430_by(ty, false)
-    }
-
-    /// The same for row-major or column-major matrices.
-    pub(super) fn std430_by(&self, ty: &Ty, by_rows: bool) -> (u32, u32) {
-        match ty {
-            Ty::Array(of, n) => {
-                let (align, size) = self.std430_by(of, by_rows);
-                (
-                    align,
-                    size.next_multiple_of(align)
-                        .saturating_mul(n.map_or(1, |length| length.n)),
-                )
-            }
-            Ty::Matrix(kind, columns, rows) => {
-                let (columns, rows) = match by_rows {
-                    true => (rows, columns),
-                    false => (columns, rows),
-                };
-                let (align, _) = self.std430(&Ty::Vector(*kind, *rows));
-                (align, align * u32::from(*columns))
-            }
-            Ty::Struct(name) => {
-                let members = self.get(name).map(|s| s.members.as_slice());
-                let mut align = 4;
-                let mut end = 0u32;
-                for member in members.unwrap_or_default() {
-                    let (a, size) = self.std430_by(&member.ty, by_rows);
-                    align = align.max(a);
-                    end = end.next_multiple_of(a).saturating_add(size);
-                }
-                (align, end.next_multiple_of(align))
-            }
-            other => self.std140(other),
         }
     }
 
@@ -607,15 +577,21 @@ impl Structs {
     fn built_align(&self, ty: &Ty) -> u32 {
         match ty {
             Ty::Struct(name) => {
-                let members = self
-                    .get(name)
-                    .map(|s| s.members.as_slice())
-                    .unwrap_or_default();
-                let members = members.iter().filter(|m| self.has_data(&m.ty));
+                let members = self.get(name).into_iter().flat_map(|of| &of.members);
+                let members = members.filter(|m| self.has_data(&m.ty));
                 members.map(|m| self.built_align(&m.ty)).max().unwrap_or(4)
             }
             other => self.std140(other).0,
         }
+    }
+
+    /// The data members of a struct as it is declared.
+    pub(super) fn entries<'a>(&self, of: &'a Struct) -> Vec<BlockEntry<'a>> {
+        if of.in_uniform_block {
+            return self.laid_out(&of.members, true);
+        }
+        let data = of.members.iter().filter(|m| self.has_data(&m.ty));
+        data.map(BlockEntry::Member).collect()
     }
 
     /// The data members with the padding that struct alignment needs. `whole` also pads the end to
@@ -644,29 +620,6 @@ impl Structs {
             out.extend((0..rest / 4).map(|_| BlockEntry::Padding));
         }
         out
-    }
-
-    /// Whether the type contains 16-bit floats.
-    pub(super) fn has_halves(&self, ty: &Ty) -> bool {
-        match ty.innermost() {
-            Ty::Struct(name) => {
-                let of = self.get(name);
-                of.is_some_and(|s| s.members.iter().any(|m| self.has_halves(&m.ty)))
-            }
-            other => other.kind() == Some(Component::Half),
-        }
-    }
-
-    /// Whether the type contains a matrix.
-    pub(super) fn has_matrices(&self, ty: &Ty) -> bool {
-        match ty.innermost() {
-            Ty::Matrix(..) => true,
-            Ty::Struct(name) => {
-                let of = self.get(name);
-                of.is_some_and(|s| s.members.iter().any(|m| self.has_matrices(&m.ty)))
-            }
-            _ => false,
-        }
     }
 
     /// Whether the stored type differs from the computed type.

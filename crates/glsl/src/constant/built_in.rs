@@ -6,7 +6,7 @@ use super::ConstantValue::{self, Bool, Float, Int, Uint, Vector};
 use super::{B, alike, scalars};
 
 /// The value of a built-in function; `None` for functions that are not known here.
-pub(super) fn call(name: &str, values: &[ConstantValue]) -> Option<ConstantValue> {
+pub(crate) fn call(name: &str, values: &[ConstantValue]) -> Option<ConstantValue> {
     match name {
         "length" | "distance" | "dot" | "normalize" | "cross" => return geometric(name, values),
         _ => {}

@@ -8,12 +8,13 @@ use super::expression::Ex;
 use super::fold::Folds;
 use super::overload::{OverloadChoice, choose};
 use super::{Pair, Resolver, helpers, texture};
+use crate::constant;
 use crate::errors::{unsupported, wrong};
 use crate::functions::{self, Meaning};
 use crate::operations::{self, Atomic, Subgroup};
-use crate::stage::{Signature, Storage, spelled};
+use crate::stage::{Signature, Storage};
 use crate::tree::{FunctionId, Kind, Node};
-use crate::ty::{BlockEntry, Component, Length, MemoryLayout, Ty};
+use crate::ty::{BlockEntry, Component, Length, MemoryLayout, Ty, spelled};
 use shader_text::error::Error;
 use shader_text::unsupported;
 
@@ -28,8 +29,8 @@ impl Resolver<'_, '_> {
         };
         let global = self.scopes.first().and_then(|s| s.get(&constant.own));
         match global.filter(|_| !self.is_local(&constant.own)) {
-            Some(global) if constant.is_signed => Ex::new(global.node.clone(), Ty::INT),
-            Some(global) => Ex::new(Node::convert(&Ty::INT, global.node.clone()), Ty::INT),
+            Some(global) if constant.is_signed => Ex::new(global.ex.node.clone(), Ty::INT),
+            Some(global) => Ex::new(Node::convert(&Ty::INT, global.ex.node.clone()), Ty::INT),
             // A local variable hides it.
             None => {
                 let fixed = (constant.id, constant.own.clone());
@@ -88,7 +89,7 @@ impl Resolver<'_, '_> {
         let values = self.values(arguments)?;
         let types: Vec<Ty> = values.iter().map(|v| v.ty.clone()).collect();
         self.check_constructor(&ty, &types, place)?;
-        let folds = Folds::of_call(&ty.name(), &values);
+        let folds = Folds::of(&values, |values| constant::construct(&ty, values));
         let ex = match (&ty, &values[..]) {
             (Ty::Combined(name), [texture, sampler]) => {
                 let pair = Pair {
@@ -163,15 +164,10 @@ impl Resolver<'_, '_> {
         place: Option<Span>,
     ) -> Result<Ex, Error> {
         let of = self.stage.structs.get(name).cloned();
-        let (in_uniform_block, members) =
-            of.map_or_else(Default::default, |s| (s.in_uniform_block, s.members));
-        let entries = match in_uniform_block {
-            true => self.stage.structs.laid_out(&members, true),
-            false => members.iter().map(BlockEntry::Member).collect(),
-        };
+        let entries = of.as_ref().map(|of| self.stage.structs.entries(of));
         let (mut first, mut parts) = (Vec::new(), Vec::new());
         let mut values = values.into_iter();
-        for entry in entries {
+        for entry in entries.unwrap_or_default() {
             let BlockEntry::Member(member) = entry else {
                 parts.push(Node::float(0.0));
                 continue;
@@ -283,6 +279,19 @@ impl Resolver<'_, '_> {
         let overload = self.overload(name, signatures, &types, place)?;
         let signature = &signatures[overload];
         self.calls.push((name.to_owned(), overload));
+        let id = self.function_id(name, overload);
+        self.passed(id, signature, arguments, values, place)
+    }
+
+    /// A call of a function of that signature. `values`: see [`Self::argument`].
+    fn passed(
+        &mut self,
+        id: FunctionId,
+        signature: &Signature,
+        arguments: &[Expr],
+        mut values: Vec<Option<Ex>>,
+        place: Option<Span>,
+    ) -> Result<Ex, Error> {
         let structs = &self.stage.structs;
         let copies = |(storage, to): &(Storage, Ty)| {
             *storage != Storage::In && structs.has_data(to) && !structs.has_samplers(to)
@@ -346,7 +355,6 @@ impl Resolver<'_, '_> {
                 parts.push(Argument::of(pair.sampler));
             }
         }
-        let id = self.function_id(name, overload);
         let call = |parts| Node::new(Kind::Call(id, parts));
         self.called(call, signature.result.clone(), parts, place)
     }
@@ -591,37 +599,17 @@ impl Resolver<'_, '_> {
                     .note("naga has no such function: write it yourself"));
             }
         };
-        let result = helper.result().clone();
-        let id = self.add_helper(helper);
         // The last argument is written; for products, the last two.
         let outs = 1 + usize::from(name == "umulExtended");
         let first = arguments.len().saturating_sub(outs);
-        let is_out: Vec<bool> = (0..arguments.len()).map(|i| i >= first).collect();
-        let call_effects = self.call_effects(arguments, is_out);
-        let mut direct = Vec::new();
-        for (i, ty) in types.iter().enumerate() {
-            direct.push(i < first || self.is_direct(&call_effects, i, ty)?);
-        }
-        let in_order = direct.contains(&false) && call_effects.has_effects();
-        let mut parts = Vec::new();
-        for (i, value) in values.into_iter().enumerate() {
-            parts.push(match (direct[i], value) {
-                (false, _) => self.copied(&call_effects, i, &types[i], Storage::Out)?,
-                (true, value) => {
-                    let value = match value {
-                        Some(value) => value,
-                        None => self.raw(&arguments[i])?,
-                    };
-                    let value = self.value(value);
-                    match i < first && in_order {
-                        true => self.in_order(&arguments[i], value)?,
-                        false => Argument::of(value.node),
-                    }
-                }
-            });
-        }
-        let call = |parts| Node::new(Kind::Call(id, parts));
-        self.called(call, result, parts, place)
+        let storage = |i| if i < first { Storage::In } else { Storage::Out };
+        let parameters = types.into_iter().enumerate();
+        let signature = Signature {
+            parameters: parameters.map(|(i, ty)| (storage(i), ty)).collect(),
+            result: helper.result().clone(),
+        };
+        let id = self.add_helper(helper);
+        self.passed(id, &signature, arguments, values, place)
     }
 
     /// The name of a helper function or constant, the same for each purpose.

@@ -76,16 +76,7 @@ impl Resolver<'_, '_> {
             let Some(of) = self.stage.structs.get(&name) else {
                 continue;
             };
-            let entries = match of.in_uniform_block {
-                true => self.stage.structs.laid_out(&of.members, true),
-                false => {
-                    let data = of
-                        .members
-                        .iter()
-                        .filter(|m| self.stage.structs.has_data(&m.ty));
-                    data.map(BlockEntry::Member).collect()
-                }
-            };
+            let entries = self.stage.structs.entries(of);
             let rules = of.in_uniform_block.then_some(Rules::Std140);
             let member = |(i, entry): (usize, BlockEntry<'_>)| match entry {
                 BlockEntry::Member(member) => stored_member(member, rules),
@@ -200,7 +191,7 @@ impl Resolver<'_, '_> {
         for member in &block.members {
             let node = node.field(member.name.as_str());
             let mut var = Var::plain(node, member.ty.clone()).fixed(fixed);
-            var.lay = lay(member);
+            var.ex.lay = lay(member);
             // A block is not a value; only its members are.
             match &block.instance {
                 Some(instance) if block.array.is_some() => {
@@ -299,14 +290,10 @@ impl Resolver<'_, '_> {
                 .structs
                 .has_samplers(&uniform.ty)
                 .then(|| uniform.name.clone());
-            let var = Var {
-                node: node.field(uniform.name.as_str()),
-                ty: uniform.ty.clone(),
-                lay: MemoryLayout::by(Rules::Std140),
-                path,
-                fixed: Some("a uniform"),
-                folds: Folds::No,
-            };
+            let node = node.field(uniform.name.as_str());
+            let mut var = Var::plain(node, uniform.ty.clone()).fixed(Some("a uniform"));
+            var.ex.lay = MemoryLayout::by(Rules::Std140);
+            var.ex.path = path;
             self.bind(&uniform.name, var);
         }
         // A stage only declares the block if it reads from it.
@@ -370,7 +357,7 @@ impl Resolver<'_, '_> {
             self.prologue.push(assigned.at(global.place));
         }
         let mut var = Var::plain(node, global.ty.clone()).fixed(is_const.then_some("a constant"));
-        var.folds = folds;
+        var.ex.folds = folds;
         self.bind(author, var);
         Ok(())
     }

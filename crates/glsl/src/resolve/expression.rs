@@ -194,11 +194,7 @@ impl Resolver<'_, '_> {
     }
 
     pub(super) fn of_var(&self, var: &Var) -> Ex {
-        let mut ex = Ex::new(var.node.clone(), var.ty.clone());
-        ex.folds = var.folds.clone();
-        ex.lay = var.lay;
-        ex.path = var.path.clone();
-        self.with_pair(ex)
+        self.with_pair(var.ex.clone())
     }
 
     /// Adds the texture and sampler of a combined sampler.
@@ -489,7 +485,7 @@ impl Resolver<'_, '_> {
         {
             let index = self.expr(index)?;
             let mut ex = self.of_var(&var);
-            if let Kind::Field(array, member) = &*var.node.kind {
+            if let Kind::Field(array, member) = &*var.ex.node.kind {
                 ex.node = array.element(index.node).field(member.as_str());
             }
             return Ok(ex);
@@ -560,12 +556,12 @@ impl Resolver<'_, '_> {
             return ex;
         }
         if let (Kind::Literal(Literal::I32(n)), Component::Float) = (&*ex.node.kind, to) {
-            let folds = ex.folds.map(|v| constant::call("float", &[v]));
+            let folds = ex.folds.map(|v| constant::construct(&Ty::FLOAT, &[v]));
             return Ex::new(Node::float(*n as f32).at(Some(ex.node.span)), Ty::FLOAT)
                 .folding(folds);
         }
         let ty = ex.ty.with_kind(to);
-        let folds = ex.folds.map(|v| constant::call(&ty.name(), &[v]));
+        let folds = ex.folds.map(|v| constant::construct(&ty, &[v]));
         ex.converted(&ty).folding(folds)
     }
 
@@ -648,7 +644,7 @@ impl Resolver<'_, '_> {
 pub(super) fn splat(ex: Ex, to: &Ty) -> Ex {
     match (&ex.ty, to) {
         (Ty::Scalar(_), Ty::Vector(..)) => {
-            let folds = ex.folds.map(|v| constant::call(&to.name(), &[v]));
+            let folds = ex.folds.map(|v| constant::construct(to, &[v]));
             ex.converted(to).folding(folds)
         }
         _ => ex,

@@ -31,8 +31,11 @@ impl Folds {
         }
     }
 
-    /// Of a call of a constructor or of a built-in function.
-    pub(super) fn of_call(name: &str, arguments: &[Ex]) -> Self {
+    /// What constants become together by `of`.
+    pub(super) fn of(
+        arguments: &[Ex],
+        of: impl FnOnce(&[ConstantValue]) -> Option<ConstantValue>,
+    ) -> Self {
         let mut values = Vec::new();
         for argument in arguments {
             match &argument.folds {
@@ -42,7 +45,7 @@ impl Folds {
             }
         }
         match values.len() == arguments.len() && !arguments.is_empty() {
-            true => constant::call(name, &values).map_or(Self::Unknown, Self::To),
+            true => of(&values).map_or(Self::Unknown, Self::To),
             false => Self::Unknown,
         }
     }
@@ -109,7 +112,7 @@ impl Resolver<'_, '_> {
         name: &str,
         values: &mut [Ex],
     ) -> (Vec<Node>, Folds) {
-        let folds = Folds::of_call(name, values);
+        let folds = Folds::of(values, |values| constant::call(name, values));
         if !folds.is_constant() || folds.finite().is_some() {
             return (Vec::new(), folds);
         }

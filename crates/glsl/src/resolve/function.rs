@@ -130,10 +130,7 @@ impl<'u> Resolver<'_, 'u> {
                 let Some(of) = self.stage.structs.get(name) else {
                     return Node::construct(ty, Vec::new());
                 };
-                let entries = match of.in_uniform_block {
-                    true => self.stage.structs.laid_out(&of.members, true),
-                    false => of.members.iter().map(BlockEntry::Member).collect(),
-                };
+                let entries = self.stage.structs.entries(of);
                 let part = |entry: &BlockEntry<'_>| match entry {
                     BlockEntry::Member(m) if of.in_uniform_block => {
                         self.zero(&stored(&m.ty, Rules::Std140))
@@ -171,22 +168,21 @@ impl<'u> Resolver<'_, 'u> {
         let storage = self.stage.qualifiers(qualifier.as_ref())?.storage;
         constant::declare(&mut self.stage.constants, &author, &ty, None, None);
         let name = author.clone();
-        let span = place.unwrap_or_default();
-        let mut add = |name: &str, ty| {
+        let mut add = |name: &str, ty, storage| {
             out.push(Parameter {
                 name: name.to_owned(),
                 ty,
                 is_out: matches!(storage, Some(Storage::Out | Storage::InOut)),
                 is_in: storage != Some(Storage::Out),
-                span,
+                span: place.unwrap_or_default(),
             });
             Node::new(Kind::Parameter(out.len() - 1)).at(place)
         };
         let structs = &self.stage.structs;
         let is_split = structs.has_samplers(&ty);
         let node = match (structs.has_data(&ty), &ty) {
-            (true, Ty::Opaque(of)) => add(&name, ParameterTy::Handle(HandleTy::plain(of))),
-            (true, _) => add(&name, ParameterTy::Data(ty.clone())),
+            (true, Ty::Opaque(of)) => add(&name, ParameterTy::Handle(HandleTy::plain(of)), storage),
+            (true, _) => add(&name, ParameterTy::Data(ty.clone()), storage),
             // Only its samplers are used.
             (false, _) => Node::int(0),
         };
@@ -203,25 +199,15 @@ impl<'u> Resolver<'_, 'u> {
             };
             let sampler = self.fresh(&format!("{texture}_sampler"));
             let [texture_ty, sampler_ty] = handles(&combined).map(ParameterTy::Handle);
-            let mut add = |name: String, ty| {
-                out.push(Parameter {
-                    name,
-                    ty,
-                    is_out: false,
-                    is_in: true,
-                    span,
-                });
-                Node::new(Kind::Parameter(out.len() - 1)).at(place)
-            };
             let pair = Pair {
                 combined,
-                texture: add(texture, texture_ty),
-                sampler: add(sampler, sampler_ty),
+                texture: add(&texture, texture_ty, None),
+                sampler: add(&sampler, sampler_ty, None),
             };
             self.pairs.insert(path, pair);
         }
         let mut var = Var::plain(node, ty);
-        var.path = is_split.then(|| format!("${author}"));
+        var.ex.path = is_split.then(|| format!("${author}"));
         self.bind(&author, var);
         Ok(())
     }

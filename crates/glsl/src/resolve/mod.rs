@@ -24,13 +24,13 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use glsl_lang::ast::NodeSpan;
 use naga::{ShaderStage, Span};
 
-use self::fold::Folds;
+use self::expression::Ex;
 use super::interface::Interface;
 use super::stage::GlslStage;
 use super::tree::{
     FunctionId, Global, GlobalId, GlobalKind, Kind, Local, LocalId, Node, Stage, Statement,
 };
-use super::ty::{MemoryLayout, Ty};
+use super::ty::Ty;
 use shader_text::error::Error;
 use shader_text::options::ClipSpace;
 
@@ -65,33 +65,23 @@ fn combined(name: &str, texture: &Node, sampler: &Node) -> Node {
 #[derive(Clone, Debug)]
 struct Var {
     /// The expression that reads it.
-    node: Node,
-    ty: Ty,
-    /// Its layout in a block or a struct.
-    lay: MemoryLayout,
-    /// Where its samplers are: a path in [`Lower::pairs`].
-    path: Option<String>,
+    ex: Ex,
     /// Why it cannot be assigned to.
     fixed: Option<&'static str>,
-    folds: Folds,
 }
 
 impl Var {
+    fn plain(node: Node, ty: Ty) -> Self {
+        Self {
+            ex: Ex::new(node, ty),
+            fixed: None,
+        }
+    }
+
     fn fixed(self, what: Option<&'static str>) -> Self {
         Self {
             fixed: what,
             ..self
-        }
-    }
-
-    fn plain(node: Node, ty: Ty) -> Self {
-        Self {
-            node,
-            ty,
-            lay: MemoryLayout::default(),
-            path: None,
-            fixed: None,
-            folds: Folds::No,
         }
     }
 }
@@ -135,7 +125,7 @@ pub(super) struct Resolver<'a, 'u> {
     /// Those of `prologue`.
     temporaries_of_globals: Vec<LocalId>,
     /// Expressions held in temporaries, by position.
-    held: HashMap<(u32, u32), expression::Ex>,
+    held: HashMap<(u32, u32), Ex>,
     /// Their positions, in order.
     held_keys: Vec<(u32, u32)>,
     /// Cached results of [`Self::look`].

@@ -167,12 +167,8 @@ impl Resolver<'_, '_> {
         part: impl Fn(&GlslMember) -> Option<Node>,
     ) -> Option<Vec<Node>> {
         let of = self.stage.structs.get(name)?;
-        let entries = match of.in_uniform_block {
-            true => self.stage.structs.laid_out(&of.members, true),
-            false => of.members.iter().map(BlockEntry::Member).collect(),
-        };
+        let entries = self.stage.structs.entries(of).into_iter();
         entries
-            .into_iter()
             .map(|entry| match entry {
                 BlockEntry::Member(member) => part(member),
                 BlockEntry::Padding => Some(Node::float(0.0)),

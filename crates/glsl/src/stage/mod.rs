@@ -23,7 +23,6 @@ mod types;
 
 pub(super) use qualifiers::{Qualifiers, Storage};
 pub(super) use reachable::{FRAG_COORD_Y, PRECISE};
-pub(super) use types::spelled;
 
 use types::APART;
 
@@ -558,10 +557,7 @@ impl<'u> GlslStage<'u> {
             ordered.sort_by_key(|(_, q)| q.number("offset"));
         }
         for (member, own) in ordered {
-            let (natural, size) = match tight {
-                true => self.structs.std430_by(&member.ty, member.row_major),
-                false => self.structs.std140_by(&member.ty, member.row_major),
-            };
+            let (natural, size) = self.structs.placed(&member.ty, tight, member.row_major);
             let least = own.number("offset").unwrap_or(end);
             let align = natural.max(own.number("align").unwrap_or(1));
             let at = least.checked_next_multiple_of(align).unwrap_or(u32::MAX);

@@ -1,14 +1,11 @@
 //! Resolves the types of declarations.
 
-use glsl_lang::ast::{
-    self, ArraySpecifierDimensionData, TypeSpecifierNonArray, TypeSpecifierNonArrayData,
-};
-use glsl_lang::transpiler::glsl::{FormattingState, show_type_specifier_non_array};
+use glsl_lang::ast::{self, ArraySpecifierDimensionData, TypeSpecifierNonArrayData};
 use naga::Span;
 
 use super::GlslStage;
 use crate::errors::unsupported;
-use crate::ty::{GlslMember, Struct, Ty};
+use crate::ty::{GlslMember, Struct, Ty, spelled};
 use shader_text::error::{Code, Error};
 use shader_text::unsupported;
 
@@ -173,21 +170,6 @@ impl GlslStage<'_> {
                 format!("an array of {n} elements exceeds the limit of {most}"),
             )
             .label_if(place)),
-        }
-    }
-}
-
-/// A type's name as written; `struct` for an inline definition.
-pub(crate) fn spelled(ty: &TypeSpecifierNonArray) -> String {
-    match &ty.content {
-        TypeSpecifierNonArrayData::TypeName(name) => name.as_str().to_owned(),
-        TypeSpecifierNonArrayData::Struct(_) => "struct".to_owned(),
-        _ => {
-            let mut name = String::new();
-            let shown =
-                show_type_specifier_non_array(&mut name, ty, &mut FormattingState::default());
-            debug_assert!(shown.is_ok());
-            name
         }
     }
 }
