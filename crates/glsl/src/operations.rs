@@ -1,38 +1,27 @@
 //! Atomic and subgroup functions by name.
 
-use naga::{CollectiveOperation, Direction, SubgroupOperation};
-
-/// An atomic function.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(super) enum Atomic {
-    Add,
-    And,
-    Or,
-    Xor,
-    Min,
-    Max,
-    Exchange,
-}
+use naga::{AtomicFunction, CollectiveOperation, Direction, SubgroupOperation};
 
 /// The atomic function of that name, of storage blocks.
-pub(super) fn atomic(name: &str) -> Option<Atomic> {
+pub(super) fn atomic(name: &str) -> Option<AtomicFunction> {
     operation(name.strip_prefix("atomic")?)
 }
 
 /// The atomic function of that name, of images, as far as naga has it.
-pub(super) fn image_atomic(name: &str) -> Option<Atomic> {
-    operation(name.strip_prefix("imageAtomic")?).filter(|a| *a != Atomic::Exchange)
+pub(super) fn image_atomic(name: &str) -> Option<AtomicFunction> {
+    operation(name.strip_prefix("imageAtomic")?)
+        .filter(|a| !matches!(a, AtomicFunction::Exchange { .. }))
 }
 
-fn operation(word: &str) -> Option<Atomic> {
+fn operation(word: &str) -> Option<AtomicFunction> {
     Some(match word {
-        "Add" => Atomic::Add,
-        "And" => Atomic::And,
-        "Or" => Atomic::Or,
-        "Xor" => Atomic::Xor,
-        "Min" => Atomic::Min,
-        "Max" => Atomic::Max,
-        "Exchange" => Atomic::Exchange,
+        "Add" => AtomicFunction::Add,
+        "And" => AtomicFunction::And,
+        "Or" => AtomicFunction::InclusiveOr,
+        "Xor" => AtomicFunction::ExclusiveOr,
+        "Min" => AtomicFunction::Min,
+        "Max" => AtomicFunction::Max,
+        "Exchange" => AtomicFunction::Exchange { compare: None },
         _ => return None,
     })
 }

@@ -7,11 +7,14 @@
 
 use std::rc::Rc;
 
-use naga::{BinaryOperator, Binding, Literal, MathFunction, ResourceBinding, Span, UnaryOperator};
+use naga::{
+    AtomicFunction, BinaryOperator, Binding, Literal, MathFunction, ResourceBinding, Span,
+    UnaryOperator,
+};
 
 use super::built_ins::Variable;
 use super::functions::Meaning;
-use super::operations::{Atomic, Subgroup};
+use super::operations::Subgroup;
 use super::ty::{Rules, Ty};
 
 /// A local variable, by its index in [`Stage::locals`].
@@ -87,12 +90,12 @@ pub(super) enum Kind {
         result: Ty,
     },
     Atomic {
-        of: Atomic,
+        of: AtomicFunction,
         target: Node,
         value: Node,
     },
     ImageAtomic {
-        of: Atomic,
+        of: AtomicFunction,
         image: Node,
         at: Node,
         value: Node,

@@ -10,7 +10,6 @@ use naga::{
 use super::expression::Position;
 use super::{Body, Builder, Value};
 use crate::errors::unsupported;
-use crate::operations::Atomic;
 use crate::tree::Node;
 use shader_text::error::Error;
 
@@ -20,7 +19,7 @@ pub(super) type Part = (Handle<GlobalVariable>, Vec<u32>);
 impl<'s> Body<'_, 's> {
     pub(super) fn atomic(
         &mut self,
-        of: Atomic,
+        of: AtomicFunction,
         target: &'s Node,
         value: &'s Node,
     ) -> Result<Value, Error> {
@@ -50,7 +49,7 @@ impl<'s> Body<'_, 's> {
         let result = self.unevaluated(Expression::AtomicResult { ty, comparison });
         self.push(Statement::Atomic {
             pointer,
-            fun: function_of(of),
+            fun: of,
             value,
             result: Some(result),
         });
@@ -59,7 +58,7 @@ impl<'s> Body<'_, 's> {
 
     pub(super) fn image_atomic(
         &mut self,
-        of: Atomic,
+        of: AtomicFunction,
         [image, at, value]: [&'s Node; 3],
     ) -> Result<(), Error> {
         let [image, coordinate, array_index] = self.texel(image, at)?;
@@ -74,7 +73,7 @@ impl<'s> Body<'_, 's> {
             image,
             coordinate,
             array_index,
-            fun: function_of(of),
+            fun: of,
             value,
         };
         self.push(atomic);
@@ -148,18 +147,6 @@ fn has_atomic(types: &UniqueArena<Type>, ty: Handle<Type>, or_is: bool) -> bool 
         TypeInner::Array { base, .. } => has_atomic(types, *base, true),
         TypeInner::Struct { members, .. } => members.iter().any(|m| has_atomic(types, m.ty, true)),
         _ => false,
-    }
-}
-
-fn function_of(atomic: Atomic) -> AtomicFunction {
-    match atomic {
-        Atomic::Add => AtomicFunction::Add,
-        Atomic::And => AtomicFunction::And,
-        Atomic::Or => AtomicFunction::InclusiveOr,
-        Atomic::Xor => AtomicFunction::ExclusiveOr,
-        Atomic::Min => AtomicFunction::Min,
-        Atomic::Max => AtomicFunction::Max,
-        Atomic::Exchange => AtomicFunction::Exchange { compare: None },
     }
 }
 

@@ -166,15 +166,7 @@ impl<'s> Builder<'s> {
     }
 
     fn block(&mut self, block: &BlockTy, span: Span) -> Result<Handle<Type>, Error> {
-        let (members, size) = self.members(&block.members, block.rules)?;
-        let ty = Type {
-            name: Some(block.name.clone()),
-            inner: TypeInner::Struct {
-                members,
-                span: size,
-            },
-        };
-        let base = self.module.types.insert(ty, Span::UNDEFINED);
+        let base = self.struct_ty(&block.name, &block.members, block.rules)?;
         let size = match block.length {
             None => return Ok(base),
             Some(None) => naga::ArraySize::Dynamic,

@@ -164,39 +164,55 @@ impl<'s> Builder<'s> {
     /// Makes the structs of the stage.
     pub(super) fn structs(&mut self) -> Result<(), Error> {
         for of in &self.stage.structs {
-            let (members, span) = self.members(&of.members, Rules::Std140)?;
-            let ty = Type {
-                name: Some(of.name.clone()),
-                inner: TypeInner::Struct { members, span },
-            };
-            let handle = self.module.types.insert(ty, Span::UNDEFINED);
+            let handle = self.struct_ty(&of.name, &of.members, Rules::Std140)?;
             self.structs.insert(&of.name, handle);
         }
         Ok(())
     }
 
-    /// The members of a struct or block with their offsets, and its size.
-    pub(super) fn members(
+    /// A struct or block with the offsets of its members.
+    pub(super) fn struct_ty(
         &mut self,
+        name: &str,
         members: &[Member],
         rules: Rules,
-    ) -> Result<(Vec<StructMember>, u32), Error> {
-        let mut out = Vec::new();
-        let (mut end, mut most) = (0, Alignment::ONE);
+    ) -> Result<Handle<Type>, Error> {
+        let mut all = Vec::new();
         for member in members {
             let ty = self.ty(&member.ty, member.span)?;
-            let placed = self.placed(ty, rules, member.span)?;
+            all.push((Some(member.name.clone()), ty, member.span));
+        }
+        Ok(self.placed_struct(Some(name.to_owned()), all, rules)?.ty)
+    }
+
+    fn placed_struct(
+        &mut self,
+        name: Option<String>,
+        members: Vec<(Option<String>, Handle<Type>, Span)>,
+        rules: Rules,
+    ) -> Result<Placed, Error> {
+        let mut out = Vec::new();
+        let (mut end, mut align) = (0, Alignment::ONE);
+        for (name, ty, span) in members {
+            let placed = self.placed(ty, rules, span)?;
             end = placed.align.round_up(end);
-            most = most.max(placed.align);
+            align = align.max(placed.align);
             out.push(StructMember {
-                name: Some(member.name.clone()),
+                name,
                 ty: placed.ty,
                 binding: None,
                 offset: end,
             });
             end = end.saturating_add(placed.size);
         }
-        Ok((out, most.round_up(end)))
+        let size = align.round_up(end);
+        let inner = TypeInner::Struct {
+            members: out,
+            span: size,
+        };
+        let ty = Type { name, inner };
+        let ty = self.module.types.insert(ty, Span::UNDEFINED);
+        Ok(Placed { ty, align, size })
     }
 
     /// A type as it is in a block (OpenGL 4.6, 7.6.2.2), but that a struct is not aligned to 16
@@ -249,29 +265,10 @@ impl<'s> Builder<'s> {
                 return Ok(Placed { ty, align, size });
             }
             TypeInner::Struct { ref members, .. } => {
-                let mut members = members.clone();
+                let members = members.iter();
+                let members = members.map(|m| (m.name.clone(), m.ty, span)).collect();
                 let name = self.module.types[ty].name.clone();
-                let (mut end, mut most) = (0, Alignment::ONE);
-                for member in &mut members {
-                    let placed = self.placed(member.ty, rules, span)?;
-                    end = placed.align.round_up(end);
-                    most = most.max(placed.align);
-                    member.ty = placed.ty;
-                    member.offset = end;
-                    end = end.saturating_add(placed.size);
-                }
-                let size = most.round_up(end);
-                let inner = TypeInner::Struct {
-                    members,
-                    span: size,
-                };
-                let ty = Type { name, inner };
-                let ty = self.module.types.insert(ty, Span::UNDEFINED);
-                return Ok(Placed {
-                    ty,
-                    align: most,
-                    size,
-                });
+                return self.placed_struct(name, members, rules);
             }
             _ => return Err(refused("this type cannot be in a block", span)),
         };

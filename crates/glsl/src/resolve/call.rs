@@ -1,7 +1,7 @@
 //! Calls of constructors, user functions and built-in functions.
 
 use glsl_lang::ast::{self, Expr, ExprData, FunIdentifierData};
-use naga::{BinaryOperator, MathFunction, ScalarKind, Span, UnaryOperator};
+use naga::{AtomicFunction, BinaryOperator, MathFunction, ScalarKind, Span, UnaryOperator};
 
 use super::effect::{Argument, after};
 use super::expression::Ex;
@@ -11,7 +11,7 @@ use super::{Pair, Resolver, helpers, texture};
 use crate::constant;
 use crate::errors::{unsupported, wrong};
 use crate::functions::{self, Meaning};
-use crate::operations::{self, Atomic, Subgroup};
+use crate::operations::{self, Subgroup};
 use crate::stage::{Signature, Storage};
 use crate::tree::{FunctionId, Kind, Node};
 use crate::ty::{BlockEntry, Component, Length, MemoryLayout, Ty, spelled};
@@ -501,7 +501,7 @@ impl Resolver<'_, '_> {
     fn atomic(
         &mut self,
         name: &str,
-        of: Atomic,
+        of: AtomicFunction,
         arguments: &[Expr],
         place: Option<Span>,
     ) -> Result<Ex, Error> {
@@ -530,7 +530,7 @@ impl Resolver<'_, '_> {
     /// An atomic function of an image whose result is not used.
     pub(super) fn image_atomic(
         &mut self,
-        (name, of): (&str, Atomic),
+        (name, of): (&str, AtomicFunction),
         (image, at, value): (&Expr, &[Expr], &Expr),
         place: Option<Span>,
     ) -> Result<Node, Error> {

@@ -7,7 +7,7 @@ use glsl_lang::ast::{
     IterationStatementData, JumpStatementData, SelectionRestStatementData,
     Statement as AstStatement, StatementData,
 };
-use naga::{Span, UnaryOperator};
+use naga::Span;
 
 use super::expression::Ex;
 use super::{Resolver, Var, effect};
@@ -187,13 +187,12 @@ impl Resolver<'_, '_> {
         Ok(ex)
     }
 
-    /// Whether it has a value. Calls without a result may become several assignments.
-    fn is_expression(&mut self, e: &Expr) -> Result<bool, Error> {
-        Ok(match &e.content {
-            ExprData::Comma(a, b) => self.is_expression(a)? && self.is_expression(b)?,
-            ExprData::FunCall(..) => self.look(e)?.ty != Ty::Void,
-            _ => true,
-        })
+    /// An expression that may have no value.
+    fn effect(&mut self, e: &Expr) -> Result<Node, Error> {
+        match &e.content {
+            ExprData::Comma(a, b) => Ok(Node::after(vec![self.effect(a)?], self.effect(b)?)),
+            _ => Ok(self.expr(e)?.node),
+        }
     }
 
     /// The statements of a block in a new scope. Unreachable statements are checked and dropped.
@@ -289,11 +288,8 @@ impl Resolver<'_, '_> {
         let (mut before, mut single) = (Vec::new(), None);
         match &init.content {
             ForInitStatementData::Expression(None) => {}
-            ForInitStatementData::Expression(Some(e)) if !self.is_expression(e)? => {
-                self.alone(e, place, out)?;
-            }
             ForInitStatementData::Expression(Some(e)) => {
-                single = Some(Statement::evaluate(self.expr(e)?.node).at(place));
+                single = Some(Statement::evaluate(self.effect(e)?).at(place));
             }
             ForInitStatementData::Declaration(d) => {
                 let all = self.declared(d)?.into_iter();
@@ -307,53 +303,18 @@ impl Resolver<'_, '_> {
             Some(condition) => Some(self.condition(condition)?),
             None => None,
         };
-        let (mut apart, mut step) = (None, None);
-        match &rest.post_expr {
-            Some(e) if !self.is_expression(e)? => apart = Some(e),
-            Some(e) => step = Some(self.expr(e)?.node),
-            None => {}
-        }
+        let step = match &rest.post_expr {
+            Some(e) => Some(self.effect(e)?),
+            None => None,
+        };
         let is_block = !before.is_empty();
-        match apart {
-            // These statements precede the body from the second iteration on.
-            Some(e) => {
-                let first = self.add_local("first", Ty::BOOL);
-                let is_first = Node::local(first);
-                let declared = S::Declare(first, Some(Node::bool(true)));
-                let mut around = vec![Statement::new(declared)];
-                around.extend(single);
-                let mut reject = Vec::new();
-                self.alone(e, place, &mut reject)?;
-                let was = Node::assign(&is_first, Node::bool(false));
-                let mut all = vec![Statement::new(S::If {
-                    condition: is_first,
-                    accept: vec![Statement::evaluate(was)],
-                    reject: Some(reject),
-                })];
-                all.extend(condition.map(|condition| {
-                    Statement::new(S::If {
-                        condition: Node::unary(UnaryOperator::LogicalNot, condition),
-                        accept: vec![Statement::new(S::Break)],
-                        reject: None,
-                    })
-                }));
-                all.push(Statement::new(S::Block(self.body(body)?)));
-                around.push(Statement::new(S::While {
-                    condition: Node::bool(true),
-                    body: all,
-                }));
-                before.push(Statement::new(S::Block(around)));
-            }
-            None => before.push(
-                Statement::new(S::For {
-                    init: single.map(Box::new),
-                    condition,
-                    step,
-                    body: self.body(body)?,
-                })
-                .at(place),
-            ),
-        }
+        let kind = S::For {
+            init: single.map(Box::new),
+            condition,
+            step,
+            body: self.body(body)?,
+        };
+        before.push(Statement::new(kind).at(place));
         match is_block {
             true => out.push(Statement::new(S::Block(before)).at(place)),
             false => out.append(&mut before),
