@@ -14,9 +14,10 @@ use std::collections::{BTreeMap, HashMap, HashSet};
 use naga::{ShaderStage, Span};
 
 use self::bindings::explicit;
+use super::layout::Rules;
 use super::stage::{GlslStage, Qualifiers, Variable};
 use super::tree::HandleTy;
-use super::ty::{GlslMember, Rules, Struct, Ty};
+use super::ty::{GlslMember, Struct, Ty};
 use super::version::Dialect;
 use crate::errors::unsupported;
 use shader_text::error::{Code, Error};

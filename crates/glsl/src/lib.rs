@@ -16,6 +16,7 @@ mod formats;
 mod functions;
 mod include;
 mod interface;
+mod layout;
 mod lengths;
 mod operations;
 mod preprocess;

@@ -14,8 +14,9 @@ use naga::{
 
 use super::built_ins::Variable;
 use super::functions::Meaning;
+use super::layout::Rules;
 use super::operations::Subgroup;
-use super::ty::{Rules, Ty};
+use super::ty::{Leaf, Step, Ty};
 
 /// A local variable, by its index in [`Stage::locals`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -165,6 +166,15 @@ impl Node {
 
     pub(super) fn field(&self, name: impl Into<String>) -> Self {
         Self::new(Kind::Field(self.clone(), name.into()))
+    }
+
+    /// That part of it.
+    pub(super) fn leaf(&self, leaf: &Leaf) -> Self {
+        let steps = leaf.path.iter();
+        steps.fold(self.clone(), |node, step| match step {
+            Step::Index(n) => node.nth(*n),
+            Step::Member(name) => node.field(name.as_str()),
+        })
     }
 
     pub(super) fn swizzle(&self, components: impl IntoIterator<Item = u32>) -> Self {

@@ -10,8 +10,9 @@ use naga::{
 
 use super::{Builder, WRONG_TYPE, refused};
 use crate::errors::wrong;
+use crate::layout::Rules;
 use crate::tree::{HandleTy, Member};
-use crate::ty::{Component, Rules, Ty};
+use crate::ty::{Component, Ty};
 use shader_text::error::Error;
 
 pub(super) fn size(n: u8) -> VectorSize {

@@ -11,11 +11,12 @@ use crate::built_ins;
 use crate::errors::unsupported;
 use crate::formats::format_named;
 use crate::interface::{BindingSlot, handles};
+use crate::layout::{BlockEntry, MemoryLayout, Rules, stored};
 use crate::stage::{Block, Global as AstGlobal, Storage, Variable};
 use crate::tree::{
     BlockTy, GlobalId, GlobalKind, HandleTy, Kind, Member, Node, Statement, StructTy,
 };
-use crate::ty::{BlockEntry, GlslMember, MemoryLayout, Rules, Ty, stored};
+use crate::ty::{GlslMember, Ty};
 use shader_text::error::Error;
 use shader_text::options::ClipSpace;
 

@@ -1,19 +1,21 @@
 //! Resolves expressions: their types, implicit conversions and layouts.
 
+use glsl_lang::ast;
 use glsl_lang::ast::{
-    self, AssignmentOpData as A, BinaryOpData as B, Expr, ExprData, InitializerData, UnaryOpData,
+    AssignmentOpData as A, BinaryOpData as B, Expr, ExprData, InitializerData, UnaryOpData,
 };
 use naga::{BinaryOperator, Literal, UnaryOperator};
 
 use super::effect::{after, is_literal};
 use super::fold::Folds;
 use super::{Pair, Resolver, Var, check};
-use crate::built_ins;
-use crate::constant::{self, ConstantValue};
+use crate::constant::ConstantValue;
 use crate::errors::{unsupported, wrong};
+use crate::layout::MemoryLayout;
 use crate::stage::initial_length;
 use crate::tree::{Kind, Node};
-use crate::ty::{Component, MemoryLayout, Ty};
+use crate::ty::{Component, Ty};
+use crate::{built_ins, constant};
 use shader_text::error::{Code, Error};
 use shader_text::unsupported;
 
@@ -198,7 +200,7 @@ impl Resolver<'_, '_> {
     }
 
     /// Adds the texture and sampler of a combined sampler.
-    fn with_pair(&self, mut ex: Ex) -> Ex {
+    pub(super) fn with_pair(&self, mut ex: Ex) -> Ex {
         if let (Ty::Combined(_), Some(path)) = (&ex.ty, &ex.path)
             && let Some(pair) = self.pairs.get(path)
         {
@@ -209,7 +211,7 @@ impl Resolver<'_, '_> {
     }
 
     /// A built-in variable.
-    fn own_variable(&mut self, name: &str, expr: &Expr) -> Result<Ex, Error> {
+    pub(super) fn own_variable(&mut self, name: &str, expr: &Expr) -> Result<Ex, Error> {
         let place = self.place(expr.span);
         let number = |n: i32| Ok(Ex::new(Node::int(n), Ty::INT));
         match name {
@@ -373,167 +375,11 @@ impl Resolver<'_, '_> {
         let ((first, a), (second, b)) = (self.once(a), self.once(b));
         let leaves = self.stage.structs.leaf_paths(&a.ty);
         let parts = leaves.iter().map(|leaf| {
-            let [a, b] = [&a, &b].map(|of| leaf.of(&of.node));
+            let [a, b] = [&a, &b].map(|of| of.node.leaf(leaf));
             Node::binary(BinaryOperator::Equal, a, b)
         });
         let whole = parts.reduce(|all, part| Node::binary(BinaryOperator::LogicalAnd, all, part));
         Some((first.into_iter().chain(second).collect(), whole?))
-    }
-
-    fn index(&mut self, of: &Expr, index: &Expr, whole: &Expr) -> Result<Ex, Error> {
-        let place = self.place(whole.span);
-        let known = constant::evaluate(index, &self.stage.constants);
-        if let ExprData::Variable(name) = &of.content
-            && name.as_str() == "gl_FragData"
-        {
-            let Some(n) = known.and_then(|n| u32::try_from(n).ok()) else {
-                return Err(unsupported(
-                    "`gl_FragData` can only be indexed by a constant here",
-                    place,
-                ));
-            };
-            return Ok(self.target(n));
-        }
-        if let ExprData::Variable(name) = &of.content
-            && name.as_str() == "gl_SampleMaskIn"
-        {
-            return self.raw(of);
-        }
-        if let ExprData::Variable(name) = &of.content
-            && name.as_str() == "gl_ClipDistance"
-        {
-            let n = known.and_then(|n| u32::try_from(n).ok());
-            self.clip_distances = self
-                .clip_distances
-                .max(n.map_or(8, |n| n.saturating_add(1)));
-        }
-        let base = self.raw(of)?;
-        let index = self.expr(index)?;
-        if self.stage.structs.has_samplers(&base.ty) {
-            return self.index_samplers(base, &index, known, place);
-        }
-        self.check_index(&base.ty, &index.ty, place)?;
-        let of_columns = matches!(base.ty, Ty::Matrix(..))
-            && base.lay.rows
-            && base.lay.stored(&base.lay.turned(&base.ty)) != base.lay.turned(&base.ty);
-        if of_columns && self.writes(of) {
-            return Err(unsupported(
-                "this index has side effects and selects a value with several parts",
-                place,
-            )
-            .note("assign the index to a variable first"));
-        }
-        let folds = match (&base.folds, &index.folds) {
-            (Folds::No, _) | (_, Folds::No) => Folds::No,
-            (value, Folds::To(at)) => value.map(|v| constant::indexed(v, at)),
-            _ => Folds::Unknown,
-        };
-        let index = match index.ty.kind() {
-            Some(Component::Float | Component::Bool) => Node::convert(&Ty::INT, index.node),
-            _ => index.node,
-        };
-        Ok(self.element_of(base, &index).folding(folds))
-    }
-
-    /// An element of an array that contains samplers.
-    fn index_samplers(
-        &mut self,
-        base: Ex,
-        index: &Ex,
-        known: Option<i64>,
-        place: Option<naga::Span>,
-    ) -> Result<Ex, Error> {
-        let Ty::Array(of, length) = base.ty.clone() else {
-            return Ok(base);
-        };
-        let path = base.path.clone().unwrap_or_default();
-        let mut ex = element(&base, &index.node);
-        if let Some(n) = known {
-            ex.path = Some(format!("{path}[{n}]"));
-            return Ok(self.with_pair(ex));
-        }
-        if !matches!(*of, Ty::Combined(_)) {
-            return Err(unsupported(
-                "structs with samplers can only be indexed by a constant here",
-                place,
-            ));
-        }
-        let pairs = (0..length.map_or(0, |length| length.n))
-            .map(|i| self.pairs.get(&format!("{path}[{i}]")).cloned())
-            .collect::<Option<Vec<_>>>()
-            .ok_or_else(|| unsupported("these samplers cannot be resolved", place))?;
-        ex.choice = Some((Box::new(index.clone()), pairs));
-        Ok(ex)
-    }
-
-    fn dot(&mut self, of: &Expr, name: &str, whole: &Expr) -> Result<Ex, Error> {
-        // A member of a block with an instance name.
-        if let ExprData::Variable(instance) = &of.content
-            && self.lookup(instance.as_str()).is_none()
-            && let Some(var) = self
-                .lookup(&format!("{}.{name}", instance.as_str()))
-                .cloned()
-        {
-            return Ok(self.of_var(&var));
-        }
-        // A member of an element of an array of blocks.
-        if let ExprData::Bracket(array, index) = &of.content
-            && let ExprData::Variable(instance) = &array.content
-            && let instance = instance.as_str()
-            && self.lookup(instance).is_none()
-            && let Some(var) = self.lookup(&format!("{instance}[].{name}")).cloned()
-        {
-            let index = self.expr(index)?;
-            let mut ex = self.of_var(&var);
-            if let Kind::Field(array, member) = &*var.ex.node.kind {
-                ex.node = array.element(index.node).field(member.as_str());
-            }
-            return Ok(ex);
-        }
-        // A member of `gl_PerVertex` through its instance.
-        if let ExprData::Variable(instance) = &of.content
-            && name.starts_with("gl_")
-            && self.lookup(instance.as_str()).is_none()
-        {
-            return self.own_variable(name, whole);
-        }
-        let (of_expr, base) = (of, self.raw(of)?);
-        let folds = base.folds.map(|v| constant::swizzled(v, name));
-        let ex = match base.ty.clone() {
-            Ty::Struct(of) => {
-                let member = self
-                    .stage
-                    .structs
-                    .get(&of)
-                    .and_then(|s| s.members.iter().find(|m| m.name == name).cloned());
-                let Some(member) = member else {
-                    return Err(wrong(
-                        format!("the struct `{of}` has no member `{name}`"),
-                        self.place(whole.span),
-                    ));
-                };
-                let mut ex = Ex::new(base.node.field(name), member.ty);
-                ex.lay = self.stage.structs.member_lay(&of, base.lay);
-                ex.path = base.path.map(|p| format!("{p}.{name}"));
-                self.with_pair(ex)
-            }
-            Ty::Scalar(kind) => {
-                let base = self.value(base);
-                let n = name.len().min(4) as u8;
-                match n {
-                    1 => base,
-                    _ => base.converted(&Ty::Vector(kind, n)),
-                }
-            }
-            Ty::Vector(..) => self.components_of(base, of_expr, name, self.place(whole.span))?,
-            _ => {
-                return Err(wrong(
-                    format!("{} has no members", check::a(&base.ty)),
-                    self.place(whole.span),
-                ));
-            }
-        };
-        Ok(ex.folding(folds))
     }
 
     /// Implicitly converts an expression to `to`.
@@ -649,36 +495,6 @@ pub(super) fn splat(ex: Ex, to: &Ty) -> Ex {
         }
         _ => ex,
     }
-}
-
-/// An element of an array, a column or a component, in its stored type.
-pub(super) fn element(base: &Ex, index: &Node) -> Ex {
-    let node = base.node.element(index.clone());
-    let (ty, padded) = match &base.ty {
-        Ty::Array(of, _) => {
-            // Padded to four components.
-            let padded = match (&**of, base.lay.is_padded()) {
-                (Ty::Scalar(_), true) => Some(1),
-                (Ty::Vector(_, 2), true) => Some(2),
-                _ => None,
-            };
-            ((**of).clone(), padded)
-        }
-        Ty::Matrix(k, _, rows) => {
-            let padded = base.lay.is_padded() && *rows == 2;
-            (Ty::Vector(*k, *rows), padded.then_some(2))
-        }
-        Ty::Vector(k, _) => (Ty::Scalar(*k), None),
-        other => (other.clone(), None),
-    };
-    let node = match padded {
-        Some(n) => node.swizzle(0..n),
-        None => node,
-    };
-    let mut ex = Ex::new(node, ty);
-    ex.lay = base.lay;
-    ex.column = matches!(base.ty, Ty::Matrix(..));
-    ex
 }
 
 /// What a literal is that no float holds: the largest.

@@ -8,12 +8,13 @@ use super::{Pair, Resolver, Var};
 use crate::constant;
 use crate::errors::unsupported;
 use crate::interface::{flat, handles};
+use crate::layout::{BlockEntry, Rules, stored};
 use crate::stage::{Signature, Storage};
 use crate::tree::{
     Function, FunctionId, HandleTy, Kind, Node, Parameter, ParameterTy, Statement,
     StatementKind as S,
 };
-use crate::ty::{BlockEntry, Component, Rules, Ty, stored};
+use crate::ty::{Component, Ty};
 use shader_text::error::Error;
 
 /// Orders functions after those that they call.

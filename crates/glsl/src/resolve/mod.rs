@@ -1,12 +1,15 @@
 //! Resolves a stage: names, types, overloads, layouts of blocks and the order of evaluation. The
 //! result is a [`Stage`] of trees, which `build` writes as IR.
 //!
-//! `declaration` resolves globals, `statement` and `expression` function bodies. They use `call`,
-//! `overload` for overload resolution, `texture` for texture functions, `check` for type checks,
-//! `store` for block layouts, `effect` for the order of evaluation, and `fold` for constants.
+//! `declaration` resolves globals, `statement` and `expression` function bodies. They use `access`
+//! for parts of values, `call` with `overload`, `constructor`, `built_in` and `texture`, `check` for type
+//! checks, `store` for block layouts, `effect` for the order of evaluation, and `fold` for constants.
 
+mod access;
+mod built_in;
 mod call;
 mod check;
+mod constructor;
 mod declaration;
 mod effect;
 mod expression;

@@ -111,7 +111,7 @@ impl Resolver<'_, '_> {
         }
         let node = self.variable_of(name, &variable.ty);
         for (own, leaf) in declared {
-            let part = leaf.of(&node);
+            let part = node.leaf(leaf);
             match is_output {
                 false => self
                     .prologue

@@ -5,13 +5,15 @@ use glsl_lang::ast::{AssignmentOpData, BinaryOpData, Expr, ExprData};
 use naga::{BinaryOperator, MathFunction, Span};
 
 use super::Resolver;
+use super::access::element;
 use super::effect::{after, is_literal};
-use super::expression::{Ex, compound, element, operator, splat};
+use super::expression::{Ex, compound, operator, splat};
 use super::fold::Folds;
 use crate::errors::{unsupported, wrong};
 use crate::functions::Meaning;
+use crate::layout::{BlockEntry, MemoryLayout};
 use crate::tree::{Kind, Node};
-use crate::ty::{BlockEntry, Component, GlslMember, MemoryLayout, Struct, Ty};
+use crate::ty::{Component, GlslMember, Struct, Ty};
 use shader_text::error::Error;
 use shader_text::unsupported;
 
@@ -507,128 +509,5 @@ impl Resolver<'_, '_> {
         all.push(step(new.node.clone(), postfix));
         all.extend(self.stores(&target, &new, place)?);
         Ok(after(all, old))
-    }
-
-    /// An element of an array, a column, or a component.
-    pub(super) fn element_of(&self, base: Ex, index: &Node) -> Ex {
-        let scalar = || Ty::Scalar(base.ty.kind().unwrap_or(Component::Float));
-        if let Some((of, numbers)) = base.swizzle {
-            let index = match index.index().and_then(|n| numbers.get(n)) {
-                Some(n) => Node::int(*n as i32),
-                None => {
-                    let all: Vec<Node> = numbers.iter().map(|n| Node::int(*n as i32)).collect();
-                    let ty = Ty::Vector(Component::Int, all.len() as u8);
-                    Node::construct(&ty, all).element(index.clone())
-                }
-            };
-            return self.element_of(*of, &index);
-        }
-        if let Some((matrix, column)) = &base.turned {
-            let node = matrix.element(index.clone()).element(column.clone());
-            return Ex::new(node, scalar());
-        }
-        match base.ty {
-            Ty::Matrix(_, _, rows) if base.lay.rows => {
-                let matrix = base.node.clone();
-                let parts = (0..u32::from(rows)).map(|r| matrix.nth(r).element(index.clone()));
-                let parts = parts.collect();
-                let mut ex = element(&self.value(base), index);
-                ex.parts = Some(parts);
-                ex.turned = Some((matrix, index.clone()));
-                ex
-            }
-            Ty::Vector(..) if base.lay.is_padded() => {
-                let mut base = base;
-                base.node = of_four(&base.node);
-                element(&base, index)
-            }
-            _ => element(&base, index),
-        }
-    }
-
-    /// A swizzle: `v.xy`.
-    pub(super) fn components_of(
-        &self,
-        base: Ex,
-        of: &Expr,
-        name: &str,
-        place: Option<Span>,
-    ) -> Result<Ex, Error> {
-        let Ty::Vector(kind, size) = base.ty else {
-            return Ok(base);
-        };
-        let numbers = numbers(name, size).ok_or_else(|| {
-            wrong(
-                format!("a {} has no components `{name}`", base.ty.name()),
-                place,
-            )
-        })?;
-        if let (Some((inner, chosen)), ExprData::Dot(of, _)) = (&base.swizzle, &of.content) {
-            let letters = numbers
-                .iter()
-                .filter_map(|n| "xyzw".chars().nth(*chosen.get(*n)?));
-            let name: String = letters.collect();
-            return self.components_of((**inner).clone(), of, &name, place);
-        }
-        let lay = match kind {
-            Component::Bool => base.lay,
-            _ => MemoryLayout::default(),
-        };
-        let whole = match base.lay.is_padded() {
-            true => of_four(&base.node),
-            false => base.node.clone(),
-        };
-        let ty = Ty::vector(kind, numbers.len() as u8);
-        let part = |number: &usize| match &base.parts {
-            Some(parts) => parts.get(*number).cloned(),
-            None => Some(whole.nth(*number as u32)),
-        };
-        let swizzled = || whole.swizzle(numbers.iter().map(|n| *n as u32));
-        let node = match (&numbers[..], &of.content) {
-            // A component of a column, which has a pointer.
-            ([number], ExprData::Bracket(..)) => part(number),
-            ([number], _) if base.parts.is_some() => part(number),
-            _ => None,
-        };
-        let mut ex = Ex::new(node.unwrap_or_else(swizzled), ty);
-        if numbers.len() > 1 && (base.column || base.parts.is_some()) {
-            ex.parts = Some(numbers.iter().filter_map(part).collect());
-        }
-        ex.lay = lay;
-        if numbers.len() > 1 {
-            ex.swizzle = Some((Box::new(base), numbers));
-        }
-        Ok(ex)
-    }
-}
-
-/// The four-component vector of which `node` reads two.
-fn of_four(node: &Node) -> Node {
-    match &*node.kind {
-        Kind::Swizzle(of, numbers) if numbers[..] == [0, 1] => of.clone(),
-        _ => node.clone(),
-    }
-}
-
-/// The component indices of a swizzle; `None` if it is invalid for a vector of `module_size`.
-fn numbers(name: &str, size: u8) -> Option<Vec<usize>> {
-    let sets = ["xyzw", "rgba", "stpq"];
-    let of = |set: &&str| -> Option<Vec<usize>> { name.chars().map(|c| set.find(c)).collect() };
-    let all = sets.iter().find_map(of)?;
-    let fits = (1..=4).contains(&all.len()) && all.iter().all(|n| *n < usize::from(size));
-    fits.then_some(all)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn components_are_of_one_set_and_there() {
-        assert_eq!(numbers("zyx", 3), Some(vec![2, 1, 0]));
-        assert_eq!(numbers("q", 4), Some(vec![3]));
-        assert_eq!(numbers("z", 2), None);
-        assert_eq!(numbers("xg", 4), None);
-        assert_eq!(numbers("xxxxx", 4), None);
     }
 }
