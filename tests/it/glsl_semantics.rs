@@ -1409,3 +1409,32 @@ fn a_gather_may_have_an_offset() {
         assert!(told.contains(says), "{told}");
     }
 }
+
+/// Without derivatives the base level is sampled (4.60, 8.9), of a cube that compares too.
+#[test]
+fn a_vertex_stage_compares_at_the_base_level() {
+    for (sampler, arguments) in [
+        ("samplerCubeShadow", "p"),
+        ("samplerCubeArrayShadow", "p, 0.5"),
+        ("sampler2DArrayShadow", "p"),
+    ] {
+        let vertex = format!(
+            "#version 400
+in vec4 p;
+uniform {sampler} map;
+void main() {{ gl_Position = p * texture(map, {arguments}); }}
+"
+        );
+        let sources = [
+            Source::new("a.vert", vertex),
+            Source::new(
+                "a.frag",
+                "#version 400\nout vec4 c;\nvoid main() { c = vec4(1.0); }",
+            ),
+        ];
+        let parsed = front::parse(&sources, &Options::default())
+            .unwrap_or_else(|e| panic!("{sampler}: {}", e.render(Color::Never)));
+        let text = wgsl(parsed);
+        assert!(text.contains("textureSampleCompareLevel(map, "), "{text}");
+    }
+}

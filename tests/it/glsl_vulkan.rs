@@ -1043,6 +1043,26 @@ float outer(sampler which, sampler other) {
     assert!(wgsl.contains("var plain: sampler;"), "{wgsl}");
 }
 
+/// An element of an array compares as a texture of its own does.
+#[test]
+fn an_array_of_textures_compares_if_a_shadow_uses_an_element() {
+    let text = fragment(
+        "layout(binding = 0) uniform texture2D maps[2];
+layout(binding = 1) uniform sampler s;
+layout(push_constant) uniform U { int which; };
+",
+        "c = vec4(texture(sampler2DShadow(maps[which], s), vec3(uv, 0.5)));",
+    );
+    let wgsl = wgsl(VERTEX, &text);
+    for said in [
+        "var maps: binding_array<texture_depth_2d, 2>;",
+        "var s: sampler_comparison;",
+        "textureSampleCompare(maps[",
+    ] {
+        assert!(wgsl.contains(said), "{said}\n{wgsl}");
+    }
+}
+
 #[test]
 fn es_has_vulkans_types() {
     let text = "#version 310 es

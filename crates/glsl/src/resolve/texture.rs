@@ -586,13 +586,15 @@ fn add_fetch_offset(rest: &mut Vec<Ex>) {
 
 /// Without derivatives, GLSL samples the base level, and the bias becomes the level (4.60, 8.9).
 fn use_base_level(shape: &TextureShape<'_>, name: &mut String, rest: &mut Vec<Ex>) {
-    if !is_implicit(name) || shape.combined.starts_with("samplerCube") && shape.shadow {
+    if !is_implicit(name) {
         return;
     }
-    let coordinates = usize::from(name.ends_with("Offset")) + 1;
-    if rest.len() == coordinates {
-        rest.insert(1, Ex::new(Node::float(0.0), Ty::FLOAT));
-    } else if coordinates == 2 {
+    // The reference of an array of cubes is beside the coordinates.
+    let level = 1 + usize::from(shape.shadow && shape.layered && shape.coordinates == 3);
+    let has_offset = name.ends_with("Offset");
+    if rest.len() == level + usize::from(has_offset) {
+        rest.insert(level, Ex::new(Node::float(0.0), Ty::FLOAT));
+    } else if has_offset {
         rest.swap(1, 2);
     }
     *name = match name.strip_suffix("Offset") {
