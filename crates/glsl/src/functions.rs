@@ -5,6 +5,7 @@ use naga::{
     RelationalFunction as R, ScalarKind as S,
 };
 
+use super::textures::TextureFunction;
 use super::ty::Component::{self, Bool, Double, Float, Int, Uint};
 use super::ty::Ty;
 
@@ -21,7 +22,7 @@ pub(super) enum Meaning {
     Not,
     Modulo,
     Barrier,
-    Image,
+    Image(TextureFunction),
     /// `resolve` writes it out.
     Composed,
 }
@@ -113,8 +114,8 @@ const FUNCTIONS: &[(&str, Form, Meaning)] = &[
     ("fwidth", Floats(1), Derivative(Axis::Width, Control::None)),
     ("fwidthCoarse", Floats(1), Derivative(Axis::Width, Control::Coarse)),
     ("fwidthFine", Floats(1), Derivative(Axis::Width, Control::Fine)), ("greaterThan", Order, Operator(O::Greater)),
-    ("greaterThanEqual", Order, Operator(O::GreaterEqual)), ("imageLoad", Load, Image), ("imageSize", Size, Image),
-    ("imageStore", Store, Image), ("intBitsToFloat", Reinterpret(Int, Float), Bits(S::Float)),
+    ("greaterThanEqual", Order, Operator(O::GreaterEqual)), ("imageLoad", Load, Image(TextureFunction::Load)), ("imageSize", Size, Image(TextureFunction::Size)),
+    ("imageStore", Store, Image(TextureFunction::Store)), ("intBitsToFloat", Reinterpret(Int, Float), Bits(S::Float)),
     ("inverse", Inverse, Math(F::Inverse)), ("inversesqrt", Reals(1), Math(F::InverseSqrt)),
     ("isinf", Classify, Composed), ("isnan", Classify, Composed), ("ldexp", Ldexp, Math(F::Ldexp)),
     ("length", Measure(1), Math(F::Length)), ("lessThan", Order, Operator(O::Less)),

@@ -25,19 +25,13 @@ use shader_text::error::{Code, Error};
 /// Group and binding.
 pub(super) type BindingSlot = (u32, u32);
 
-/// A combined sampler, split into a texture and a sampler.
-#[derive(Clone, Debug, PartialEq)]
-pub(super) struct SplitSampler {
+/// A combined sampler, split into a texture and a sampler, with their bindings.
+#[derive(Clone, Debug)]
+pub(super) struct BoundSampler {
     /// The author's type, such as `sampler2D`.
     pub combined: String,
     pub texture: String,
     pub sampler: String,
-}
-
-/// A split sampler with its bindings.
-#[derive(Clone, Debug)]
-pub(super) struct BoundSampler {
-    pub pair: SplitSampler,
     pub slots: [BindingSlot; 2],
     /// The author's binding.
     pub number: Option<u32>,
@@ -179,13 +173,7 @@ impl Interface {
                 };
                 match self.structs.iter().find(|s| s.name == *name) {
                     None => self.structs.push(of),
-                    Some(other)
-                        if other
-                            .members
-                            .iter()
-                            .map(|m| (&m.name, &m.ty))
-                            .ne(of.members.iter().map(|m| (&m.name, &m.ty))) =>
-                    {
+                    Some(other) if !other.has(&of.members) => {
                         let is_it = |ty: &Ty| matches!(ty, Ty::Struct(of) if of == name);
                         let mut uniforms = self.uniforms.iter();
                         let shared = uniforms.any(|u| stage.structs.any(&u.ty, &is_it));

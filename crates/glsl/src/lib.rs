@@ -23,6 +23,7 @@ mod preprocess;
 mod resolve;
 mod stage;
 mod syntax;
+mod textures;
 mod tree;
 mod ty;
 mod type_names;

@@ -16,6 +16,7 @@ use super::built_ins::Variable;
 use super::functions::Meaning;
 use super::layout::Rules;
 use super::operations::Subgroup;
+use super::textures::TextureFunction;
 use super::ty::{Leaf, Step, Ty};
 
 /// A local variable, by its index in [`Stage::locals`].
@@ -77,8 +78,8 @@ pub(super) enum Kind {
     Call(FunctionId, Vec<Node>),
     /// A built-in function.
     BuiltInCall(Meaning, Vec<Node>),
-    /// A function of a texture or an image, by its name in GLSL 4.50.
-    TextureCall(String, Vec<Node>),
+    /// A function of a texture or an image.
+    TextureCall(TextureFunction, Vec<Node>),
     /// The length of an unsized array.
     Length(Node),
     /// Its value is that of the last.
@@ -221,8 +222,8 @@ impl Node {
         Self::built_in(Meaning::Math(function), arguments)
     }
 
-    pub(super) fn texture(name: &str, arguments: Vec<Self>) -> Self {
-        Self::new(Kind::TextureCall(name.to_owned(), arguments))
+    pub(super) fn texture(function: TextureFunction, arguments: Vec<Self>) -> Self {
+        Self::new(Kind::TextureCall(function, arguments))
     }
 
     /// Evaluates `first`, then the node.

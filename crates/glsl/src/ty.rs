@@ -258,6 +258,14 @@ pub(super) struct Struct {
     pub tight: bool,
 }
 
+impl Struct {
+    /// Whether its members have these names and types.
+    pub(super) fn has(&self, members: &[GlslMember]) -> bool {
+        let alike = |(a, b): (&GlslMember, &GlslMember)| a.name == b.name && a.ty == b.ty;
+        self.members.len() == members.len() && self.members.iter().zip(members).all(alike)
+    }
+}
+
 /// The structs of a stage, by name.
 #[derive(Clone, Debug, Default)]
 pub(super) struct Structs {

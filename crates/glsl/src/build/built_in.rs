@@ -58,7 +58,7 @@ impl<'s> Body<'_, 's> {
                 op: UnaryOperator::LogicalNot,
                 expr: first,
             },
-            Meaning::Barrier | Meaning::Image | Meaning::Composed => {
+            Meaning::Barrier | Meaning::Image(_) | Meaning::Composed => {
                 return Err(self.refused("no function takes these arguments"));
             }
         };

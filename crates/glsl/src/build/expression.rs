@@ -118,7 +118,9 @@ impl<'s> Body<'_, 's> {
             Kind::BuiltInCall(meaning, arguments) => {
                 return self.built_in_call(*meaning, arguments);
             }
-            Kind::TextureCall(name, arguments) => return self.texture_call(name, arguments),
+            Kind::TextureCall(function, arguments) => {
+                return self.texture_call(*function, arguments);
+            }
             Kind::Length(of) => {
                 let array = self.expect(of, Position::Base { constant: true })?;
                 let length = self.add(Expression::ArrayLength(array))?;

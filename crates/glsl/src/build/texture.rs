@@ -6,6 +6,7 @@ use naga::{
 };
 
 use super::{Body, Value, refused};
+use crate::textures::{Level, Sampling, TextureFunction};
 use crate::tree::{Gather, Kind, Node};
 use shader_text::error::Error;
 
@@ -21,7 +22,7 @@ struct Coordinates {
 impl<'s> Body<'_, 's> {
     pub(super) fn texture_call(
         &mut self,
-        name: &str,
+        function: TextureFunction,
         arguments: &'s [Node],
     ) -> Result<Option<Value>, Error> {
         let Some((first, rest)) = arguments.split_first() else {
@@ -37,15 +38,17 @@ impl<'s> Body<'_, 's> {
         for argument in rest {
             values.push(self.value(argument)?);
         }
-        let found = match name {
-            "textureSize" | "imageSize" => self.texture_size(image, values.first().copied())?,
-            "textureQueryLevels" => {
+        let found = match (function, sampler) {
+            (TextureFunction::Size, _) => self.texture_size(image, values.first().copied())?,
+            (TextureFunction::Levels, _) => {
                 let query = ImageQuery::NumLevels;
                 let levels = self.add(Expression::ImageQuery { image, query })?;
                 self.cast(levels, Scalar::I32)?
             }
-            "texelFetch" | "texelFetchOffset" | "imageLoad" => self.fetch(image, &values)?,
-            "imageStore" => {
+            (TextureFunction::Fetch { .. } | TextureFunction::Load, _) => {
+                self.fetch(image, &values)?
+            }
+            (TextureFunction::Store, _) => {
                 let [at, value] = values[..] else {
                     return Err(self.missing());
                 };
@@ -59,11 +62,11 @@ impl<'s> Body<'_, 's> {
                 self.push(store);
                 return Ok(None);
             }
+            (TextureFunction::Sample(of), Some(sampler)) => {
+                self.sample(of, (image, sampler), values)?
+            }
             _ => {
-                let sampler = sampler.ok_or_else(|| {
-                    self.refused("a texture function does not accept these arguments")
-                })?;
-                self.sample(name, (image, sampler), values)?
+                return Err(self.refused("a texture function does not accept these arguments"));
             }
         };
         Ok(Some(found))
@@ -93,7 +96,7 @@ impl<'s> Body<'_, 's> {
 
     fn sample(
         &mut self,
-        name: &str,
+        sampling: Sampling,
         (image, sampler): (Value, Value),
         values: Vec<Value>,
     ) -> Result<Value, Error> {
@@ -101,33 +104,28 @@ impl<'s> Body<'_, 's> {
         let missing = || refused("an argument is missing", at);
         let mut values = values.into_iter();
         let mut at = values.next().ok_or_else(missing)?;
-        if name.contains("Proj") {
+        if sampling.projects {
             at = self.projected(at)?;
         }
         let of = self.coordinates(image, at, values.as_slice().first().copied())?;
         if of.is_apart {
             values.next();
         }
-        let compares = of.reference.is_some();
-        let mut level = if name.contains("Lod") {
-            let level = values.next().ok_or_else(missing)?;
-            // A comparison has no other levels in WGSL.
-            match compares {
-                true => SampleLevel::Zero,
-                false => SampleLevel::Exact(level),
-            }
-        } else if name.contains("Grad") {
-            let x = values.next().ok_or_else(missing)?;
-            let y = values.next().ok_or_else(missing)?;
-            match compares {
-                true => SampleLevel::Zero,
-                false => SampleLevel::Gradient { x, y },
-            }
-        } else {
-            SampleLevel::Auto
+        let mut next = || values.next().ok_or_else(missing);
+        let mut level = match sampling.level {
+            Level::Implicit => SampleLevel::Auto,
+            Level::Exact => SampleLevel::Exact(next()?),
+            Level::Gradient => SampleLevel::Gradient {
+                x: next()?,
+                y: next()?,
+            },
         };
-        let offset = match name.ends_with("Offset") {
-            true => Some(values.next().ok_or_else(missing)?),
+        // A comparison has no other levels in WGSL.
+        if of.reference.is_some() && sampling.level != Level::Implicit {
+            level = SampleLevel::Zero;
+        }
+        let offset = match sampling.has_offset {
+            true => Some(next()?),
             false => None,
         };
         if let (SampleLevel::Auto, Some(bias)) = (level, values.next()) {

@@ -2,7 +2,7 @@
 
 use std::collections::{HashMap, HashSet};
 
-use super::{BindingSlot, BoundSampler, Interface, SplitSampler, flat, refuse_sampler};
+use super::{BindingSlot, BoundSampler, Interface, flat, refuse_sampler};
 use crate::stage::{GlslStage, Qualifiers, Storage};
 use shader_text::error::Error;
 
@@ -113,24 +113,19 @@ impl Interface {
                     }
                 };
                 let sampler = self.fresh(&format!("{texture}_sampler"));
-                let pair = SplitSampler {
-                    combined,
-                    texture,
-                    sampler,
-                };
                 // Array elements have consecutive bindings, as in OpenGL.
                 let slot =
                     explicit(&variable.qualifiers).map(|(s, b)| (s, b.saturating_add(i as u32)));
                 let set = variable.qualifiers.number("set").unwrap_or(0);
-                let texture = claims.claim(at, &pair.combined, slot);
-                self.samplers.insert(
-                    path.clone(),
-                    BoundSampler {
-                        pair,
-                        slots: [texture.unwrap_or((u32::MAX, 0)); 2],
-                        number: slot.map(|(_, number)| number),
-                    },
-                );
+                let claimed = claims.claim(at, &combined, slot);
+                let bound = BoundSampler {
+                    combined,
+                    texture,
+                    sampler,
+                    slots: [claimed.unwrap_or((u32::MAX, 0)); 2],
+                    number: slot.map(|(_, number)| number),
+                };
+                self.samplers.insert(path.clone(), bound);
                 waiting.push((Waiting::Sampler(path), set));
             }
         }

@@ -107,7 +107,7 @@ impl Resolver<'_, '_> {
             composed(name, &nodes, types.first(), &result),
         ) {
             (_, Some(composed)) => composed,
-            (Meaning::Image, None) => Node::texture(name, nodes),
+            (Meaning::Image(function), None) => Node::texture(function, nodes),
             (meaning, None) => Node::built_in(meaning, nodes),
         };
         let node = node.at(place);

@@ -4,15 +4,16 @@ use glsl_lang::ast;
 use glsl_lang::ast::{Expr, ExprData, FunIdentifierData};
 use naga::Span;
 
+use super::Resolver;
 use super::effect::Argument;
 use super::expression::Ex;
 use super::overload::{OverloadChoice, choose};
-use super::{Resolver, texture};
 use crate::errors::unsupported;
 use crate::functions;
 use crate::stage::{Signature, Storage};
+use crate::textures;
 use crate::tree::{FunctionId, Kind, Node};
-use crate::ty::{Length, Ty, spelled};
+use crate::ty::{Component, Length, Ty, spelled};
 use shader_text::error::Error;
 
 impl Resolver<'_, '_> {
@@ -101,7 +102,7 @@ impl Resolver<'_, '_> {
         signatures: &[Signature],
         arguments: &[Expr],
     ) -> Result<bool, Error> {
-        let own = functions::named(name).is_some() || texture::function(name).is_some();
+        let own = functions::named(name).is_some() || textures::named(name).is_some();
         if !own {
             return Ok(false);
         }
@@ -239,7 +240,7 @@ impl Resolver<'_, '_> {
         arguments: &[Expr],
         whole: &Expr,
     ) -> Result<Option<Ex>, Error> {
-        let Some(function) = texture::function(name) else {
+        let Some((function, is_vector)) = textures::named(name) else {
             return Ok(None);
         };
         let Some(first) = arguments.first() else {
@@ -247,7 +248,10 @@ impl Resolver<'_, '_> {
         };
         let sampler = self.raw(first)?;
         let rest = self.values(&arguments[1..])?;
-        self.sample(name, &function, sampler, rest, arguments, whole)
-            .map(Some)
+        let ex = self.sample(name, function, sampler, rest, arguments, whole)?;
+        Ok(Some(match is_vector {
+            true => ex.converted(&Ty::Vector(Component::Float, 4)),
+            false => ex,
+        }))
     }
 }

@@ -79,11 +79,7 @@ impl Resolver<'_, '_> {
             };
             let entries = self.stage.structs.entries(of);
             let rules = of.in_uniform_block.then_some(Rules::Std140);
-            let member = |(i, entry): (usize, BlockEntry<'_>)| match entry {
-                BlockEntry::Member(member) => stored_member(member, rules),
-                BlockEntry::Padding => padding(format!("padding_{i}")),
-            };
-            let members: Vec<Member> = entries.into_iter().enumerate().map(member).collect();
+            let members = stored_members(entries, rules, |i| format!("padding_{i}"));
             if !members.is_empty() {
                 self.out.structs.push(StructTy { name, members });
             }
@@ -150,14 +146,7 @@ impl Resolver<'_, '_> {
             Rules::Std140 => self.stage.structs.laid_out(&shapes, false),
             _ => shapes.iter().map(BlockEntry::Member).collect(),
         };
-        let members: Vec<Member> = entries
-            .into_iter()
-            .enumerate()
-            .map(|(i, entry)| match entry {
-                BlockEntry::Member(member) => stored_member(member, Some(rules)),
-                BlockEntry::Padding => padding(declared::padding(&block.name, i)),
-            })
-            .collect();
+        let members = stored_members(entries, Some(rules), |i| declared::padding(&block.name, i));
         let instance = block.instance.clone();
         let memory = &block.qualifiers.memory;
         let space = match (block.qualifiers.says("push_constant"), storage) {
@@ -256,12 +245,12 @@ impl Resolver<'_, '_> {
                 };
                 self.declare(Some(name.to_owned()), kind, uniform.place)
             };
-            let [texture_ty, sampler_ty] = handles(&sampler.pair.combined);
+            let [texture_ty, sampler_ty] = handles(&sampler.combined);
             let [t, s] = sampler.slots;
             let pair = Pair {
-                texture: declare(&sampler.pair.texture, texture_ty, t),
-                sampler: declare(&sampler.pair.sampler, sampler_ty, s),
-                combined: sampler.pair.combined,
+                texture: declare(&sampler.texture, texture_ty, t),
+                sampler: declare(&sampler.sampler, sampler_ty, s),
+                combined: sampler.combined,
             };
             self.pairs.insert(path, pair);
         }
@@ -271,13 +260,10 @@ impl Resolver<'_, '_> {
         let [block, instance] = self.interface.uniform_block.clone();
         let members = self.interface.uniforms.clone();
         let entries = self.stage.structs.laid_out(&members, false);
-        let member = |(i, entry): (usize, BlockEntry<'_>)| match entry {
-            BlockEntry::Member(member) => stored_member(member, Some(Rules::Std140)),
-            BlockEntry::Padding => padding(format!("padding_{i}")),
-        };
+        let stored = stored_members(entries, Some(Rules::Std140), |i| format!("padding_{i}"));
         let kind = GlobalKind::Block(BlockTy {
             name: block,
-            members: entries.into_iter().enumerate().map(member).collect(),
+            members: stored,
             rules: Rules::Std140,
             space: AddressSpace::Uniform,
             binding: Some(bound(self.interface.uniform_slot)),
@@ -364,24 +350,29 @@ impl Resolver<'_, '_> {
     }
 }
 
-/// A member of a block or struct with its stored type.
-fn stored_member(member: &GlslMember, rules: Option<Rules>) -> Member {
-    Member {
-        name: member.name.clone(),
-        ty: match rules {
-            Some(rules) => stored(&member.ty, rules),
-            None => member.ty.clone(),
+/// The members of a block or struct with their stored types. `padding`: the name of what is unused, by
+/// its number.
+fn stored_members(
+    entries: Vec<BlockEntry<'_>>,
+    rules: Option<Rules>,
+    padding: impl Fn(usize) -> String,
+) -> Vec<Member> {
+    let member = |(i, entry): (usize, BlockEntry<'_>)| match entry {
+        BlockEntry::Member(member) => Member {
+            name: member.name.clone(),
+            ty: match rules {
+                Some(rules) => stored(&member.ty, rules),
+                None => member.ty.clone(),
+            },
+            span: member.place.unwrap_or_default(),
         },
-        span: member.place.unwrap_or_default(),
-    }
-}
-
-fn padding(name: String) -> Member {
-    Member {
-        name,
-        ty: Ty::FLOAT,
-        span: Span::UNDEFINED,
-    }
+        BlockEntry::Padding => Member {
+            name: padding(i),
+            ty: Ty::FLOAT,
+            span: Span::UNDEFINED,
+        },
+    };
+    entries.into_iter().enumerate().map(member).collect()
 }
 
 /// The access that memory qualifiers leave.

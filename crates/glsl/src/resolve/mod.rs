@@ -51,17 +51,12 @@ pub(super) struct Pair {
 
 impl Pair {
     fn node(&self) -> Node {
-        combined(&self.combined, &self.texture, &self.sampler)
+        Node::new(Kind::Combine {
+            texture: self.texture.clone(),
+            sampler: self.sampler.clone(),
+            compares: self.combined.ends_with("Shadow"),
+        })
     }
-}
-
-/// A texture with its sampler, of the type `name`.
-fn combined(name: &str, texture: &Node, sampler: &Node) -> Node {
-    Node::new(Kind::Combine {
-        texture: texture.clone(),
-        sampler: sampler.clone(),
-        compares: name.ends_with("Shadow"),
-    })
 }
 
 /// A variable in scope.

@@ -10,63 +10,16 @@ use crate::constant;
 use crate::errors::{unsupported, wrong};
 use crate::functions::Meaning;
 use crate::interface::handles;
+use crate::textures::{Level, TextureFunction};
 use crate::tree::{Case, Gather, GlobalKind, Kind, Node, Statement, StatementKind};
 use crate::ty::{Component, Ty};
 use crate::version::Dialect;
 use shader_text::error::Error;
 use shader_text::unsupported;
 
-/// A texture function.
-#[derive(Clone, Debug, PartialEq, Eq)]
-pub(super) struct Function {
-    /// Its name in GLSL 4.50.
-    pub name: String,
-    /// A comparison that returns a vector: `shadow2D`.
-    pub compares_to_vector: bool,
-}
-
-/// Texture functions of GLSL 4.50.
-const FUNCTIONS: &str = "texture textureLod textureGrad textureOffset textureLodOffset \
-    textureGradOffset textureProj textureProjLod textureProjGrad textureProjOffset \
-    textureProjLodOffset textureProjGradOffset texelFetch texelFetchOffset textureSize \
-    textureQueryLevels textureQueryLod textureGather textureGatherOffset textureGatherOffsets \
-    textureSamples";
-
-/// Prefixes of texture functions in older versions.
-const OLD_PREFIXES: &str =
-    "texture2DRect texture1D texture2D texture3D textureCube shadow1D shadow2D";
-
-/// The function of that name in any version.
-pub(super) fn function(name: &str) -> Option<Function> {
-    if FUNCTIONS.split(' ').any(|f| f == name) {
-        return Some(Function {
-            name: name.to_owned(),
-            compares_to_vector: false,
-        });
-    }
-    let bare = name
-        .trim_end_matches("EXT")
-        .trim_end_matches("ARB")
-        .trim_end_matches("OES");
-    let prefix = OLD_PREFIXES.split(' ').find(|p| bare.starts_with(p))?;
-    let suffix = &bare[prefix.len()..];
-    let known = ["", "Lod", "Grad", "Proj", "ProjLod", "ProjGrad"].contains(&suffix);
-    known.then(|| Function {
-        name: format!("texture{suffix}"),
-        // The `EXT` version of GLSL ES 1.00 returns a float.
-        compares_to_vector: prefix.starts_with("shadow") && !name.ends_with("EXT"),
-    })
-}
-
 /// Maximum elements of a sampler array that are selected by nested `?`. Older versions lack
 /// `switch`, and their devices have no more textures.
 const CHAIN: usize = 16;
-
-/// Whether the function derives its level in the fragment stage.
-fn is_implicit(name: &str) -> bool {
-    let explicit = ["Size", "Lod", "Grad", "Query", "Samples", "Gather"];
-    name.starts_with("texture") && !explicit.iter().any(|w| name.contains(w))
-}
 
 /// The shape of a texture.
 struct TextureShape<'a> {
@@ -98,9 +51,9 @@ impl<'a> TextureShape<'a> {
     }
 
     /// The result type of a texture function.
-    fn result(&self, function: &str) -> Ty {
+    fn result(&self, function: TextureFunction) -> Ty {
         match function {
-            "textureSize" => {
+            TextureFunction::Size => {
                 let size = if self.combined.contains("Cube") {
                     2
                 } else {
@@ -108,15 +61,14 @@ impl<'a> TextureShape<'a> {
                 };
                 Ty::vector(Component::Int, size + u8::from(self.layered))
             }
-            "textureQueryLevels" | "textureSamples" => Ty::INT,
-            name if name.starts_with("textureGather") => Ty::Vector(self.component, 4),
-            _ if self.shadow => Ty::FLOAT,
+            TextureFunction::Levels => Ty::INT,
+            TextureFunction::Sample(_) if self.shadow => Ty::FLOAT,
             _ => Ty::Vector(self.component, 4),
         }
     }
 
     /// Whether a function takes these arguments after the sampler (GLSL 4.60, 8.9).
-    fn takes(&self, function: &str, rest: &[Ex]) -> bool {
+    fn takes(&self, function: TextureFunction, rest: &[Ex]) -> bool {
         let multi = self.combined.contains("2DMS");
         let cube = self.combined.contains("Cube");
         let n = self.coordinates;
@@ -124,16 +76,15 @@ impl<'a> TextureShape<'a> {
         let float = |n| Ty::vector(Component::Float, n);
         let int = |n| Ty::vector(Component::Int, n);
         let (wanted, bias) = match function {
-            "textureSize" if multi => (Vec::new(), false),
-            "textureSize" => (vec![Ty::INT], false),
-            "textureQueryLevels" => (Vec::new(), false),
-            "texelFetch" if !cube && !self.shadow => (vec![int(n + layers), Ty::INT], false),
-            _ if multi || function.starts_with("texel") => return false,
-            _ => {
-                let projects = function.contains("Proj");
-                let offset = function.ends_with("Offset");
-                let lod = function.contains("Lod");
-                let grad = function.contains("Grad");
+            TextureFunction::Size if multi => (Vec::new(), false),
+            TextureFunction::Size => (vec![Ty::INT], false),
+            TextureFunction::Levels => (Vec::new(), false),
+            TextureFunction::Fetch { has_offset: false } if !cube && !self.shadow => {
+                (vec![int(n + layers), Ty::INT], false)
+            }
+            TextureFunction::Sample(of) if !multi => {
+                let (projects, offset) = (of.projects, of.has_offset);
+                let (lod, grad) = (of.level == Level::Exact, of.level == Level::Gradient);
                 let is_flat = !self.layered && !cube;
                 if projects && !is_flat || offset && cube {
                     return false;
@@ -171,6 +122,7 @@ impl<'a> TextureShape<'a> {
                 }
                 (wanted, !lod && !grad && !self.shadow)
             }
+            _ => return false,
         };
         let given = rest.iter().map(|ex| &ex.ty);
         let fits = given
@@ -201,7 +153,7 @@ impl Resolver<'_, '_> {
     pub(super) fn sample(
         &mut self,
         author: &str,
-        function: &Function,
+        mut function: TextureFunction,
         sampler: Ex,
         rest: Vec<Ex>,
         arguments: &[Expr],
@@ -213,14 +165,10 @@ impl Resolver<'_, '_> {
             let message = format!("`{author}` takes a sampler, not a {}", sampler.ty.name());
             return Err(unsupported(message, place));
         };
-        let mut name = function.name.clone();
         unsupported::refuse(author, place)?;
         let shape = TextureShape::of(combined);
-        let result = shape.result(&name);
-        let fetches = matches!(
-            name.as_str(),
-            "texelFetch" | "texelFetchOffset" | "textureSize" | "textureQueryLevels"
-        );
+        let result = shape.result(function);
+        let fetches = function.fetches();
         let mut rest: Vec<Ex> = rest
             .into_iter()
             .map(|v| match v.ty {
@@ -239,7 +187,7 @@ impl Resolver<'_, '_> {
         if !fetches && let Some(coordinates) = rest.first_mut() {
             shape.round_layer(coordinates);
         }
-        if name.starts_with("textureGather") {
+        if function == TextureFunction::Gather {
             return self.gathered(author, &shape, &sampler, rest, arguments, place);
         }
         if !fetches && shape.component != Component::Float {
@@ -251,33 +199,30 @@ impl Resolver<'_, '_> {
             )
             .note("read a texel by `texelFetch`, with integer coordinates within `textureSize`"));
         }
-        if name.ends_with("Offset") && name.starts_with("texture") {
+        if matches!(function, TextureFunction::Sample(of) if of.has_offset) {
             self.name_offsets(&mut rest, arguments);
         }
-        if name == "texelFetchOffset" && rest.len() == 3 {
+        if function == (TextureFunction::Fetch { has_offset: true }) && rest.len() == 3 {
             add_fetch_offset(&mut rest);
-            name = "texelFetch".to_owned();
+            function = TextureFunction::Fetch { has_offset: false };
         }
-        if !shape.takes(&name, &rest) {
+        if !shape.takes(function, &rest) {
             let message = format!("no `{author}` takes these arguments");
             return Err(wrong(message, place));
         }
         let mut first = Vec::new();
-        let projects = matches!(
-            name.as_str(),
-            "textureProj" | "textureProjLod" | "textureProjGrad" | "textureProjOffset"
-        );
-        if shape.shadow && projects {
-            first.extend(self.project(&mut rest, &mut name));
+        if let TextureFunction::Sample(of) = &mut function {
+            if shape.shadow && of.projects {
+                first.extend(self.project(&mut rest));
+                of.projects = false;
+            }
+            if self.is_vertex() && of.level == Level::Implicit {
+                use_base_level(&shape, of.has_offset, &mut rest);
+                of.level = Level::Exact;
+            }
         }
-        if self.is_vertex() {
-            use_base_level(&shape, &mut name, &mut rest);
-        }
-        let (before, mut ex) = self.select_sampler(&name, &sampler, &rest, result, place)?;
+        let (before, ex) = self.select_sampler(function, &sampler, &rest, result, place)?;
         first.splice(0..0, before);
-        if function.compares_to_vector {
-            ex = ex.converted(&Ty::Vector(Component::Float, 4));
-        }
         Ok(after(first, ex))
     }
 
@@ -308,13 +253,12 @@ impl Resolver<'_, '_> {
     }
 
     /// Divides three coordinates by the fourth, because the IR's comparisons do not project.
-    fn project(&mut self, rest: &mut [Ex], name: &mut String) -> Option<Node> {
+    fn project(&mut self, rest: &mut [Ex]) -> Option<Node> {
         let coordinates = rest.first_mut()?;
         let (before, held) = self.once(coordinates);
         let (xyz, w) = (held.node.swizzle(0..3), held.node.component(3));
         let ty = Ty::Vector(Component::Float, 3);
         *coordinates = Ex::new(Node::binary(O::Divide, xyz, w), ty);
-        *name = name.replacen("Proj", "", 1);
         before
     }
 
@@ -322,7 +266,7 @@ impl Resolver<'_, '_> {
     /// assignment that evaluates the index.
     fn select_sampler(
         &mut self,
-        name: &str,
+        function: TextureFunction,
         sampler: &Ex,
         rest: &[Ex],
         result: Ty,
@@ -330,7 +274,7 @@ impl Resolver<'_, '_> {
     ) -> Result<(Option<Node>, Ex), Error> {
         let call = |sampler: Node| {
             let rest = rest.iter().map(|r| r.node.clone());
-            Node::texture(name, [sampler].into_iter().chain(rest).collect()).at(place)
+            Node::texture(function, [sampler].into_iter().chain(rest).collect()).at(place)
         };
         let Some((index, pairs)) = &sampler.choice else {
             return Ok((None, Ex::new(call(sampler.node.clone()), result)));
@@ -346,20 +290,22 @@ impl Resolver<'_, '_> {
             ));
         };
         let combined = first.combined.as_str();
-        let gradients = self.stage.unit.is_nonuniform && is_implicit(name) && !self.is_vertex();
-        let has_gradients =
-            matches!(name, "texture" | "textureOffset") && !combined.ends_with("Shadow");
+        let gradients =
+            self.stage.unit.is_nonuniform && function.is_implicit() && !self.is_vertex();
+        let has_gradients = matches!(function, TextureFunction::Sample(of) if of.level == Level::Implicit && !of.projects)
+            && !combined.ends_with("Shadow");
         let is_large = pairs.len() > CHAIN;
         if (gradients && has_gradients || !gradients && is_large && self.has_switch())
-            && let Some(ex) = self.switched(name, index, pairs, rest, &result, gradients)
+            && let Some(ex) = self.switched(function, index, pairs, rest, &result, gradients)
         {
             return Ok((None, ex));
         }
         if gradients {
             return Err(unsupported(
                 format!(
-                    "`{name}` of a {combined} that `nonuniformEXT` selects is not supported: the \
-                     invocations would derive its level apart"
+                    "`{}` of a {combined} that `nonuniformEXT` selects is not supported: the \
+                     invocations would derive its level apart",
+                    function.name()
                 ),
                 place,
             )
@@ -398,7 +344,7 @@ impl Resolver<'_, '_> {
     /// unknown.
     fn switched(
         &mut self,
-        name: &str,
+        mut function: TextureFunction,
         index: &Ex,
         pairs: &[Pair],
         rest: &[Ex],
@@ -421,7 +367,7 @@ impl Resolver<'_, '_> {
         let type_of = |r: &Ex| offset_of(self, r).unwrap_or_else(|| r.ty.base_name());
         let types: Vec<String> = rest.iter().map(type_of).collect();
         let array = array.trim_end_matches("_0");
-        let wanted = format!("{name}_{array}_{}", types.join("_"));
+        let wanted = format!("{}_{array}_{}", function.name(), types.join("_"));
         let mut helper = self.helper(&wanted, result);
         let which = helper.parameter("which", &Ty::INT);
         let mut given = vec![Node::convert(&Ty::INT, index.node.clone())];
@@ -435,14 +381,13 @@ impl Resolver<'_, '_> {
                 }
             });
         }
-        let mut function = name.to_owned();
-        if gradients {
+        if let (true, TextureFunction::Sample(sampling)) = (gradients, &mut function) {
             let coordinates = Ty::vector(Component::Float, shape.coordinates);
             let of = match rest.first()?.ty == coordinates {
                 true => inner.first()?.clone(),
                 false => inner.first()?.swizzle(0..u32::from(shape.coordinates)),
             };
-            let has_offset = usize::from(name.ends_with("Offset"));
+            let has_offset = usize::from(sampling.has_offset);
             // A bias multiplies the gradients (GLSL 4.60, 8.9).
             let bias = inner
                 .last()
@@ -460,13 +405,13 @@ impl Resolver<'_, '_> {
                 let local = self.add_local(axis, coordinates.clone());
                 inner.insert(1 + at, helper.declare(local, Some(value)));
             }
-            function = name.replacen("texture", "textureGrad", 1);
+            sampling.level = Level::Gradient;
         }
         let chosen = self.add_local("chosen", result.clone());
         let chosen = helper.declare(chosen, None);
         let cases = pairs.iter().enumerate().map(|(i, pair)| {
             let all = [pair.node()].into_iter().chain(inner.iter().cloned());
-            let call = Node::texture(&function, all.collect());
+            let call = Node::texture(function, all.collect());
             Case {
                 value: (i + 1 < pairs.len()).then_some(i as i64),
                 body: vec![
@@ -585,20 +530,12 @@ fn add_fetch_offset(rest: &mut Vec<Ex>) {
 }
 
 /// Without derivatives, GLSL samples the base level, and the bias becomes the level (4.60, 8.9).
-fn use_base_level(shape: &TextureShape<'_>, name: &mut String, rest: &mut Vec<Ex>) {
-    if !is_implicit(name) {
-        return;
-    }
+fn use_base_level(shape: &TextureShape<'_>, has_offset: bool, rest: &mut Vec<Ex>) {
     // The reference of an array of cubes is beside the coordinates.
     let level = 1 + usize::from(shape.shadow && shape.layered && shape.coordinates == 3);
-    let has_offset = name.ends_with("Offset");
     if rest.len() == level + usize::from(has_offset) {
         rest.insert(level, Ex::new(Node::float(0.0), Ty::FLOAT));
     } else if has_offset {
         rest.swap(1, 2);
     }
-    *name = match name.strip_suffix("Offset") {
-        Some(start) => format!("{start}LodOffset"),
-        None => format!("{name}Lod"),
-    };
 }

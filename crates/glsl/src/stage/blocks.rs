@@ -72,8 +72,8 @@ impl<'u> GlslStage<'u> {
         let name = block.name.as_str().to_owned();
         if name == "gl_PerVertex" {
             for field in &block.fields {
-                for (name, ty, _) in self.fields(field)? {
-                    self.clip_distance(&name, &ty);
+                for member in self.fields(field)? {
+                    self.clip_distance(&member.name, &member.ty);
                 }
             }
             return Ok(());
@@ -107,12 +107,11 @@ impl<'u> GlslStage<'u> {
         let mut member_qualifiers = Vec::new();
         for field in &block.fields {
             let q = self.qualifiers(field.qualifier.as_ref())?;
-            for (name, ty, place) in self.fields(field)? {
+            let by_rows = (row_major || q.says("row_major")) && !q.says("column_major");
+            for member in self.fields(field)? {
                 members.push(GlslMember {
-                    name,
-                    ty,
-                    row_major: (row_major || q.says("row_major")) && !q.says("column_major"),
-                    place,
+                    row_major: by_rows,
+                    ..member
                 });
                 member_qualifiers.push(q.clone());
             }

@@ -16,7 +16,7 @@ use super::constant;
 use super::constant::{ConstantValue, Constants, Specialised};
 use super::lengths::Candidate;
 use super::syntax::Unit;
-use super::ty::{Length, Structs, Ty};
+use super::ty::{GlslMember, Length, Structs, Ty};
 use crate::errors::unsupported;
 use shader_text::error::Error;
 
@@ -383,20 +383,19 @@ impl<'u> GlslStage<'u> {
         }
     }
 
-    fn fields(
-        &mut self,
-        field: &ast::StructFieldSpecifier,
-    ) -> Result<Vec<(String, Ty, Option<Span>)>, Error> {
+    /// The members that a field declares. Their matrices are column-major.
+    fn fields(&mut self, field: &ast::StructFieldSpecifier) -> Result<Vec<GlslMember>, Error> {
         let place = self.place(field.span);
         let ty = self.ty(&field.ty, None, place)?;
-        field
-            .identifiers
-            .iter()
-            .map(|i| {
-                let ty = self.dimensions(ty.clone(), i.array_spec.as_ref(), place)?;
-                Ok((i.ident.as_str().to_owned(), ty, place))
+        let member = |i: &ast::ArrayedIdentifier| {
+            Ok(GlslMember {
+                name: i.ident.as_str().to_owned(),
+                ty: self.dimensions(ty.clone(), i.array_spec.as_ref(), place)?,
+                row_major: false,
+                place,
             })
-            .collect()
+        };
+        field.identifiers.iter().map(member).collect()
     }
 
     fn prototype(&mut self, prototype: &ast::FunctionPrototype) -> Result<(), Error> {

@@ -34,58 +34,7 @@ impl GlslStage<'_> {
                     }
                 }
             }
-            TypeSpecifierNonArrayData::Struct(definition) => {
-                let name = match &definition.name {
-                    Some(name) => name.as_str().to_owned(),
-                    None => String::new(),
-                };
-                let mut members = Vec::new();
-                for field in &definition.fields {
-                    for (name, ty, place) in self.fields(field)? {
-                        members.push(GlslMember {
-                            name,
-                            ty,
-                            row_major: false,
-                            place,
-                        });
-                    }
-                }
-                let name = match name.is_empty() {
-                    true => self.unnamed(&members),
-                    false => name,
-                };
-                let count = self.structs.count_of(members.iter().map(|m| &m.ty));
-                if count.members > MEMBERS || count.elements > self.unit.array_elements {
-                    return Err(Error::new(
-                        Code::TooDeep,
-                        format!(
-                            "`{name}` has {} elements in {} members; the limit is {} in {MEMBERS}",
-                            count.elements, count.members, self.unit.array_elements
-                        ),
-                    )
-                    .label_if(place));
-                }
-                if let Some(old) = self.structs.get(&name) {
-                    let same = |a: &GlslMember, b: &GlslMember| a.name == b.name && a.ty == b.ty;
-                    let alike = old.members.len() == members.len()
-                        && old.members.iter().zip(&members).all(|(a, b)| same(a, b));
-                    if !alike {
-                        return Err(unsupported(
-                            format!("two structs are called `{name}`"),
-                            place,
-                        ));
-                    }
-                } else {
-                    self.structs.insert(Struct {
-                        name: name.clone(),
-                        members,
-                        in_uniform_block: false,
-                        tight: false,
-                    });
-                    self.structs.mark_small_elements();
-                }
-                Ty::Struct(name)
-            }
+            TypeSpecifierNonArrayData::Struct(definition) => self.struct_ty(definition, place)?,
             _ => {
                 let name = spelled(&spec.ty);
                 unsupported::refuse(&name, place)?;
@@ -94,6 +43,50 @@ impl GlslStage<'_> {
         };
         let inner = self.dimensions(base, spec.array_specifier.as_ref(), place)?;
         self.dimensions(inner, at_name, place)
+    }
+
+    /// Declares a struct.
+    fn struct_ty(
+        &mut self,
+        definition: &ast::StructSpecifier,
+        place: Option<Span>,
+    ) -> Result<Ty, Error> {
+        let mut members = Vec::new();
+        for field in &definition.fields {
+            members.extend(self.fields(field)?);
+        }
+        let name = match &definition.name {
+            Some(name) => name.as_str().to_owned(),
+            None => self.unnamed(&members),
+        };
+        let count = self.structs.count_of(members.iter().map(|m| &m.ty));
+        if count.members > MEMBERS || count.elements > self.unit.array_elements {
+            return Err(Error::new(
+                Code::TooDeep,
+                format!(
+                    "`{name}` has {} elements in {} members; the limit is {} in {MEMBERS}",
+                    count.elements, count.members, self.unit.array_elements
+                ),
+            )
+            .label_if(place));
+        }
+        match self.structs.get(&name) {
+            Some(old) if !old.has(&members) => {
+                let message = format!("two structs are called `{name}`");
+                return Err(unsupported(message, place));
+            }
+            Some(_) => {}
+            None => {
+                self.structs.insert(Struct {
+                    name: name.clone(),
+                    members,
+                    in_uniform_block: false,
+                    tight: false,
+                });
+                self.structs.mark_small_elements();
+            }
+        }
+        Ok(Ty::Struct(name))
     }
 
     /// Names an anonymous struct by its members, so that different structs of the two stages have
@@ -107,14 +100,7 @@ impl GlslStage<'_> {
                 name += word;
             }
         }
-        let taken = |name: &str| {
-            let same = |a: &GlslMember, b: &GlslMember| a.name == b.name && a.ty == b.ty;
-            let old = self.structs.get(name);
-            old.is_some_and(|old| {
-                old.members.len() != members.len()
-                    || old.members.iter().zip(members).any(|(a, b)| !same(a, b))
-            })
-        };
+        let taken = |name: &str| self.structs.get(name).is_some_and(|old| !old.has(members));
         let numbered = (2..).map(|i| format!("{name}_{i}"));
         let mut all = std::iter::once(name.clone()).chain(numbered);
         all.find(|n| !taken(n)).unwrap_or(name)
