@@ -67,9 +67,9 @@ pub(super) enum ConstantValue {
 
 use ConstantValue::{Bool, Float, Int, Uint, Vector};
 
-mod built_in;
+mod built_in_functions;
 
-pub(super) use built_in::call;
+pub(super) use built_in_functions::call;
 
 /// The key for an array's length. No name has brackets, so it is unique.
 fn length_of(name: &str) -> String {

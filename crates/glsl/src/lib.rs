@@ -8,7 +8,7 @@
 #![warn(missing_docs)]
 
 mod build;
-mod built_ins;
+mod built_in_variables;
 mod constant;
 mod declared;
 mod errors;

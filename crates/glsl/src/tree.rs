@@ -12,7 +12,7 @@ use naga::{
     UnaryOperator,
 };
 
-use super::built_ins::Variable;
+use super::built_in_variables::Variable;
 use super::functions::Meaning;
 use super::layout::Rules;
 use super::operations::Subgroup;

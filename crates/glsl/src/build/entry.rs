@@ -12,14 +12,14 @@ use naga_edit::writer::FunctionWriter;
 
 use super::types::array_size;
 use super::{Body, Builder, Declared, Port, Value, refused};
-use crate::built_ins::{self, Variable};
+use crate::built_in_variables::{self, Variable};
 use crate::tree::{BlockTy, Global, GlobalId, GlobalKind, Node};
 use shader_text::error::{Code, Error};
 
 impl<'s> Builder<'s> {
     pub(super) fn globals(&mut self) -> Result<(), Error> {
         if self.stage.invariant
-            && let Some(own) = built_ins::plain("gl_Position", self.kind)
+            && let Some(own) = built_in_variables::plain("gl_Position", self.kind)
         {
             self.register(own)?;
             for port in &mut self.ports {

@@ -11,7 +11,7 @@ use naga::{
 
 use super::expression::Position;
 use super::{Body, Builder, Declared, Value};
-use crate::built_ins::Variable;
+use crate::built_in_variables::Variable;
 use crate::tree::{
     Case, Function, FunctionId, GlobalId, GlobalKind, Kind, LocalId, Node, ParameterTy, Statement,
     StatementKind as S,

@@ -1,11 +1,11 @@
 //! Writes a resolved stage as IR.
 //!
 //! `types` makes types, `entry` globals and the entry point, `function` functions and their
-//! statements. Expressions are in `expression`, with `operator`, `constructor`, `call`, `built_in`
+//! statements. Expressions are in `expression`, with `operator`, `constructor`, `call`, `built_in_functions`
 //! and `texture`. All expressions go through [`Body::add`], which folds constants by GLSL's rules.
 
 mod atomic;
-mod built_in;
+mod built_in_functions;
 mod call;
 mod comparing;
 mod constructor;
@@ -30,7 +30,7 @@ use naga_edit::writer::FunctionWriter;
 
 use self::comparing::Comparing;
 use super::tree::{FunctionId, GlobalId, LocalId, Stage};
-use crate::built_ins::Variable;
+use crate::built_in_variables::Variable;
 use crate::errors::wrong;
 use crate::ty::Ty;
 use shader_text::error::Error;

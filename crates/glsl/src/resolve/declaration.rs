@@ -7,7 +7,7 @@ use naga_edit::declared;
 
 use super::fold::Folds;
 use super::{Pair, Resolver, Var};
-use crate::built_ins;
+use crate::built_in_variables;
 use crate::errors::unsupported;
 use crate::formats::format_named;
 use crate::interface::{BindingSlot, handles};
@@ -36,7 +36,7 @@ impl Resolver<'_, '_> {
         if self.clip == ClipSpace::OpenGl
             && self.is_vertex()
             && self.stage.used.contains("gl_Position")
-            && let Some(own) = built_ins::plain("gl_Position", self.stage.kind)
+            && let Some(own) = built_in_variables::plain("gl_Position", self.stage.kind)
         {
             // z = (z + w) / 2
             let position = Node::new(Kind::BuiltIn(own));

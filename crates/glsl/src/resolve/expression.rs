@@ -15,7 +15,7 @@ use crate::layout::MemoryLayout;
 use crate::stage::initial_length;
 use crate::tree::{Kind, Node};
 use crate::ty::{Component, Ty};
-use crate::{built_ins, constant};
+use crate::{built_in_variables, constant};
 use shader_text::error::{Code, Error};
 use shader_text::unsupported;
 
@@ -237,14 +237,14 @@ impl Resolver<'_, '_> {
             }
             _ => {}
         }
-        if let Some(own) = built_ins::plain(name, self.stage.kind) {
+        if let Some(own) = built_in_variables::plain(name, self.stage.kind) {
             let ex = Ex::new(Node::new(Kind::BuiltIn(own)), own.ty.clone());
             return Ok(match own.ty {
                 Ty::UINT => ex.converted(&Ty::INT),
                 _ => ex,
             });
         }
-        if let Some(variable) = built_ins::declared(name, self.stage.kind) {
+        if let Some(variable) = built_in_variables::declared(name, self.stage.kind) {
             return Ok(self.built_in(name, variable));
         }
         unsupported::refuse(name, place)?;
@@ -255,7 +255,7 @@ impl Resolver<'_, '_> {
     }
 
     /// A built-in that is declared as an input or output of ours. Arrays keep their index.
-    fn built_in(&mut self, name: &str, variable: &built_ins::Variable) -> Ex {
+    fn built_in(&mut self, name: &str, variable: &built_in_variables::Variable) -> Ex {
         let of = variable.first_name();
         let mut ex = self.standin(of, of.trim_start_matches("gl_"));
         match of {

@@ -2,11 +2,11 @@
 //! result is a [`Stage`] of trees, which `build` writes as IR.
 //!
 //! `declaration` resolves globals, `statement` and `expression` function bodies. They use `access`
-//! for parts of values, `call` with `overload`, `constructor`, `built_in` and `texture`, `check` for type
+//! for parts of values, `call` with `overload`, `constructor`, `built_in_functions` and `texture`, `check` for type
 //! checks, `store` for block layouts, `effect` for the order of evaluation, and `fold` for constants.
 
 mod access;
-mod built_in;
+mod built_in_functions;
 mod call;
 mod check;
 mod constructor;

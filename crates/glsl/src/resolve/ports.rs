@@ -4,7 +4,7 @@ use naga::{Binding, Interpolation, Sampling};
 
 use super::expression::Ex;
 use super::{Resolver, Var};
-use crate::built_ins;
+use crate::built_in_variables;
 use crate::errors::unsupported;
 use crate::interface::{flat, index};
 use crate::stage::Variable;
@@ -208,7 +208,7 @@ impl Resolver<'_, '_> {
 
     fn standin_kind(&self, of: &'static str, name: &str) -> (Ty, GlobalKind) {
         let array = |of: Ty, n: u32| Ty::Array(Box::new(of), Some(n.into()));
-        let (ty, init, port) = match (of, built_ins::declared(of, self.stage.kind)) {
+        let (ty, init, port) = match (of, built_in_variables::declared(of, self.stage.kind)) {
             ("gl_FragColor", _) => {
                 let ty = Ty::Vector(Component::Float, 4);
                 (ty, None, Some((true, at_location(0))))
@@ -247,7 +247,7 @@ impl Resolver<'_, '_> {
         if let Some(at) = known.clone().position(|g| g.name.as_ref() == Some(&name)) {
             return Node::new(Kind::Global(GlobalId(at)));
         }
-        let built_in = built_ins::declared(of, self.stage.kind);
+        let built_in = built_in_variables::declared(of, self.stage.kind);
         let kind = GlobalKind::Port {
             ty: Ty::UINT,
             is_output: true,

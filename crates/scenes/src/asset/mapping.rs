@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use naga::{Expression, ImageDimension, TypeInner};
 
-use super::look::{Look, Pictures, Use};
+use super::material::{Look, Pictures, Use};
 use preshade_draw::scene::globals::{Global, globals};
 use preshade_draw::scene::semantic::normalise;
 use preshade_draw::scene::{Image, Material, SceneError, Value, layout};

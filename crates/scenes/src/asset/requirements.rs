@@ -9,7 +9,7 @@ use preshade_plan::state::{Blend, ColorTarget, CullMode, FrontFace, MaterialStat
 use super::accessors;
 use super::built_in::Words;
 use super::file::Asset;
-use super::look::{Look, Use};
+use super::material::{Look, Use};
 use super::primitive::{self, floats};
 use preshade_draw::scene::bind::{is_instance_data, known_stream};
 use preshade_draw::scene::globals::globals;
