@@ -5,7 +5,6 @@ use serde::Serialize;
 
 use crate::{Ending, Failure, Format, output};
 
-/// Arguments of `adapters`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 preshade uses the first one. `preshade verify --adapter TEXT` selects another, by a part of its

@@ -22,7 +22,6 @@ use crate::input::{Clip, ShaderArgs, is_stdin};
 use crate::trees::{self, Tree};
 use crate::{Ending, Failure, output};
 
-/// Arguments of `agree`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -143,7 +142,6 @@ impl AgreeArgs {
         })
     }
 
-    /// The pairs to check.
     fn asked(&self) -> Result<Everything, Failure> {
         if self
             .shader
@@ -224,7 +222,6 @@ impl AgreeArgs {
     }
 }
 
-/// Runs the command.
 pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
     let waivers = match &args.waivers {
         Some(path) => agree_inputs::waivers(path)?,
@@ -290,7 +287,6 @@ pub fn run(args: &AgreeArgs) -> Result<Ending, Failure> {
     })
 }
 
-/// What is asked for.
 #[derive(Default)]
 struct Everything {
     pairs: Vec<Asked>,
@@ -319,7 +315,6 @@ fn are_one_text(first: &Plan, second: &Plan) -> bool {
     texts(first) == texts(second)
 }
 
-/// Checks one pair.
 fn checked(
     args: &AgreeArgs,
     asked: &Asked,

@@ -20,7 +20,6 @@ pub struct Asked {
     pub second: ShaderArgs,
     pub relation: Relation,
     pub maps: Vec<Equation>,
-    /// The first program's normal.
     pub normal: Option<String>,
 }
 
@@ -33,7 +32,6 @@ impl Asked {
     }
 }
 
-/// A file of pairs.
 #[derive(Deserialize)]
 #[serde(deny_unknown_fields, rename_all = "kebab-case")]
 struct File {

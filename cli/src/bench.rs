@@ -27,7 +27,6 @@ use crate::{Ending, Failure, Format, output};
 mod grass;
 mod museum;
 
-/// Arguments of `bench`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples, from the root of the repository:
@@ -109,7 +108,6 @@ const HOISTED: [(&str, &str); 1] = [(
 
 const ORDERS: [(&str, u32); 3] = [("back to front", 0), ("shuffled", 2), ("front to back", 1)];
 
-/// Runs the yardstick.
 pub fn run(args: &BenchArgs) -> Result<Ending, Failure> {
     let gpu = Gpu::new(
         &args

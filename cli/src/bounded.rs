@@ -15,7 +15,6 @@ const TICK: Duration = Duration::from_millis(20);
 /// How long the process may take to end: a driver that hangs may hold it up.
 const GRACE: Duration = Duration::from_secs(2);
 
-/// The limits.
 struct Bound {
     seconds: u64,
     memory: u64,
@@ -64,7 +63,6 @@ pub fn pause() {
     with(|bound| bound.iter_mut().for_each(|b| b.since = None));
 }
 
-/// Starts it anew.
 pub fn resume() {
     with(|bound| {
         bound

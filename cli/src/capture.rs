@@ -19,7 +19,6 @@ use shader_text::limits::Limits;
 use crate::limits::LimitArgs;
 use crate::{Ending, Failure, output};
 
-/// Arguments of `capture`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -153,7 +152,6 @@ fn size(text: &str) -> Result<[u32; 2], String> {
     }
 }
 
-/// Records the page.
 pub fn run(args: &CaptureArgs) -> Result<Ending, Failure> {
     if args.script {
         output::data(RECORDER)?;
@@ -298,9 +296,7 @@ fn no_page(file: &Path) -> Result<(), Failure> {
     Err(Failure(format!("error: `{name}` is no page: {remedy}")))
 }
 
-/// Where a page is.
 enum Place {
-    /// At an address.
     Web(String),
     /// A file of this machine, served from a folder.
     Local(Site, String),

@@ -117,9 +117,6 @@ fn sentence(text: &str) -> String {
 /// The explanation of a code, as a message prints it: `blended`, `depth-prepass/blended`,
 /// `error[parse]` or `parse`. The name of a pass gives its description; no code gives the list of
 /// codes.
-///
-/// # Errors
-/// The code is unknown: similar codes, or all.
 pub fn explain(code: &str) -> Result<String, Failure> {
     if code.is_empty() {
         return Ok(list());

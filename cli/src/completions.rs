@@ -5,7 +5,6 @@ use clap_complete::Shell;
 use crate::output;
 use crate::{Ending, Failure};
 
-/// Arguments of `completions`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -18,7 +17,6 @@ pub struct CompletionsArgs {
     shell: Shell,
 }
 
-/// Prints the script.
 pub fn run(args: &CompletionsArgs, mut command: clap::Command) -> Result<Ending, Failure> {
     let mut script = Vec::new();
     clap_complete::generate(args.shell, &mut command, "preshade", &mut script);

@@ -395,7 +395,6 @@ fn early(arguments: &Arguments, flag: &str) -> Option<OsString> {
     None
 }
 
-/// Prefix of environment variables.
 const PREFIX: &str = "PRESHADE_";
 
 /// A warning for each of `names` that has our prefix and is unknown: misspelled, or of another

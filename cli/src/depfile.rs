@@ -15,9 +15,6 @@ pub type Rule = (Vec<PathBuf>, Vec<PathBuf>);
 
 /// Writes `rules` to a file if they differ from its content, to stdout for `-`, or to a pipe or
 /// terminal.
-///
-/// # Errors
-/// It cannot be written.
 pub fn write(path: &Path, rules: &[Rule]) -> Result<(), Failure> {
     let text = text(rules);
     if path == Path::new("-") {

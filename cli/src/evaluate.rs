@@ -34,7 +34,6 @@ const RUN: &str = "first";
 /// Times to try a job that fails, if `--attempts` says nothing.
 const ATTEMPTS: u32 = 2;
 
-/// Arguments of `evaluate`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -97,7 +96,6 @@ fn parse_run(text: &str) -> Result<String, String> {
     }
 }
 
-/// Runs the jobs.
 pub fn run(args: &EvaluateArgs) -> Result<Ending, Failure> {
     let all = read(&args.jobs)?;
     let share = all.into_iter().filter(|job| {
@@ -150,9 +148,7 @@ fn note_machine(out: &Path, cards: &[Card]) -> Result<(), Failure> {
         .map_err(|e| Failure(format!("error: {e}")))
 }
 
-/// How to run jobs.
 pub struct Settings {
-    /// Folder for the results.
     pub out: PathBuf,
     /// Each job runs on each of them that its filter lets through.
     pub models: Vec<Model>,
@@ -167,7 +163,6 @@ pub struct Settings {
 }
 
 impl Settings {
-    /// The defaults.
     pub fn new(out: PathBuf, models: Vec<Model>) -> Self {
         Self {
             out,
@@ -180,7 +175,6 @@ impl Settings {
     }
 }
 
-/// What became of jobs.
 #[derive(Debug, Default)]
 pub struct Tally {
     /// Jobs that had no result.
@@ -191,7 +185,6 @@ pub struct Tally {
     pub measured: usize,
     /// Those that broke a contract.
     pub broken: usize,
-    /// Jobs that have none.
     pub failed: usize,
     /// Jobs whose files are not those of the list.
     pub stale: usize,
@@ -216,9 +209,6 @@ impl Model {
     }
 
     /// The card with the fewest jobs of this process, and of those one that no other process uses.
-    ///
-    /// # Errors
-    /// The folder for temporary files cannot be written to.
     pub fn take(&self) -> Result<Seat<'_>, Failure> {
         let mut cards: Vec<&Place> = self.cards.iter().collect();
         cards.sort_by_key(|place| place.busy.load(Ordering::Relaxed));
@@ -243,7 +233,6 @@ impl Model {
     }
 }
 
-/// A card in use.
 pub struct Seat<'a> {
     place: &'a Place,
     /// Locked while it is in use, to make other processes take other cards.
@@ -253,9 +242,6 @@ pub struct Seat<'a> {
 impl Seat<'_> {
     /// A command for a process on this card, which takes turns with those of others. Only its words say how
     /// to draw.
-    ///
-    /// # Errors
-    /// This program cannot be found.
     pub fn command(&self) -> Result<Command, Failure> {
         let mut command = worker::myself().map_err(|why| Failure(format!("error: {why}")))?;
         for (name, _) in std::env::vars_os() {
@@ -281,9 +267,6 @@ impl Drop for Seat<'_> {
 }
 
 /// The models among `cards` that match. Without `wanted` the best one; `all`: each.
-///
-/// # Errors
-/// There is none.
 pub fn models(cards: Vec<Card>, wanted: Option<&str>) -> Result<Vec<Model>, Failure> {
     let found = cards.iter().map(|card| card.report.name.clone()).collect();
     let mut models: Vec<Model> = Vec::new();
@@ -323,9 +306,6 @@ pub fn models(cards: Vec<Card>, wanted: Option<&str>) -> Result<Vec<Model>, Fail
 }
 
 /// Runs those jobs that have no result. Two processes may do so with one folder.
-///
-/// # Errors
-/// A result cannot be written.
 pub fn all_of(jobs: &[Job], settings: &Settings) -> Result<Tally, Failure> {
     verify::check_folder(&settings.out)?;
     let host = host();
@@ -527,9 +507,6 @@ impl Runner<'_> {
     }
 
     /// Runs one job until it has a result or was tried often enough, and writes the result each time.
-    ///
-    /// # Errors
-    /// The result cannot be written.
     fn evaluate(
         &self,
         task: &Task<'_>,
@@ -573,7 +550,6 @@ impl Runner<'_> {
         Ok(())
     }
 
-    /// Writes a result.
     fn keep(
         &self,
         task: &Task<'_>,
@@ -608,9 +584,6 @@ impl Runner<'_> {
     }
 
     /// What a job's own process found, or why it found nothing.
-    ///
-    /// # Errors
-    /// No process could be started.
     fn measured(&self, task: &Task<'_>) -> Result<(Run, Result<Found, String>), Failure> {
         let seat = task.model.take()?;
         let (start_ms, before) = (turns::since_1970(), load());
@@ -714,7 +687,6 @@ fn load() -> Option<f64> {
     text.split_whitespace().next()?.parse().ok()
 }
 
-/// The machine's name.
 fn host() -> String {
     let file = std::fs::read_to_string("/proc/sys/kernel/hostname").ok();
     let variables = ["HOSTNAME", "COMPUTERNAME"].iter();

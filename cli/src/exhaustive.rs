@@ -38,9 +38,6 @@ const OF_THE_RUN: [&str; 10] = [
 ];
 
 /// Checks that `plan` has these flags of `verify`.
-///
-/// # Errors
-/// Names one that it lacks.
 pub fn check_flags(words: &[String]) -> Result<(), Failure> {
     let command = Cli::command();
     let plan = command.find_subcommand("plan");
@@ -58,9 +55,6 @@ pub fn check_flags(words: &[String]) -> Result<(), Failure> {
 }
 
 /// The job of a scene.
-///
-/// # Errors
-/// A candidate cannot be made: a bug.
 pub fn job(
     input: &Input<'_>,
     scene: &Scene,

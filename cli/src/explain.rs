@@ -20,7 +20,6 @@ use crate::input::{Materials, ShaderArgs};
 use crate::view::ViewArgs;
 use crate::{Ending, Failure, Format, guesses, materials, output};
 
-/// Arguments of `explain`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

@@ -25,7 +25,6 @@ use crate::verify::{
 use crate::view::ViewArgs;
 use crate::{Ending, Failure, Table, evaluate, flags, guesses, materials, output, results, worker};
 
-/// Arguments of `explore`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

@@ -5,7 +5,6 @@ use std::path::{Path, PathBuf};
 use crate::evaluate::EvaluateArgs;
 use crate::{Ending, Failure, output};
 
-/// Arguments of `fleet`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -74,7 +73,6 @@ fn parse_gpu(text: &str) -> Result<String, String> {
 /// Entries of a matrix of GitHub.
 const MOST_ENTRIES: u16 = 256;
 
-/// Prints the script.
 pub fn run(args: &FleetArgs) -> Result<Ending, Failure> {
     let scheduler = args.scheduler;
     let is_queue = matches!(scheduler, Scheduler::Hq | Scheduler::Hyperqueue);

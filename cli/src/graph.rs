@@ -6,7 +6,6 @@ use preshade_dataflow::graph::Graph;
 use crate::input::ShaderArgs;
 use crate::{Ending, Failure, output};
 
-/// Arguments of `graph`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -30,7 +29,6 @@ enum GraphFormat {
     Json,
 }
 
-/// Prints the graph.
 pub fn run(args: &GraphArgs) -> Result<Ending, Failure> {
     let plans = args.shader.plans(&Recipe::default())?.asked;
     let [plan] = &plans[..] else {

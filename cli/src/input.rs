@@ -167,7 +167,6 @@ impl From<Lang> for Language {
 /// What a command does with its input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Purpose {
-    /// It reads the programs.
     Read,
     /// It draws the scene, so textures that a captured frame drew are replayed.
     Draw,
@@ -178,7 +177,6 @@ fn captured(file: &Path) -> Option<&Path> {
     preshade_frames::folder::is_file(file).then(|| file.parent().unwrap_or(Path::new(".")))
 }
 
-/// The parsed input.
 pub enum Input {
     Shader(front::Parsed, MaterialState),
     /// A scene, with the requested depth format, direction and sample count.
@@ -194,7 +192,6 @@ pub struct Materials {
     pub frame: Vec<Plan>,
     /// Facts that a scene provides without being drawn, as far as the recipe needs them.
     pub known: Facts,
-    /// Files that were read.
     pub files: Vec<PathBuf>,
     /// The scene they are of; `None` for a shader.
     pub scene: Option<Box<Scene>>,
@@ -325,7 +322,6 @@ impl ShaderArgs {
         self.files.iter().any(|f| is_stdin(f))
     }
 
-    /// Reads the files.
     pub fn input(&self) -> Result<Input, Failure> {
         self.input_with(&Variables::new(), Purpose::Read)
     }
@@ -609,7 +605,6 @@ impl ShaderArgs {
         })
     }
 
-    /// Options for the parser.
     fn options(&self) -> Result<options::Options, Failure> {
         Ok(options::Options {
             vertex: self.vertex.clone(),
@@ -622,7 +617,6 @@ impl ShaderArgs {
         })
     }
 
-    /// The shader's files.
     fn sources(&self) -> Result<Vec<Source>, Failure> {
         let files = self.files.iter().enumerate();
         files.map(|(i, f)| self.source(f, i)).collect()

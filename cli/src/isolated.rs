@@ -12,9 +12,6 @@ use crate::saved_results::Keeper;
 use crate::{Failure, worker};
 
 /// Measures the original in a process of its own, and then each of `recipes` beside it in another.
-///
-/// # Errors
-/// When the original cannot be measured.
 pub fn apart(
     recipes: &[Recipe],
     budget: Option<Budget>,

@@ -18,7 +18,6 @@ use crate::materials::{Chosen, Job};
 use crate::verify::{self, TimeArg, VerifyArgs};
 use crate::{Ending, Failure, exhaustive, flags, output, promises};
 
-/// Arguments of `jobs`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -52,7 +51,6 @@ const SECONDS_A_MEGAPIXEL: f64 = 0.05;
 /// Opening an adapter and compiling shaders.
 const SECONDS_TO_START: f64 = 1.5;
 
-/// Lists the jobs.
 pub fn run(args: &JobsArgs) -> Result<Ending, Failure> {
     let verify = &args.verify;
     if verify.adapter.is_some() {
@@ -120,9 +118,6 @@ pub struct Input<'a> {
 
 impl<'a> Input<'a> {
     /// Hashes the files of a shader or scene.
-    ///
-    /// # Errors
-    /// One cannot be read.
     pub fn new(shader: &'a ShaderArgs) -> Result<Self, Failure> {
         let hashed = |path: PathBuf| {
             let bytes = std::fs::read(&path)
@@ -141,9 +136,6 @@ impl<'a> Input<'a> {
     }
 
     /// A job. `plans` are those that it draws.
-    ///
-    /// # Errors
-    /// None that these types can give.
     pub fn job(
         &self,
         (kind, seconds): (Kind, f64),

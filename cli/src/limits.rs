@@ -17,7 +17,6 @@ pub struct LimitArgs {
 }
 
 impl LimitArgs {
-    /// The limits in effect.
     pub fn limits(&self) -> Limits {
         self.limits.unwrap_or_default()
     }

@@ -263,7 +263,6 @@ impl Command {
 
 /// How a command ended, unless it failed.
 pub enum Ending {
-    /// Success.
     Fine,
     /// A variant broke its contract.
     ContractBroken,

@@ -7,7 +7,6 @@ use shader_text::files::File;
 
 use crate::{Ending, Failure, output};
 
-/// Arguments of `man`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

@@ -12,9 +12,7 @@ use crate::{Failure, config};
 
 /// One material, or the materials of one scene.
 pub struct Job {
-    /// The input.
     pub shader: ShaderArgs,
-    /// Folder to write to.
     pub folder: Option<PathBuf>,
     /// How the files were chosen.
     pub chosen: Chosen,
@@ -23,7 +21,6 @@ pub struct Job {
 /// How the files of a job were chosen.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Chosen {
-    /// By name.
     Given,
     /// In a given folder, which may contain other files than materials.
     Found,
@@ -41,9 +38,6 @@ pub fn jobs(shader: &ShaderArgs, out: &Path) -> Result<Vec<Job>, Failure> {
 
 /// A job for each material and for each scene among the files of `shader` and in its folders.
 /// `None`: the files are one material, or one scene.
-///
-/// # Errors
-/// As [`jobs`].
 pub fn inputs(shader: &ShaderArgs) -> Result<Option<Vec<Job>>, Failure> {
     let files = &shader.files;
     // Two files may be the two stages of one material, whatever their names. A scene beside a shader
@@ -63,9 +57,6 @@ pub fn inputs(shader: &ShaderArgs) -> Result<Option<Vec<Job>>, Failure> {
 /// A job for each scene and each bare shader among the files of `shader`, and for each scene in its
 /// folders, in the given order. A vertex and a fragment file are one shader if they have one name
 /// and folder, or if nothing else is given.
-///
-/// # Errors
-/// As [`scenes`].
 pub fn drawn(mut shader: ShaderArgs) -> Result<Vec<Job>, Failure> {
     shader.files = scenes(&shader.files)?;
     let files = shader.files.clone();
@@ -147,7 +138,6 @@ fn gathered(
     Ok(jobs.collect())
 }
 
-/// Results of many materials.
 #[derive(Default)]
 pub struct Sum {
     rewritten: usize,
@@ -159,7 +149,6 @@ pub struct Sum {
     pub no_material: usize,
     /// Number of refusals by code.
     refused: BTreeMap<String, usize>,
-    /// Files that changed.
     pub written: usize,
     /// Files that did not change.
     pub up_to_date: usize,
@@ -320,9 +309,6 @@ fn vertex_first(mut files: Vec<PathBuf>) -> Vec<PathBuf> {
 }
 
 /// The given scenes, and the scenes in given folders, sorted by name.
-///
-/// # Errors
-/// A folder cannot be read, or has no scene.
 pub fn scenes(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
     let mut all = Vec::new();
     for path in paths {

@@ -12,7 +12,6 @@ use shader_text::files;
 use crate::evaluate::{self, EXTENSION, MACHINES};
 use crate::{Ending, Failure, Table, output, verify};
 
-/// Arguments of `merge`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -142,9 +141,6 @@ fn print(adapters: &[FleetAdapter], format: Table) -> Result<(), Failure> {
 }
 
 /// The results in folders, or in files.
-///
-/// # Errors
-/// One cannot be read.
 pub fn outcomes(paths: &[PathBuf]) -> Result<Vec<Outcome>, Failure> {
     let mut outcomes = Vec::new();
     for path in paths {

@@ -74,9 +74,6 @@ pub fn json(value: &impl serde::Serialize) -> Result<(), Failure> {
 
 /// Combines the results of printing and of writing to a folder. If one fails, the message names the
 /// other output.
-///
-/// # Errors
-/// Those of either.
 pub fn both(
     printed: Result<(), Failure>,
     written: Result<(), Failure>,
@@ -212,7 +209,6 @@ impl ProgressLine {
         }
     }
 
-    /// Sets the current activity.
     pub fn set_message(&self, what: impl Into<String>) {
         let what = what.into();
         match &self.bar {

@@ -4,7 +4,6 @@ use preshade_compiler::command::passes;
 
 use crate::{Ending, Failure, Format, output};
 
-/// Arguments of `passes`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -20,7 +19,6 @@ pub struct PassesArgs {
     format: Format,
 }
 
-/// Lists the passes.
 pub fn run(args: &PassesArgs) -> Result<Ending, Failure> {
     let listing = passes::list(args.name.as_deref()).map_err(|e| Failure(format!("error: {e}")))?;
     match args.format {

@@ -36,7 +36,6 @@ use crate::verify::{OrderArg, check_budget, check_folder, parse_frames, parse_se
 use crate::view::ViewArgs;
 use crate::{Ending, Failure, Table, exhaustive, guesses, results, worker};
 
-/// Arguments of `plan`.
 #[derive(clap::Args)]
 #[command(after_help = "\
                         Examples:
@@ -333,7 +332,6 @@ fn each(
     Ok(outcome)
 }
 
-/// Plans one scene.
 fn one(
     args: &PlanArgs,
     (shader, scene): (&ShaderArgs, Scene),
@@ -391,7 +389,6 @@ fn one(
     })
 }
 
-/// How `--exhaustive` chooses.
 pub fn choosing(args: &PlanArgs) -> Choosing {
     Choosing {
         runners: args.runners,

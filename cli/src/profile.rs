@@ -11,7 +11,6 @@ use crate::verify::{command, parse_seconds};
 use crate::view::ViewArgs;
 use crate::{Ending, Failure, Table, guesses, output, worker};
 
-/// Arguments of `profile`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:

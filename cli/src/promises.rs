@@ -40,9 +40,6 @@ const BUDGET: Budget = Budget {
 const AT_ONCE: usize = 16;
 
 /// Every recipe that a pass declares, each once.
-///
-/// # Errors
-/// A declared recipe cannot be read: a bug.
 pub fn every_pass() -> Result<Vec<Recipe>, RecipeError> {
     let mut all: Vec<Recipe> = Vec::new();
     for (text, _) in examples() {
@@ -54,7 +51,6 @@ pub fn every_pass() -> Result<Vec<Recipe>, RecipeError> {
     Ok(all)
 }
 
-/// The recipes to draw.
 struct Recipes<'a> {
     /// By the user.
     given: &'a [Recipe],
@@ -65,9 +61,7 @@ struct Recipes<'a> {
 /// The promises of one input.
 #[derive(Clone, Debug, Default, Serialize, Deserialize)]
 struct Promises {
-    /// Its files.
     input: String,
-    /// Where it was drawn.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     adapter: Option<AdapterReport>,
     /// Promises that every compared view keeps.
@@ -318,7 +312,6 @@ fn promises_of(findings: &[Finding]) -> usize {
     findings.iter().map(|f| f.materials.len()).sum()
 }
 
-/// A variant to judge.
 struct Judged {
     variant: Variant,
     /// Whether its budget, if it has one, is the user's, or was chosen by measurement. Otherwise an

@@ -95,7 +95,6 @@ pub fn explore(
     })
 }
 
-/// Reads merged results.
 fn read(file: &Path) -> Result<Results, Failure> {
     let failed = |e: &dyn std::fmt::Display| Failure(format!("error: {}: {e}", file.display()));
     let text = std::fs::read_to_string(file).map_err(|e| failed(&e))?;
@@ -113,7 +112,6 @@ fn read(file: &Path) -> Result<Results, Failure> {
     }
 }
 
-/// Inputs that failed.
 struct Failed {
     names: Vec<String>,
     count: usize,

@@ -29,7 +29,6 @@ use crate::watch::Reads;
 use crate::{Ending, Failure, Format, depfile, output};
 use shader_text::nearest::unknown;
 
-/// Arguments of `rewrite`.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples:
@@ -215,7 +214,6 @@ pub fn run(args: &RewriteArgs, config: Option<&Path>) -> Result<Ending, Failure>
 struct Run<'a> {
     args: &'a RewriteArgs,
     config: Option<&'a Path>,
-    /// Number of jobs.
     jobs: usize,
     report: Vec<Rewritten>,
     rules: Vec<depfile::Rule>,

@@ -23,7 +23,6 @@ pub struct Made {
     pub times: Times,
 }
 
-/// Time by activity.
 #[derive(Default)]
 pub struct Times(pub BTreeMap<(u8, String), Duration>);
 

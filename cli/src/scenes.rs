@@ -56,10 +56,6 @@ impl KeptScenes {
     }
 
     /// Ends the run and removes its file, unless a scene failed.
-    ///
-    /// # Errors
-    ///
-    /// The scenes that failed.
     pub fn end(&self) -> Result<(), Failure> {
         if self.failed.is_empty() {
             self.keeper.done();
@@ -78,9 +74,6 @@ impl KeptScenes {
 }
 
 /// Opens an adapter in place of one that was lost, if it was.
-///
-/// # Errors
-/// There is none any more.
 pub fn reopened(gpu: &mut Gpu, choice: &AdapterChoice) -> Result<(), Failure> {
     let Some(why) = gpu.lost() else { return Ok(()) };
     output::message(&format!(

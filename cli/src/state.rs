@@ -103,7 +103,6 @@ impl StateArgs {
         self.cull.is_none() && self.state.is_none()
     }
 
-    /// The state in effect.
     pub fn state(&self) -> Result<MaterialState, Failure> {
         let mut state = match &self.state {
             None => MaterialState::default(),

@@ -5,7 +5,6 @@ use preshade_scenes::{Variable, Variables};
 /// A swept variable.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Axis {
-    /// Name of the variable.
     pub variable: String,
     /// Its values, ascending.
     pub values: Vec<u32>,
@@ -13,9 +12,6 @@ pub struct Axis {
 
 impl Axis {
     /// Reads `NAME=A..B[:STEPS]`: values at a constant ratio, about 2 by default.
-    ///
-    /// # Errors
-    /// A message.
     pub fn parse(text: &str) -> Result<Self, String> {
         let expected = "expected NAME=A..B[:STEPS], instances=50000..400000 say";
         let (variable, range) = text.split_once('=').ok_or(expected)?;

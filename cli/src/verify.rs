@@ -34,7 +34,6 @@ use crate::variants::VariantArgs;
 use crate::view::ViewArgs;
 use crate::{Ending, Failure, Table, color_on, guesses, promises, worker};
 
-/// Arguments of `verify`.
 #[derive(clap::Args)]
 #[command(after_help = "\
                         Examples:
@@ -344,7 +343,6 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
     Ok(ended)
 }
 
-/// An open adapter.
 struct Opened(Gpu);
 
 /// Tells what of the scene is made up, and the pipeline state where nothing says it.
@@ -356,7 +354,6 @@ fn tell_made_up(args: &VerifyArgs, scene: &Scene) {
     }
 }
 
-/// Opens the requested adapter.
 pub fn open(args: &VerifyArgs) -> Result<Gpu, Failure> {
     let choice = args.adapter.clone();
     let choice = choice.map_or(AdapterChoice::Best, AdapterChoice::Matching);

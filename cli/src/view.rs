@@ -18,9 +18,6 @@ pub struct ViewArgs {
 
 impl ViewArgs {
     /// The scene with these cameras and this resolution.
-    ///
-    /// # Errors
-    /// The scene has no camera of that name.
     pub fn of(&self, mut scene: Scene) -> Result<Scene, Failure> {
         if let Some(size) = self.size {
             scene = scene.resized(size);
@@ -41,7 +38,6 @@ impl ViewArgs {
         Ok(scene)
     }
 
-    /// The requested resolution.
     pub fn size(&self) -> Option<[u32; 2]> {
         self.size
     }
@@ -62,13 +58,11 @@ impl ViewArgs {
         scene.resized(size)
     }
 
-    /// Whether anything is given.
     pub fn is_given(&self) -> bool {
         self.size.is_some() || !self.camera.is_empty()
     }
 }
 
-/// Reads `WxH`.
 pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
     let (w, h) = text
         .split_once(['x', 'X'])

@@ -106,7 +106,6 @@ impl Awaited {
     }
 }
 
-/// How a round ended.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Last {
     Fine,
@@ -115,9 +114,6 @@ enum Last {
 
 /// Runs a command again and again until the process ends. Failures are printed. `round` reads the
 /// configuration again, and returns the inputs and the command.
-///
-/// # Errors
-/// The system cannot watch files.
 pub fn run<C: FnOnce() -> Result<Ending, Failure>>(
     round: impl Fn() -> Result<(Reads, C), Failure>,
 ) -> Result<Ending, Failure> {

@@ -67,9 +67,6 @@ pub fn end_with_parent() {
 }
 
 /// Takes turns with the jobs of other processes, if this is one.
-///
-/// # Errors
-/// The lock cannot be opened or taken.
 pub fn in_turns(gpu: Gpu) -> Result<Gpu, Failure> {
     match std::env::var_os(LOCK).filter(|_| is_job()) {
         None => Ok(gpu),
@@ -83,9 +80,6 @@ pub fn in_turns(gpu: Gpu) -> Result<Gpu, Failure> {
 
 /// Takes a lock for a file that several jobs need, so that one of them makes it. To be taken before the
 /// adapter is shared: who holds a share while it waits would keep the other one from timing.
-///
-/// # Errors
-/// The lock cannot be opened or taken.
 pub fn first_of_several(file: &Path) -> Result<File, Failure> {
     let file = std::path::absolute(file)?;
     let key = hash(file.as_os_str().as_encoded_bytes());
@@ -99,9 +93,6 @@ pub fn first_of_several(file: &Path) -> Result<File, Failure> {
 }
 
 /// Opens a lock file, and makes it if it is missing.
-///
-/// # Errors
-/// As for files.
 pub fn opened(lock: &Path) -> Result<File, Failure> {
     let mut options = File::options();
     let file = options.create(true).truncate(false).write(true).open(lock);
@@ -162,9 +153,6 @@ fn ended(which: usize, limits: &Limits, patience: u64) -> Result<String, String>
 }
 
 /// A command that runs this program.
-///
-/// # Errors
-/// In words.
 pub fn myself() -> Result<Command, String> {
     let program = std::env::current_exe();
     program.map(Command::new).map_err(not_started)
@@ -174,11 +162,9 @@ fn not_started(error: std::io::Error) -> String {
     format!("no process could be started for it: {error}")
 }
 
-/// A process that ended.
 pub struct Ended {
     /// Its exit status, or why it was killed.
     pub status: Result<ExitStatus, String>,
-    /// Its stdout.
     pub out: String,
     /// The lines of its stderr that say something.
     pub told: Vec<String>,
@@ -199,9 +185,6 @@ impl Ended {
 
 /// Runs a command to its end, and kills it after `seconds`, or over the memory of `limits`. Waiting for an
 /// adapter that others use does not count.
-///
-/// # Errors
-/// In words, if it did not start.
 pub fn watched(mut command: Command, limits: &Limits, seconds: u64) -> Result<Ended, String> {
     let mut child = command
         .stdin(Stdio::piped())
@@ -314,9 +297,6 @@ pub fn resident(process: u32) -> Option<u64> {
 }
 
 /// What a process printed, or the error that it printed in place of it.
-///
-/// # Errors
-/// That error; what is no report.
 pub fn printed<T: serde::de::DeserializeOwned>(json: &str) -> Result<T, String> {
     serde_json::from_str(json).map_err(|e| {
         let value: serde_json::Value = serde_json::from_str(json).unwrap_or_default();

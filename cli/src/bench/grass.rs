@@ -232,7 +232,6 @@ pub fn handwritten(forward: &Plan, form: &str) -> Result<Plan, Failure> {
     Ok(plan)
 }
 
-/// The compute pass.
 fn compute(plan: &mut Plan, program: &Program, known: &[BindingUse]) {
     let entry = "cs_resolve";
     let mut pass = ComputePass {

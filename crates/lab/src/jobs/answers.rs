@@ -53,18 +53,14 @@ pub enum Standing {
     Broken,
     /// It was run, and nothing was compared.
     NotMeasured,
-    /// Every material refuses it.
     DoesNotApply,
-    /// `verify` refused the input.
     Refused,
     /// The job has no report.
     Failed,
-    /// No job drew it.
     NoPicture,
 }
 
 impl Standing {
-    /// As text.
     pub fn word(self) -> &'static str {
         match self {
             Self::Holds => "holds",

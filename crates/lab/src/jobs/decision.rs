@@ -10,17 +10,13 @@ use super::answers::{Standing, Subject, Variants, geometric_mean};
 use super::{Results, Said};
 use crate::measure::Estimate;
 
-/// Decisions for several inputs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FleetDecisions {
-    /// Always `preshade.fleet-decision.v1`.
     pub schema: &'static str,
-    /// One for each input.
     pub decisions: Vec<FleetDecision>,
 }
 
 impl FleetDecisions {
-    /// Those of some inputs.
     pub fn new(decisions: Vec<FleetDecision>) -> Self {
         Self {
             schema: "preshade.fleet-decision.v1",
@@ -49,7 +45,6 @@ pub struct FleetDecision {
 /// The best choice for one adapter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OfAdapter {
-    /// Its name.
     pub adapter: String,
     /// The variant. `None`: the original.
     pub choice: Option<String>,
@@ -77,14 +72,12 @@ pub struct FleetVariant {
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OnAdapter {
-    /// Its name.
     pub adapter: String,
     /// Whether it holds.
     pub standing: Standing,
     /// The reason if it does not.
     #[serde(skip_serializing_if = "String::is_empty")]
     pub why: String,
-    /// Whether it pays.
     pub pays: bool,
     /// Whether every run finds it slower, beyond the interval.
     pub slower: bool,
@@ -229,17 +222,13 @@ fn on_adapter(adapter: String, said: &Said<'_>) -> OnAdapter {
     }
 }
 
-/// Frontiers of several inputs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FleetFrontiers {
-    /// Always `preshade.fleet-frontier.v1`.
     pub schema: &'static str,
-    /// One for each input.
     pub frontiers: Vec<FleetFrontier>,
 }
 
 impl FleetFrontiers {
-    /// Those of some inputs.
     pub fn new(frontiers: Vec<FleetFrontier>) -> Self {
         Self {
             schema: "preshade.fleet-frontier.v1",
@@ -257,7 +246,6 @@ pub struct FleetFrontier {
     pub arguments: Vec<String>,
     /// Names of the adapters that timed something.
     pub adapters: Vec<String>,
-    /// Metric of the errors.
     pub metric: Metric,
     /// Each variant, the least error first.
     pub points: Vec<FleetPoint>,
@@ -282,9 +270,7 @@ pub struct FleetPoint {
     pub speedup: Option<f64>,
     /// The smallest and the largest of the adapters' median speedups.
     pub range: Option<[f64; 2]>,
-    /// Adapters that timed it.
     pub timed: usize,
-    /// What became of it.
     pub fate: FleetFate,
 }
 
@@ -301,7 +287,6 @@ pub enum FleetFate {
     },
     /// Its error is over the limit.
     BeyondBudget,
-    /// It broke its contract.
     Broken {
         /// On which adapter.
         adapter: String,

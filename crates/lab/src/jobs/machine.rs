@@ -12,9 +12,7 @@ pub const MACHINE_SCHEMA: &str = "preshade.machine.v1";
 /// The adapters of one machine. No result depends on it.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Machine {
-    /// Always [`MACHINE_SCHEMA`].
     pub schema: String,
-    /// Its name.
     pub host: String,
     pub cards: Vec<MachineCard>,
 }
@@ -48,13 +46,11 @@ pub struct FleetAdapter {
     pub adapter: AdapterReport,
     /// The machines that are known to have it.
     pub machines: BTreeSet<String>,
-    /// Cards that are known.
     pub cards: usize,
     /// Jobs on pictures that have a report.
     pub pictures: usize,
     /// Runs of timing jobs that have one.
     pub times: usize,
-    /// Jobs that have none.
     pub failed: usize,
 }
 

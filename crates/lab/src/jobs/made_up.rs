@@ -17,7 +17,6 @@ pub(crate) enum Made {
     Picture(&'static str, &'static str, bool),
     /// Pictures that hold, with a mean FLIP.
     Error(&'static str, &'static str, f64),
-    /// Its speedup.
     Time(&'static str, &'static str, f64),
     /// A further run of a timing job, which is three times as fast and breaks the contract.
     Broken(&'static str, &'static str),

@@ -11,7 +11,6 @@ use preshade_draw::render::AdapterReport;
 /// Merged outcomes of one version, or of several if that was allowed.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Results {
-    /// Always `preshade.results.v1`.
     pub schema: String,
     /// The versions of preshade that measured.
     pub versions: BTreeSet<String>,
@@ -44,7 +43,6 @@ pub enum Answer {
     Failed {
         /// The class of the reason.
         reason: Reason,
-        /// In words.
         why: String,
     },
 }
@@ -67,7 +65,6 @@ pub struct Measured {
     /// Its circumstances. `None`: a picture.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub run: Option<Run>,
-    /// The measurements.
     #[serde(flatten)]
     pub found: Found,
 }
@@ -93,7 +90,6 @@ pub enum MergeError {
     Overlap {
         /// Name and driver.
         adapter: String,
-        /// The machine.
         host: String,
         /// Input and variant of both.
         both: Box<[String; 2]>,
@@ -272,9 +268,6 @@ impl Results {
     }
 
     /// As text: the same results give the same bytes.
-    ///
-    /// # Errors
-    /// As [`serde_json`].
     pub fn to_json(&self) -> serde_json::Result<String> {
         Ok(serde_json::to_string_pretty(self)? + "\n")
     }

@@ -30,7 +30,6 @@ use preshade_draw::render::AdapterReport;
 /// The version of preshade, part of each key.
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
-/// What a job measures.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Kind {
@@ -44,11 +43,9 @@ pub enum Kind {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Job {
-    /// Always `preshade.job.v1`.
     pub schema: String,
     /// Identity: [`key`] of everything else but `adapter` and `seconds`, and of the emitted shaders.
     pub key: String,
-    /// What it measures.
     pub kind: Kind,
     /// The scene, frame folder or shader files, as given.
     pub input: Vec<String>,
@@ -77,18 +74,15 @@ pub const OUTCOME_SCHEMA: &str = "preshade.outcome.v1";
 /// The result of one job on one adapter.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Outcome {
-    /// Always [`OUTCOME_SCHEMA`].
     pub schema: String,
     /// The version of preshade that measured it.
     pub version: String,
     /// The job, without what differs between lists: its filter and its estimate.
     pub job: Job,
-    /// Where it ran.
     pub adapter: AdapterReport,
     /// When and beside what it ran. `None`: a picture, which depends on neither.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub run: Option<Run>,
-    /// What came of it.
     pub result: JobResult,
 }
 
@@ -97,7 +91,6 @@ pub struct Outcome {
 pub struct Run {
     /// Name of the run. Further runs add samples.
     pub id: String,
-    /// The machine.
     pub host: String,
     /// The machine's start that `alone` counts from, or empty: since 1970.
     pub boot: String,
@@ -120,17 +113,13 @@ pub struct Run {
 pub enum JobResult {
     /// It was measured. A broken promise is in there.
     Measured {
-        /// The measurements.
         #[serde(flatten)]
         found: Found,
     },
-    /// It has no report.
     Failed {
         /// The class of the reason.
         reason: Reason,
-        /// In words.
         why: String,
-        /// Times it was tried.
         attempts: u32,
     },
 }
@@ -177,11 +166,9 @@ pub const EVERY: &str = "every candidate";
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Reason {
-    /// `verify` refused the input.
     Refused,
     /// The process ended without a report.
     Crashed,
-    /// The adapter was lost.
     DeviceLost,
     /// It ran out of memory, or over its limit.
     OutOfMemory,

@@ -110,7 +110,6 @@ struct MaterialTriangles {
     computed: Computed,
     vertices: Arguments,
     triangles: u64,
-    /// Corners of one instance.
     corners: u32,
 }
 

@@ -52,7 +52,6 @@ pub struct Beside {
     pub moved: u64,
     /// Their largest distance, in steps between neighbouring 32-bit floats.
     pub moved_steps: u64,
-    /// All differences.
     pub error: ErrorLadder,
     /// The times, of the first camera.
     pub times: Option<Times>,
@@ -131,9 +130,6 @@ impl Drawn for Beside {
 }
 
 /// Draws `scene`, which has one material, with its own program and with `other`.
-///
-/// # Errors
-/// As [`Session::new`] and [`Session::draw`]; a value of the scene does not fit.
 pub fn comparison(
     gpu: &Gpu,
     scene: &Scene,

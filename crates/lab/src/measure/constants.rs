@@ -130,10 +130,6 @@ impl<'s> Looked<'s> {
 
     /// [`Looked::of_draw`] without elements of matrices. Matrices differ between many draws, but
     /// branches seldom depend on them. Without them fewer draws differ.
-    ///
-    /// # Errors
-    ///
-    /// As [`Looked::of_draw`].
     pub fn telling(&self, draw: usize) -> Result<BTreeMap<Place, Assumed>, SceneError> {
         let mut values = self.of_draw(draw)?;
         let draw = self.scene.draws.get(draw);

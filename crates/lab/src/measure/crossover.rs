@@ -12,9 +12,7 @@ pub(crate) const SCHEMA: &str = "preshade.series.v1";
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Series {
-    /// Always [`SCHEMA`].
     pub schema: String,
-    /// Name of the variable.
     pub variable: String,
     /// Where pairs of variants cross.
     pub crossovers: Vec<Crossover>,
@@ -33,9 +31,7 @@ pub struct Point {
 /// How two variants compare over the series, in the headline view.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Crossover {
-    /// A variant.
     pub first: String,
-    /// Another.
     pub second: String,
     /// The first variant's time over the second's, by value, with its 95 % interval. Above 1 the
     /// second is faster. Samples are from the same round.
@@ -94,9 +90,6 @@ impl Series {
     }
 
     /// The JSON of record, indented, with a newline at its end.
-    ///
-    /// # Errors
-    /// None that these types can give.
     pub fn to_json(&self) -> serde_json::Result<String> {
         Ok(serde_json::to_string_pretty(self)? + "\n")
     }

@@ -31,7 +31,6 @@ pub struct ErrorLadder {
     /// explain.
     #[serde(default)]
     pub beyond_step: u64,
-    /// Pixels of the picture.
     #[serde(default)]
     pub pixels: u64,
     /// Mean of the FLIP error map, 0..1 (Andersson et al. 2020): the largest over all colour targets,

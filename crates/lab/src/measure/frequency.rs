@@ -46,10 +46,6 @@ pub struct FrequencyStep<'m> {
 /// Measures every candidate value: draws the scene with only that value interpolated, in all
 /// materials that have it, and compares with the original. Keeps the worst of the [`choosing`]
 /// frames. Of `facts` only the ranges matter. `progress` may stop the measurement.
-///
-/// # Errors
-///
-/// As [`Session::pictures`], for the original. A candidate that cannot be drawn is skipped.
 pub fn frequencies(
     session: &Session<'_>,
     facts: &Facts,
@@ -295,10 +291,6 @@ fn is_open(step: &preshade_compiler::recipe::Step) -> bool {
 /// every path. Errors of values do not add up, so each threshold is drawn. Starts at the largest
 /// and bisects. Refuses if not even the lowest keeps the budget, because of another step of the
 /// recipe, say.
-///
-/// # Errors
-///
-/// As [`Session::pictures`].
 pub fn within_budget(
     session: &Session<'_>,
     recipe: &Recipe,

@@ -17,9 +17,6 @@ use preshade_draw::scene::{Scene, SceneError};
 pub const MOST_GROUPS: usize = 8;
 
 /// The scene [`grouped`] for the first step of `recipe` that specialises; as it is where none does.
-///
-/// # Errors
-/// As [`grouped`].
 pub fn grouped_for(scene: Scene, recipe: &Recipe) -> Result<Scene, SceneError> {
     let Some(step) = recipe
         .steps

@@ -40,10 +40,6 @@ impl Points {
 /// Measures a value. `alone` has, by material index, the plans that interpolate this value and
 /// nothing else. `None`: no plan can be tessellated (a flat varying, say), or there are too many
 /// triangles.
-///
-/// # Errors
-///
-/// As [`Session::prepare`].
 pub fn interpolation(
     session: &Session<'_>,
     alone: &BTreeMap<usize, Plan>,

@@ -21,7 +21,6 @@ use preshade_scenes::mesh;
 pub struct Junction {
     /// The draw that is subdivided, the more finely one first in the scene where both are.
     pub divided: String,
-    /// The draw beside it.
     pub beside: String,
     /// Number of edges, each once.
     pub edges: u64,

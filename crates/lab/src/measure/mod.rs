@@ -87,7 +87,6 @@ pub use view::View;
 /// Why something was not measured.
 #[derive(Debug, thiserror::Error)]
 pub enum Error {
-    /// Nothing was drawn.
     #[error(transparent)]
     Render(#[from] preshade_draw::render::Error),
     /// Two pictures of different kinds.

@@ -54,7 +54,6 @@ pub struct OutputsReport {
 /// Velocities against positions.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct VelocityReport {
-    /// Pixels compared.
     pub pixels: u64,
     /// Covered pixels that were not compared: of a triangle that was not evaluated, of a point that
     /// was behind the camera, or where triangles of one instance lie so close that the depth does
@@ -214,10 +213,6 @@ fn numbered(session: &Session<'_>) -> Vec<Plan> {
 }
 
 /// Draws and compares. `earlier`: the scene's draws in the previous frame.
-///
-/// # Errors
-///
-/// As [`Session::new`] and [`Session::draw`].
 pub fn measure(
     session: &Session<'_>,
     earlier: &Scene,

@@ -15,7 +15,6 @@ use preshade_draw::scene::{DrawOrder, Frame, Rows};
 
 /// How a picture breaks a promise.
 pub(super) struct Broke {
-    /// In words.
     pub how: String,
     pub promise: Promise,
     /// The picture where the promise holds, and the original elsewhere; `None`: it holds everywhere.
@@ -58,9 +57,6 @@ impl<'a> Group<'a> {
 
     /// How a picture breaks the group's promise where the nearest fragment of the original is the
     /// group's; `None`: it does not.
-    ///
-    /// # Errors
-    /// As [`Prepared::render`], and pictures of different kinds.
     pub fn broken(
         &mut self,
         session: &'a Session<'a>,

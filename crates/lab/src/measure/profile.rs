@@ -26,9 +26,7 @@ pub(crate) const SCHEMA: &str = "preshade.profile.v1";
 /// Where the time of a scene's views goes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Profile {
-    /// Always [`SCHEMA`].
     pub schema: String,
-    /// Scene's name.
     pub scene: String,
     /// What of a captured frame it is, with its part of the frame's time.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -37,7 +35,6 @@ pub struct Profile {
     pub resolution: [u32; 2],
     /// The command that measured it.
     pub command: String,
-    /// Where it was measured.
     pub adapter: AdapterReport,
     pub views: Vec<ViewProfile>,
 }
@@ -66,7 +63,6 @@ pub struct ViewProfile {
 /// The time that the fragments of one material take.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct MaterialProfile {
-    /// Name.
     pub material: String,
     pub draws: usize,
     /// The part of its fragments, but for what decides where it draws: it writes depth all the same, but no colour. A

@@ -148,7 +148,6 @@ impl Coverage {
     }
 }
 
-/// Reads a draw.
 struct Sample {
     /// Vertices and instances.
     vertices: Vec<(u32, u32)>,

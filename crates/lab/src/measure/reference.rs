@@ -26,10 +26,8 @@ use serde::Serialize;
 use super::vertices::{self, STEPS, Vertices};
 use preshade_draw::scene::{Draw, Scene, bind};
 
-/// The points to evaluate.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Points {
-    /// How many.
     pub count: u64,
     pub seed: u64,
 }
@@ -49,7 +47,6 @@ pub struct Spread {
     pub median: f64,
     /// 99 in 100 have no more.
     pub p99: f64,
-    /// The largest.
     pub max: f64,
 }
 
@@ -110,11 +107,9 @@ pub struct Positions {
 /// An output of a material's fragment stage, as two programs compute it.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Truth {
-    /// Name of the material.
     pub material: String,
     /// Output, by its location.
     pub output: u32,
-    /// Points that count.
     pub points: u64,
     /// Points left out because a rounding changed a branch of the original.
     pub flips: u64,
@@ -414,7 +409,6 @@ struct Seen {
 }
 
 impl Seen {
-    /// Whether the point counts.
     fn add(
         &mut self,
         (original, own): (&Ran<Shadowed>, &Value<Shadowed>),

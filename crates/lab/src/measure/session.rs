@@ -17,9 +17,6 @@ pub struct Session<'a> {
 
 impl<'a> Session<'a> {
     /// Uploads `scene`. Shaders reach the driver in `form`.
-    ///
-    /// # Errors
-    /// As [`SceneInputs::new`].
     pub fn new(gpu: &'a Gpu, scene: &'a Scene, form: ShaderForm) -> Result<Self, render::Error> {
         Ok(Self {
             inputs: SceneInputs::new(gpu, scene)?,
@@ -30,9 +27,6 @@ impl<'a> Session<'a> {
 
     /// As [`Self::new`], for a search: its frames share shaders and pipelines, so that their
     /// [`Prepared::creation`] is not what a host would take.
-    ///
-    /// # Errors
-    /// As [`SceneInputs::new`].
     pub fn sharing(
         gpu: &'a Gpu,
         scene: &'a Scene,
@@ -45,7 +39,6 @@ impl<'a> Session<'a> {
         })
     }
 
-    /// The adapter.
     pub fn gpu(&self) -> &'a Gpu {
         self.inputs.gpu()
     }
@@ -54,7 +47,6 @@ impl<'a> Session<'a> {
         self.inputs.scene()
     }
 
-    /// The uploaded scene.
     pub fn inputs(&self) -> &SceneInputs<'a> {
         &self.inputs
     }
@@ -70,18 +62,12 @@ impl<'a> Session<'a> {
     }
 
     /// Builds everything that drawing `plans` needs, one plan a material.
-    ///
-    /// # Errors
-    /// As [`Prepared::new`].
     pub fn prepare(&self, plans: &[Plan]) -> Result<Prepared<'_>, render::Error> {
         let variant = preshade_scenes::variant(plans, self.form)?;
         Prepared::new(&self.inputs, &variant, &FrameSettings::of(self.scene()))
     }
 
     /// Draws one frame and reads it back.
-    ///
-    /// # Errors
-    /// As [`Prepared::render`].
     pub fn draw(
         &self,
         prepared: &mut Prepared<'_>,
@@ -94,9 +80,6 @@ impl<'a> Session<'a> {
     }
 
     /// Draws `plans` in each of `frames`.
-    ///
-    /// # Errors
-    /// As [`Prepared::new`] and [`Prepared::render`].
     pub fn pictures(
         &self,
         plans: &[Plan],

@@ -35,7 +35,6 @@ pub enum CountProgram {
         program: Program,
         /// Vertex entry point; the same position bits as the pass's own.
         vertex: String,
-        /// Fragment entry point.
         fragment: String,
     },
 }
@@ -96,10 +95,6 @@ pub struct Counter<'a> {
 impl<'a> Counter<'a> {
     /// Prepares counting the fragments of the opaque main passes. `count` makes the counting stage
     /// of a pass. Earlier passes are drawn as they are, blended draws are left out.
-    ///
-    /// # Errors
-    ///
-    /// As [`Prepared::new`].
     pub fn shaded(
         inputs: &'a SceneInputs<'a>,
         plans: &[Plan],
@@ -120,10 +115,6 @@ impl<'a> Counter<'a> {
     /// Prepares counting depth ties: fragments that share the winning depth of their pixel. One
     /// fragment at the cleared depth is a tie too. `plans` are the original ones, drawn first with
     /// their own state, then with EQUAL.
-    ///
-    /// # Errors
-    ///
-    /// As [`Prepared::new`].
     pub fn ties(
         inputs: &'a SceneInputs<'a>,
         plans: &[Plan],
@@ -193,19 +184,12 @@ impl<'a> Counter<'a> {
     }
 
     /// Counts in one frame. Uniforms are those last set by [`SceneInputs::set_frame`].
-    ///
-    /// # Errors
-    /// As [`Prepared::draw`].
     pub fn count(&mut self, frame: &Frame, order: DrawOrder) -> Result<Shading, Error> {
         Ok(Shading::of(counted(&mut self.prepared, frame, order)?))
     }
 
     /// Number of depth ties, for a counter made by [`Counter::ties`]: samples counted twice or
     /// more, or once where the original draws nothing.
-    ///
-    /// # Errors
-    ///
-    /// As [`Prepared::draw`].
     pub fn ties_in(&mut self, frame: &Frame, order: DrawOrder) -> Result<u64, Error> {
         let equal = counted(&mut self.prepared, frame, order)?.values;
         let passed = match &mut self.passed {
@@ -237,10 +221,6 @@ fn counted(
 /// Measures the facts that passes need: depth ties over every frame of every camera, pixels at the
 /// near plane, vertices per fragment, and the adapter's rasteriser. That a made-up scene has no ties
 /// and no such pixels is no evidence.
-///
-/// # Errors
-///
-/// As [`Prepared::new`].
 pub fn facts(session: &Session<'_>) -> Result<Facts, Error> {
     let (ties, undiscarded) = depth_ties(session)?;
     // The real scene may have what a made-up one lacks.
@@ -258,9 +238,6 @@ pub fn facts(session: &Session<'_>) -> Result<Facts, Error> {
 
 /// [`facts`] for a choice that is shipped: if the scene was made smaller, depth ties are counted at
 /// its own size too. A smaller picture has fewer pixels in which surfaces can tie.
-///
-/// # Errors
-/// As [`facts`].
 pub fn facts_for_choice(session: &Session<'_>) -> Result<Facts, Error> {
     let facts = facts(session)?;
     let scene = session.scene();

@@ -109,10 +109,6 @@ fn shadow_pass(plan: &Plan) -> Option<&GpuPass> {
 
 /// Draws the shadow passes and the whole programs under the light, and compares their depths. Times
 /// them in the first camera.
-///
-/// # Errors
-///
-/// As [`Session::new`] and [`Session::draw`].
 pub fn measure(
     session: &Session<'_>,
     variant: &Variant,

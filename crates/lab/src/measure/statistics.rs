@@ -5,7 +5,6 @@ use serde::{Deserialize, Serialize};
 use super::Error;
 use preshade_draw::render::{Gpu, Prepared};
 
-/// Invocations of one frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Invocations {
     /// Vertex stage; the adapter's reuse of vertices is accounted for.
@@ -16,10 +15,6 @@ pub struct Invocations {
 }
 
 /// Draws one frame and returns its invocations. `None`: the adapter does not count them.
-///
-/// # Errors
-///
-/// As [`Prepared::draw`].
 pub fn invocations(gpu: &Gpu, prepared: &Prepared<'_>) -> Result<Option<Invocations>, Error> {
     if !gpu.has_pipeline_statistics() {
         return Ok(None);

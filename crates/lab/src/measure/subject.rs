@@ -56,9 +56,6 @@ impl<'a> Subject<'a> {
     }
 
     /// Builds the frame.
-    ///
-    /// # Errors
-    /// As [`Session::prepare`].
     pub fn build(&mut self) -> Result<&Prepared<'a>, render::Error> {
         let prepared = self.session.prepare(&self.plans)?;
         Ok(self.prepared.insert(prepared))
@@ -91,10 +88,6 @@ impl<'a> Subject<'a> {
 
     /// The frame aimed at a view, as a host draws it: materials with failing guards are drawn as
     /// written. `None`: it cannot be drawn.
-    ///
-    /// # Errors
-    ///
-    /// As [`Session::prepare`].
     pub fn aimed(
         &mut self,
         frame: &Frame,
@@ -134,10 +127,6 @@ impl<'a> Subject<'a> {
 
     /// Draws a view with the uniforms last set by [`render::SceneInputs::set_frame`]. `None`: it
     /// cannot be drawn.
-    ///
-    /// # Errors
-    ///
-    /// As [`Prepared::render`].
     pub fn draw(&mut self, frame: &Frame, order: DrawOrder) -> Result<Option<Rendered>, Error> {
         let prepared = self.aimed(frame, order)?;
         Ok(prepared.map(Prepared::render).transpose()?)
@@ -194,10 +183,6 @@ impl<'a> Subject<'a> {
     }
 
     /// Whether a picture breaks the contract. The verdict stays as it is.
-    ///
-    /// # Errors
-    ///
-    /// As [`Self::judge`].
     pub(crate) fn breaks(
         &mut self,
         view: (&View, &Frame),

@@ -36,7 +36,6 @@ pub struct TimingSettings {
     pub submission: Duration,
     /// Ends at this time with fewer samples, but at least one pair of rounds. `None`: no deadline.
     pub deadline: Option<Instant>,
-    /// Seed of the bootstrap.
     pub seed: u64,
 }
 
@@ -66,7 +65,6 @@ pub struct Estimate {
 /// Milliseconds a frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameTime {
-    /// Median and interval.
     #[serde(flatten)]
     pub estimate: Estimate,
     /// Every sample, in the order they were taken.
@@ -92,10 +90,6 @@ pub struct Timing {
 
 /// Times `variants` against each other. All are compared with the first, and all must be aimed at
 /// the same view.
-///
-/// # Errors
-///
-/// As [`Prepared::draw`]. [`Error::Clock`]: no time was positive.
 pub fn time(
     gpu: &Gpu,
     variants: &[&Prepared<'_>],

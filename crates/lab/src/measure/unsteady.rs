@@ -14,7 +14,6 @@ const MOST: f64 = 0.01;
 
 /// The original's picture of a view, and where it differs from itself.
 pub(crate) struct Original {
-    /// The first picture.
     pub picture: Rendered,
     /// By sample: whether the pixel was the same in all pictures. `None`: every difference counts.
     steady: Option<Vec<bool>>,
@@ -97,9 +96,6 @@ impl Original {
 
     /// The picture of a variant, to be held against the first. Before it is blamed, the original is drawn several times
     /// more: one that repeats itself only most of the time proves nothing.
-    ///
-    /// # Errors
-    /// As [`Subject::draw`] and [`Subject::judge`].
     pub(crate) fn of_variant(
         &mut self,
         original: &mut Subject<'_>,

@@ -17,7 +17,6 @@ use crate::measure::record::{KeptMaterial, ORIGINAL, Pictures, Report, SCHEMA, U
 use measurement::Measurement;
 use preshade_draw::scene::{Frame, bind};
 
-/// A variant to measure.
 #[derive(Clone, Debug)]
 pub struct Variant {
     /// Name, for the table and for files.
@@ -26,14 +25,12 @@ pub struct Variant {
     pub recipe: String,
     /// One plan a material, in the scene's order.
     pub plans: Vec<Plan>,
-    /// Materials it leaves alone.
     pub kept: Vec<KeptMaterial>,
 }
 
 /// Which views are timed. All views are compared.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Timed {
-    /// None.
     No,
     /// The first frame of the first camera, in the first order.
     #[default]
@@ -44,10 +41,8 @@ pub enum Timed {
     Everything,
 }
 
-/// How to measure.
 #[derive(Clone, Debug)]
 pub struct Settings {
-    /// Views to time.
     pub timed: Timed,
     /// How long and how often, for each timed view.
     pub timing: TimingSettings,
@@ -62,7 +57,6 @@ pub struct Settings {
 pub struct VerifyProgress {
     /// Part done, 0 to 1.
     pub done: f64,
-    /// The current step.
     pub what: String,
     /// The results so far, after each view. `None`: nothing new.
     pub so_far: Option<Box<Unfinished>>,
@@ -86,7 +80,6 @@ impl VerifyProgress {
 /// The report and the pictures of the headline view.
 #[derive(Clone, Debug)]
 pub struct Verified {
-    /// The figures.
     pub report: Report,
     /// Pictures of the variants that were drawn, without the original.
     pub pictures: Vec<Pictures>,
@@ -94,7 +87,6 @@ pub struct Verified {
     pub lost: Option<String>,
 }
 
-/// A run of [`verify`].
 struct Run<'a, 'p> {
     session: &'a Session<'a>,
     settings: &'a Settings,

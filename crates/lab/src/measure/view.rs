@@ -10,7 +10,6 @@ use preshade_draw::scene::{DrawOrder, Frame, Scene};
 /// A frame of a camera in one draw order.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct View {
-    /// Name of the camera.
     pub camera: String,
     /// Index of the frame in the camera's path.
     pub frame: usize,

@@ -5,7 +5,6 @@ use crate::measure::Estimate;
 use crate::measure::record::{Choice, Chosen};
 
 impl Chosen {
-    /// In words.
     pub fn said(&self) -> String {
         let open = match (&self.choice, self.unverified) {
             (Choice::Within { .. }, _) | (_, 0) => String::new(),

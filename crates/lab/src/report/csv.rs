@@ -8,7 +8,6 @@ use crate::measure::record::Report;
 use crate::measure::{ErrorLadder, Estimate};
 use crate::search::plan::decision::Decision;
 
-/// Columns of [`verify`].
 const COLUMNS: [&str; 20] = [
     "variant",
     "recipe",

@@ -212,7 +212,6 @@ pub fn frontiers_csv(of: &FleetFrontiers) -> String {
     out
 }
 
-/// Columns of [`adapters`].
 const COLUMNS: [&str; 8] = [
     "adapter", "driver", "backend", "machines", "cards", "pictures", "times", "failed",
 ];

@@ -118,7 +118,6 @@ pub(crate) fn path(of: &PathTime) -> String {
     format!("{:.3}, {:.3}", of.median_ms, of.p95_ms)
 }
 
-/// An error, short.
 pub(crate) fn number(error: f64) -> String {
     match error {
         0.0 => "0".to_owned(),
@@ -180,7 +179,6 @@ fn counted(found: &Exploration) -> String {
     )
 }
 
-/// How the search ended.
 pub(crate) fn ended(found: &Exploration) -> String {
     let seconds = found.seconds;
     let verified = match found.frames_verified {

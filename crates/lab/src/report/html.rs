@@ -31,14 +31,12 @@ pub enum PageError {
     Template(#[from] askama::Error),
     #[error("a picture could not be encoded: {0}")]
     Picture(#[from] image::ImageError),
-    /// The data.
     #[error("the figures could not be written: {0}")]
     Json(#[from] serde_json::Error),
 }
 
 /// The parts of every page.
 struct Shell {
-    /// Title of the window.
     title: String,
     /// What a reader needs first.
     headline: String,

@@ -30,10 +30,6 @@ impl Pictures {
     /// `NAME.overdraw.png` and the contact sheet `NAME.sheet.png`. If another view than the
     /// headline's is the worst, also `NAME.worst.png` and `NAME.worst.difference.png`; of auxiliary
     /// pictures `NAME.velocity.png`, `NAME.normal.png` and so on.
-    ///
-    /// # Errors
-    ///
-    /// The PNG encoder's.
     pub fn files(&self) -> Result<Vec<File>, image::ImageError> {
         let name = file_name(&self.name);
         let mut files = vec![
@@ -79,10 +75,6 @@ impl Picture {
 
     /// The picture as a PNG file, without alpha: many materials write an alpha that nobody sees, and with it a viewer
     /// would show them blank.
-    ///
-    /// # Errors
-    ///
-    /// The PNG encoder's.
     pub fn file(&self, name: &str) -> Result<File, image::ImageError> {
         let mut bytes = Vec::new();
         image::codecs::png::PngEncoder::new(&mut bytes).write_image(

@@ -2,7 +2,6 @@
 
 use std::fmt::Write;
 
-/// One chart.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Panel {
     /// Name of the quantity, with its unit.
@@ -172,7 +171,6 @@ fn text(out: &mut String, (x, y): (f64, f64), anchor: &str, text: &str) {
     );
 }
 
-/// Values along a side.
 #[derive(Clone, Copy)]
 struct Scale {
     low: f64,

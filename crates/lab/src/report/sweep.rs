@@ -185,10 +185,6 @@ impl SweepReport {
 
     /// `NAME.svg`, and a sheet of pictures for each series, `NAME.SERIES.png`: original, variant
     /// and difference, a row a point.
-    ///
-    /// # Errors
-    ///
-    /// The PNG encoder's.
     pub fn files(
         &self,
         report: &Report,

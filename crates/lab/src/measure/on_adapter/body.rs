@@ -108,9 +108,6 @@ impl<'m> Body<'m> {
     }
 
     /// Writes a value of this type to words, which `offset` is moved past.
-    ///
-    /// # Errors
-    /// As [`Self::read`].
     pub fn write(
         &mut self,
         (of, base): (Handle<GlobalVariable>, Handle<Expression>),

@@ -49,7 +49,6 @@ pub(crate) enum Given {
 pub(crate) struct Harness {
     /// With an entry point [`ENTRY`] of one invocation a workgroup.
     pub module: Module,
-    /// The stage under test.
     pub at: TestPoint,
     /// The stages, which the types of inputs and outputs are of.
     pub source: Module,

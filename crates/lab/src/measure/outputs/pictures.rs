@@ -9,9 +9,6 @@ use preshade_draw::scene::{Camera, DrawOrder, Scene};
 
 /// The auxiliary pictures of a variant from the first camera, each by the end of its attachment's
 /// name: `velocity`, `normal`, `id`. `earlier`: the scene's draws in the previous frame.
-///
-/// # Errors
-/// As [`Session::new`] and [`Session::draw`].
 pub(crate) fn pictures(
     session: &Session<'_>,
     earlier: &Scene,

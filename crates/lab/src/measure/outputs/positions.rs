@@ -28,7 +28,6 @@ type Position = Result<[Shadowed; 4], String>;
 /// A draw and an instance of it, from 0.
 type Instance = (usize, u32);
 
-/// What was drawn.
 pub(super) struct Drawn<'a> {
     depth: &'a DepthImage,
     velocities: &'a ColorImage,
@@ -60,7 +59,6 @@ impl<'a> Drawn<'a> {
     }
 }
 
-/// The author's positions.
 pub struct Positions<'a> {
     /// Before and now.
     pub scenes: [&'a Scene; 2],
@@ -325,7 +323,6 @@ fn chosen(hits: &[Hit], size: [u32; 2]) -> Option<Hit> {
 }
 
 impl VelocityReport {
-    /// Compares one pixel.
     fn add(&mut self, camera: &str, drawn: &ColorImage, pixel: usize, hit: &Hit) {
         self.pixels += 1;
         let half = drawn.texel_bytes() == 4;

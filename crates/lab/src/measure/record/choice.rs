@@ -15,7 +15,6 @@ use preshade_compiler::recipe::Recipe;
 pub struct Chosen {
     #[serde(with = "as_most")]
     pub budget: Budget,
-    /// The selection.
     pub choice: Choice,
     /// The recipe with which `rewrite` makes the chosen variant and promises this budget. `None`:
     /// its own recipe.
@@ -67,7 +66,6 @@ pub enum Choice {
     /// The fastest variant that keeps its promise and is within the budget, if it is faster than the original beyond its 95 %
     /// interval. If nothing was timed, the one with the least error.
     Within {
-        /// Name of the variant.
         variant: String,
         /// Its error, by the budget's metric, the worst of all views.
         error: f64,
@@ -76,7 +74,6 @@ pub enum Choice {
     },
     /// Some variants are within the budget, but none is faster than the original beyond noise.
     NoGain {
-        /// The fastest of these.
         variant: String,
         error: f64,
         /// The original's time over its own.

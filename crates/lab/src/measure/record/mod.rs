@@ -29,12 +29,9 @@ pub(crate) const SCHEMA: &str = "preshade.verify.v1";
 /// Name of the first variant: the scene as its author wrote it.
 pub const ORIGINAL: &str = "original";
 
-/// The result of `verify`.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Report {
-    /// Always [`SCHEMA`].
     pub schema: String,
-    /// Scene's name.
     pub scene: String,
     /// Of a captured frame, the part of it that `scene` is, in words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -45,7 +42,6 @@ pub struct Report {
     pub samples: u32,
     /// The command that measured it.
     pub command: String,
-    /// Where it was measured.
     pub adapter: AdapterReport,
     /// The clock of all times. `None`: nothing was timed.
     pub clock: Option<Clock>,
@@ -96,7 +92,6 @@ pub struct VariantReport {
     pub speedup: Option<Estimate>,
     /// Shaded fragments a covered pixel in the headline view; 1.00 is the least there can be.
     pub shaded_per_pixel: Option<f64>,
-    /// Its other costs.
     pub cost: Option<Cost>,
     /// Its shadow passes under the scene's light; `None`: it has none.
     pub shadow: Option<ShadowReport>,
@@ -235,9 +230,6 @@ impl Report {
     }
 
     /// The JSON of record, indented, with a newline at its end.
-    ///
-    /// # Errors
-    /// None that these types can give.
     pub fn to_json(&self) -> serde_json::Result<String> {
         Ok(serde_json::to_string_pretty(self)? + "\n")
     }

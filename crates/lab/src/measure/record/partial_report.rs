@@ -11,10 +11,8 @@ pub(crate) const SCHEMA: &str = "preshade.unfinished.v1";
 /// Name of the file that it is kept in. It is taken away once the report is written.
 pub const FILE: &str = "report.unfinished.json";
 
-/// A report so far.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Unfinished {
-    /// Always [`SCHEMA`].
     pub schema: String,
     /// The views, or the variants, that are not measured yet.
     pub missing: Vec<String>,

@@ -12,7 +12,6 @@ pub const DIFFERENCE_FACTOR: u32 = 16;
 /// The least any changed pixel is drawn with, of 255, so that none goes unseen.
 pub const FAINTEST: u8 = 64;
 
-/// An 8-bit RGBA picture.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Picture {
     /// Width and height in pixels.
@@ -24,7 +23,6 @@ pub struct Picture {
 /// The pictures of one variant in the headline view.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Pictures {
-    /// Variant's name.
     pub name: String,
     /// Colour target 0 of the original.
     pub original: Picture,

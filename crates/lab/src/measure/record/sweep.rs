@@ -7,22 +7,18 @@ use preshade_compiler::sweep::{AxisKind, Sweep};
 /// A sweep, and which variants are its points.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct SweepReport {
-    /// As it was written.
     pub recipe: String,
     /// The parameters that vary, `pass:parameter`, in the order of each point's values.
     pub parameters: Vec<String>,
     /// The parameter along a plot's side: the first range. `None`: words alone vary.
     pub along: Option<usize>,
-    /// Every combination.
     pub points: Vec<SweepPoint>,
 }
 
-/// A combination.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct SweepPoint {
     /// The value of each parameter.
     pub values: Vec<String>,
-    /// Name of the variant.
     pub variant: String,
 }
 

@@ -13,17 +13,14 @@ const BOTTOM: f64 = 46.0;
 /// Width of the column of errors that are nothing: a logarithm has no place for them.
 const ZERO: f64 = 100.0;
 
-/// A chart, placed.
 pub(crate) struct Chart {
     /// Points, the frontier last, so that it is drawn over the others.
     pub dots: Vec<Dot>,
     /// The frontier as steps: SVG's path data.
     pub steps: String,
-    /// Heights with their label.
     pub rows: Vec<Tick>,
     /// Places along the bottom with their label.
     pub columns: Vec<Tick>,
-    /// Where the budget is.
     pub budget: Option<f64>,
     /// Height of a speedup of 1.
     pub even: f64,
@@ -31,14 +28,12 @@ pub(crate) struct Chart {
 
 /// A line of the grid.
 pub(crate) struct Tick {
-    /// Place.
     pub at: f64,
     pub label: String,
 }
 
 /// A candidate in the chart.
 pub(crate) struct Dot {
-    /// Place.
     pub x: f64,
     /// Height of the median.
     pub y: f64,
@@ -48,7 +43,6 @@ pub(crate) struct Dot {
     pub high: f64,
     /// Whether no other beats it.
     pub frontier: bool,
-    /// Its tooltip.
     pub told: String,
     /// Number of its section; `None`: it has none.
     pub section: Option<usize>,

@@ -11,7 +11,6 @@ use preshade_plan::plan_file::Target;
 
 /// One emitted file beside the material as its author wrote it.
 pub(crate) struct Diff {
-    /// File.
     pub name: String,
     /// Lines added and removed.
     pub added: usize,

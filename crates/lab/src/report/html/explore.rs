@@ -53,10 +53,6 @@ struct ValueRow {
 const MOST_VALUES: usize = 40;
 
 /// The page. `effects` are those of the scene's materials, before draws were split into groups.
-///
-/// # Errors
-///
-/// A picture that cannot be encoded.
 pub fn page(found: &Explored, scene: &Scene, effects: &[EffectUse]) -> Result<String, PageError> {
     let exploration = &found.exploration;
     let report = exploration.report.as_ref();

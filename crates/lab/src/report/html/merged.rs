@@ -27,7 +27,6 @@ struct Input<'a> {
     rows: Vec<Row<'a>>,
 }
 
-/// A variant.
 struct Row<'a> {
     variant: &'a str,
     counted: String,
@@ -51,9 +50,6 @@ struct Regret {
 }
 
 /// The page.
-///
-/// # Errors
-/// The template's.
 pub fn page(
     results: &Results,
     regrets: &[RegretReport],

@@ -68,7 +68,6 @@ struct Plan {
 /// have the names that the decision gives its plans.
 #[derive(Clone, Copy)]
 pub struct Redrawn<'a> {
-    /// The plans.
     pub variants: &'a [Variant],
     /// Pictures, overdraw and self-tests; `None`: they were not drawn.
     pub outcome: Option<&'a Verified>,
@@ -76,10 +75,6 @@ pub struct Redrawn<'a> {
 
 /// The page. `scene` is the one decided on. `effects` are those of its materials before draws were
 /// split into groups.
-///
-/// # Errors
-///
-/// A picture that cannot be encoded.
 pub fn page(
     decision: &Decision,
     drawn: Redrawn<'_>,

@@ -17,7 +17,6 @@ pub(crate) struct Strip {
     /// Start of the interval, in percent.
     pub low: f64,
     pub median: f64,
-    /// Right end.
     pub high: f64,
     /// A ratio of 1.
     pub even: f64,

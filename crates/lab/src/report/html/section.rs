@@ -12,7 +12,6 @@ use crate::report::{frontier, sheet};
 /// The data of `variant.html`.
 #[derive(Default)]
 pub(crate) struct Section {
-    /// Number in the page.
     pub id: usize,
     pub name: String,
     /// The recipe, as a command line takes it.
@@ -21,11 +20,9 @@ pub(crate) struct Section {
     pub facts: Vec<(&'static str, String)>,
     /// Materials left as written, with the reasons.
     pub kept: Vec<(String, String)>,
-    /// Pictures, view by view.
     pub shots: Vec<Shot>,
     /// Rows of the table of views.
     pub views: Vec<[String; 7]>,
-    /// Its shaders.
     pub diffs: Vec<Diff>,
     /// Samples of its time in the headline view.
     pub samples: String,
@@ -33,7 +30,6 @@ pub(crate) struct Section {
 
 /// The pictures of one view.
 pub(crate) struct Shot {
-    /// From where.
     pub view: String,
     /// How far it is off.
     pub error: String,
@@ -47,7 +43,6 @@ pub(crate) struct Shot {
     pub flip: Option<String>,
     /// The original's overdraw.
     pub before: Option<String>,
-    /// The variant's overdraw.
     pub after: Option<String>,
 }
 

@@ -45,7 +45,6 @@ struct Row {
     chosen: bool,
 }
 
-/// Speedups, view by view.
 struct ByView<'a> {
     columns: Vec<&'a str>,
     /// Cells, and whether they are beyond noise.
@@ -54,10 +53,6 @@ struct ByView<'a> {
 
 /// The page. `variants` are those of the report with known plans. `effects` are those of the
 /// scene's materials, before draws were split into groups.
-///
-/// # Errors
-///
-/// A picture that cannot be encoded.
 pub fn page(
     report: &Report,
     pictures: &[Pictures],

@@ -30,7 +30,6 @@ pub(super) struct Contender<'a> {
     pub(super) sight: f64,
     /// Time for building, drawing and comparing it.
     pub(super) spent: Duration,
-    /// Still in the race.
     pub(super) alive: bool,
 }
 

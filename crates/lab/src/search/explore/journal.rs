@@ -40,7 +40,6 @@ pub struct Known {
 enum Mark {
     /// It is to be measured, under this name.
     Planned(String),
-    /// It is being drawn.
     Begun,
     /// It is drawn, or cannot be.
     Ended,
@@ -84,10 +83,6 @@ impl Journal {
     }
 
     /// Reads the file and appends to it from now on. Creates it if necessary.
-    ///
-    /// # Errors
-    ///
-    /// The file system's.
     pub fn open(path: &Path) -> io::Result<Self> {
         if let Some(dir) = path.parent() {
             std::fs::create_dir_all(dir)?;
@@ -120,7 +115,6 @@ impl Journal {
         })
     }
 
-    /// The measurements under `key`.
     pub fn get(&self, key: &str) -> Option<&Known> {
         self.known.get(key)
     }

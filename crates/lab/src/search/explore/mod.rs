@@ -48,7 +48,6 @@ pub(crate) const SCHEMA: &str = "preshade.explore.v1";
 pub struct Settings {
     /// The road shaders take to the driver.
     pub form: ShaderForm,
-    /// The metric of errors.
     pub metric: Metric,
     /// The largest error of interest. `None`: the whole frontier.
     pub budget: Option<f64>,
@@ -63,7 +62,6 @@ pub struct Settings {
     pub finalists: usize,
     /// Frames of each camera's path that these are verified on.
     pub frames_per_camera: usize,
-    /// Seed of the bootstrap.
     pub seed: u64,
     /// The command to put into the report.
     pub command: String,
@@ -79,20 +77,16 @@ pub enum SearchStage {
     Drawing,
     /// They are timed against each other.
     Racing,
-    /// The finalists are verified.
     Verifying,
 }
 
 /// How far the search is.
 #[derive(Clone, Debug, PartialEq)]
 pub struct ExploreProgress {
-    /// The current step.
     pub stage: SearchStage,
-    /// In words.
     pub what: String,
     /// Part of the time that is spent, 0 to 1.
     pub done: f64,
-    /// Remaining time.
     pub left: Duration,
 }
 
@@ -104,48 +98,38 @@ pub enum Fate {
     Frontier,
     /// Another has no more error and is faster beyond both intervals.
     Beaten {
-        /// Its name.
         by: String,
     },
     /// No other beats it, but a verified one has no more error and is as fast within the intervals.
     Even {
-        /// Its name.
         with: String,
     },
     /// No verified candidate beats it or is as good, but it was not verified. Its figures are from
     /// its draft.
     Unverified {
-        /// Why not.
         why: String,
     },
     /// Its frame took so many times the original's that it was not timed again.
     Slow {
-        /// How many.
         times: f64,
     },
     /// The text and the plan of another.
     Same {
-        /// Its name.
         r#as: String,
     },
-    /// No material takes it.
     Refused {
-        /// The first reason.
         why: String,
     },
     /// It breaks its contract, or draws pixels that are not finite.
     Broken {
-        /// How.
         why: String,
     },
     /// Its prediction was hopeless, so it was not drawn.
     Predicted {
-        /// The reason.
         why: String,
     },
     /// It was not measured, or not to the end.
     NotMeasured {
-        /// Why not.
         why: String,
     },
 }
@@ -168,30 +152,25 @@ pub struct Point {
     /// The frames' times along the longest path; `None`: not a finalist, or no path.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub path: Option<PathTime>,
-    /// The result.
     pub fate: Fate,
 }
 
-/// How a search ended.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Ended {
-    /// All candidates were tried.
     Complete,
     /// The time was up: some were not.
     OutOfTime,
-    /// It was stopped.
     Stopped,
-    /// The adapter was lost.
-    Lost { why: String },
+    Lost {
+        why: String,
+    },
 }
 
 /// The result of a search.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Exploration {
-    /// Always [`SCHEMA`].
     pub schema: String,
-    /// Scene's name.
     pub scene: String,
     /// Of a captured frame, the part of it that `scene` is, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -200,20 +179,15 @@ pub struct Exploration {
     pub resolution: [u32; 2],
     /// The command that makes it again.
     pub command: String,
-    /// Where it was measured.
     pub adapter: AdapterReport,
     /// The order that opaque draws were in.
     pub order: DrawOrder,
-    /// The metric of errors.
     pub metric: Metric,
-    /// Seed of the bootstrap.
     pub seed: u64,
-    /// How it ended.
     pub ended: Ended,
     /// Frames of each camera's path that finalists were verified on; fewer than requested if time
     /// was short.
     pub frames_verified: usize,
-    /// Seconds it took.
     pub seconds: f64,
     /// The original first, then every candidate in the order they were thought of.
     pub points: Vec<Point>,
@@ -232,11 +206,9 @@ pub struct Exploration {
 /// The result and the pictures of the finalists.
 #[derive(Clone, Debug)]
 pub struct Explored {
-    /// The figures.
     pub exploration: Exploration,
     /// Pictures of the finalists in the headline view.
     pub pictures: Vec<Pictures>,
-    /// The finalists.
     pub variants: Vec<Variant>,
 }
 

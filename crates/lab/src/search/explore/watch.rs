@@ -31,7 +31,6 @@ impl Watch<'_> {
         self.start + self.time
     }
 
-    /// Reports the current step.
     pub(super) fn at(&mut self, stage: SearchStage, what: impl Into<String>) {
         let spent = self.spent();
         let told = (self.progress)(ExploreProgress {
@@ -64,7 +63,6 @@ impl Watch<'_> {
         }
     }
 
-    /// How it ended.
     pub(super) fn end(&self) -> Ended {
         match (&self.ended, self.late) {
             (Ended::Complete, true) => Ended::OutOfTime,

@@ -140,13 +140,10 @@ pub struct FramePredictor<'a> {
     pub drawn: &'a [DrawCounts],
     /// The counts, by view.
     pub counted: &'a [Counted],
-    /// The cost model.
     pub model: &'a Model,
-    /// Which candidates make frames.
     pub taken: Taken,
 }
 
-/// Which candidates make frames.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Taken {
     /// Those that keep the picture but for rounding.

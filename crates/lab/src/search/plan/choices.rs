@@ -31,11 +31,9 @@ pub struct Refused {
 /// The candidates of one material.
 #[derive(Clone, Debug)]
 pub struct Choices {
-    /// Name of the material.
     pub material: String,
     /// The original first.
     pub candidates: Vec<Candidate>,
-    /// The refused recipes.
     pub refused: Vec<Refused>,
     /// Pixels of the scene in which depths tie: see [`Facts::depth_ties`].
     pub depth_ties: Option<u64>,

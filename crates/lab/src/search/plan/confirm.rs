@@ -19,9 +19,6 @@ pub(super) fn apart(again: &Estimate) -> f64 {
 
 /// Measures the plans of `policy` beside the original and the original itself in every view, and
 /// replaces what the search measured of them. Returns the original against itself by view.
-///
-/// # Errors
-/// As [`stage::compare`] and [`stage::time`].
 pub(super) fn confirm(
     session: &Session<'_>,
     scouted: &Scouted,

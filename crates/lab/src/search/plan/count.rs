@@ -18,7 +18,6 @@ const CHANNELS: usize = 3;
 /// 16-bit floats blend everywhere, resolve, and count to 2048 without a loss.
 const FORMAT: &str = "rgba16float";
 
-/// Which fragments are counted.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Which {
     Rasterised,
@@ -38,9 +37,6 @@ pub struct FragmentCounter<'a> {
 
 impl<'a> FragmentCounter<'a> {
     /// Prepares counting. `plans` are the original ones, in the scene's order.
-    ///
-    /// # Errors
-    /// As [`Prepared::new`]; a counting program that does not validate (a bug).
     pub fn new(inputs: &'a SceneInputs<'a>, plans: &[Plan]) -> Result<Self, PlanError> {
         let mut groups = Vec::new();
         for first in (0..plans.len()).step_by(CHANNELS) {
@@ -73,10 +69,6 @@ impl<'a> FragmentCounter<'a> {
 
     /// Counts in one frame. [`SceneInputs::set_frame`] must have set the uniforms of the same
     /// frame.
-    ///
-    /// # Errors
-    ///
-    /// As [`Prepared::draw`].
     pub fn count(&mut self, frame: &Frame, order: DrawOrder) -> Result<Counted, PlanError> {
         let known = self.last.take().filter(|(f, _)| f == frame);
         let is_known = known.is_some();

@@ -20,9 +20,7 @@ pub(crate) const SCHEMA: &str = "preshade.decision.v2";
 /// The plans for a scene on an adapter.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Decision {
-    /// Always [`SCHEMA`].
     pub schema: String,
-    /// Scene's name.
     pub scene: String,
     /// Of a captured frame, the part of it that `scene` is, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -48,7 +46,6 @@ pub struct Decision {
     pub warnings: Vec<String>,
     /// The extra cost of switching, by rule of the policy. `None`: the rule has no switch.
     pub switch_cost: Vec<Option<SwitchCost>>,
-    /// The cost model.
     pub model: Model,
 }
 
@@ -60,7 +57,6 @@ pub struct MaterialDecision {
     pub draws: Vec<usize>,
     /// Its recipe in each plan of the policy, in the order of [`Policy::plans`]; empty for the original.
     pub recipes: Vec<String>,
-    /// Why.
     pub reasons: Vec<String>,
     /// The refused recipes with their reasons.
     pub refused: Vec<Refused>,
@@ -80,7 +76,6 @@ pub struct PredictedRecipe {
 /// A plan of the whole frame.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlanReport {
-    /// Name, in words.
     pub name: String,
     /// Recipe of each material that is not drawn as written.
     pub recipes: BTreeMap<String, String>,
@@ -101,7 +96,6 @@ pub struct PlanReport {
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlanCost {
     pub pipelines: usize,
-    /// Milliseconds to make them.
     pub creation_ms: f64,
     /// Bytes of each of its attachments, by name and format.
     pub targets: BTreeMap<String, u64>,
@@ -149,7 +143,6 @@ pub struct ViewReport {
 pub struct SwitchCost {
     /// Pipelines of both plans together.
     pub pipelines: usize,
-    /// Milliseconds to make them.
     pub creation_ms: f64,
     /// Bytes of attachments that only one of the two plans has: the extra memory for keeping both.
     pub target_bytes: u64,
@@ -203,9 +196,6 @@ impl Decision {
     }
 
     /// The JSON of record, indented, with a newline at its end.
-    ///
-    /// # Errors
-    /// None that these types can give.
     pub fn to_json(&self) -> serde_json::Result<String> {
         Ok(serde_json::to_string_pretty(self)? + "\n")
     }

@@ -15,7 +15,6 @@ use preshade_compiler::recipe::Recipe;
 /// A scene in which everything was measured.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Exhausted {
-    /// Scene's name.
     pub scene: String,
     /// Names of the plans of the frame, the original first.
     pub plans: Vec<String>,
@@ -39,10 +38,6 @@ pub struct ExhaustedView {
 }
 
 /// Measures every frame of [`super::assign::FramePredictor::frames`] in every view of a scene.
-///
-/// # Errors
-///
-/// As [`super::decide()`].
 pub fn exhaust(
     session: &Session<'_>,
     recipes: &[Recipe],
@@ -93,7 +88,6 @@ pub fn exhaust(
     })
 }
 
-/// Which samples.
 #[derive(Clone, Copy)]
 pub(super) enum Rounds {
     Choosing,
@@ -115,7 +109,6 @@ fn part(samples: &[f64], which: Rounds) -> Vec<f64> {
 
 const SEED: u64 = 0x7265_6772_6574;
 
-/// A plan over itself.
 pub(super) const EVEN: Estimate = Estimate {
     median: 1.0,
     low: 1.0,
@@ -137,7 +130,6 @@ impl ExhaustedView {
         (!ratios.is_empty()).then(|| estimate(&ratios, SEED))
     }
 
-    /// Median milliseconds a frame.
     pub(super) fn median(&self, plan: usize, which: Rounds) -> Option<f64> {
         let samples = part(self.samples.get(plan)?.as_ref()?, which);
         (!samples.is_empty()).then(|| estimate(&samples, SEED).median)

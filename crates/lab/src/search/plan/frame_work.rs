@@ -27,7 +27,6 @@ use preshade_draw::scene::Scene;
 /// The draws of one material, in numbers.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DrawCounts {
-    /// Draw calls.
     pub draws: f64,
     /// Vertices, each index once.
     pub vertices: f64,
@@ -488,10 +487,6 @@ const LOOK: f64 = 4.0;
 ///
 /// A material without early depth saves those hidden fragments that lie behind a material with
 /// early depth. Their share is the part of the picture that such materials cover.
-///
-/// # Errors
-///
-/// As [`FramePlan::merge`].
 pub(crate) fn frame(
     plans: &[&Plan],
     counting: &[&Counting],

@@ -44,13 +44,11 @@ pub use policy::{Held, Hold, Policy, Rule, Switch};
 pub use regret::RegretReport;
 pub use scene::{Settings, Timed, decide};
 
-/// Why nothing was decided.
 #[derive(Debug, thiserror::Error)]
 pub enum PlanError {
     /// The original could not be drawn or timed.
     #[error(transparent)]
     Measure(#[from] crate::measure::Error),
-    /// Nothing was drawn.
     #[error(transparent)]
     Render(#[from] preshade_draw::render::Error),
     /// A counting stage of ours does not validate: a bug.

@@ -29,13 +29,10 @@ pub struct Observation {
 pub enum ModelOrigin {
     /// Fitted to frames that an adapter drew.
     Fitted {
-        /// Name of the adapter.
         adapter: String,
-        /// Number of frames.
         frames: usize,
         /// Median of the relative errors at these frames.
         median_error: f64,
-        /// Their largest.
         worst_error: f64,
     },
     /// For no adapter: the static cost model. It ranks candidates if nothing may be timed, but
@@ -47,7 +44,6 @@ pub enum ModelOrigin {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Model {
-    /// Always [`SCHEMA`].
     pub schema: String,
     /// Where the coefficients come from.
     pub origin: ModelOrigin,

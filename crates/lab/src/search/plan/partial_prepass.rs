@@ -29,9 +29,7 @@ pub struct Ahead {
     pub of: usize,
     /// Time of the original over its time with these draws ahead.
     pub speedup: Estimate,
-    /// Pixels that differ.
     pub changed_pixels: u64,
-    /// Pixels whose depth differs.
     pub changed_depth: u64,
 }
 

@@ -17,22 +17,17 @@ pub const FILE: &str = "plan.unfinished.json";
 /// Scenes of a run that has not come to its end.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Unfinished {
-    /// Always [`SCHEMA`].
     pub schema: String,
-    /// The command that measures.
     pub command: String,
-    /// Where.
     pub adapter: AdapterReport,
     /// Scenes that were begun, in order.
     pub scenes: Vec<SceneSoFar>,
-    /// Those that were not.
     pub missing: Vec<String>,
 }
 
 /// The measurements of a scene.
 #[derive(Clone, Debug, Default, PartialEq, Serialize)]
 pub struct SceneSoFar {
-    /// Scene's name.
     pub scene: String,
     pub clock: Option<Clock>,
     /// Views in which every plan was drawn and timed.
@@ -56,7 +51,6 @@ pub struct ViewSoFar {
 /// The measurements of a plan in a view.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct PlanSoFar {
-    /// Name, in words.
     pub name: String,
     /// Whether its pictures so far keep the contract.
     pub verdict: Verdict,
@@ -73,7 +67,6 @@ pub struct PlanSoFar {
 pub struct PlanProgress<'a> {
     /// Part done, 0 to 1.
     pub done: f64,
-    /// The current step.
     pub what: String,
     /// The measurements, if there are new ones.
     pub so_far: Option<&'a SceneSoFar>,
@@ -157,9 +150,6 @@ impl Unfinished {
     }
 
     /// Indented, with a newline at its end.
-    ///
-    /// # Errors
-    /// None that these types can give.
     pub fn to_json(&self) -> serde_json::Result<String> {
         Ok(serde_json::to_string_pretty(self)? + "\n")
     }

@@ -62,7 +62,6 @@ pub enum Hold {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case", tag = "kind")]
 pub enum Rule {
-    /// One plan.
     One {
         /// Its number in the decision.
         plan: usize,
@@ -130,7 +129,6 @@ impl Policy {
 /// The properties of a view that select its plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Measure {
-    /// In which order.
     pub order: DrawOrder,
     /// Fragments of the original for each pixel.
     pub shaded: f64,

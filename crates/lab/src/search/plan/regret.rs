@@ -27,11 +27,9 @@ pub(crate) const SCHEMA: &str = "preshade.regret.v2";
 /// How good the choices are.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct RegretReport {
-    /// Always [`SCHEMA`].
     pub schema: String,
     /// The command that measured it.
     pub command: String,
-    /// Where it was measured.
     pub adapter: AdapterReport,
     pub clock: Option<Clock>,
     /// Width and height, in pixels; `None`: each scene's own.
@@ -57,7 +55,6 @@ pub struct Summary {
     pub choice: String,
     /// `all`, `fitted` or `held out`.
     pub scenes: String,
-    /// Number of views.
     pub views: usize,
     /// Views with a regret whose interval is above 0.
     pub counted: usize,
@@ -92,11 +89,9 @@ pub struct Prediction {
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct SceneRegret {
-    /// Name.
     pub scene: String,
     /// Whether the model was fitted without it.
     pub held_out: bool,
-    /// Names of the plans.
     pub plans: Vec<String>,
     /// Why those are out that are.
     pub out: Vec<(usize, String)>,
@@ -122,7 +117,6 @@ pub struct ViewRegret {
     pub plans: Vec<Option<[f64; 2]>>,
 }
 
-/// A choice, judged.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Judged {
     pub plan: usize,
@@ -248,7 +242,6 @@ fn rounded(ms: f64) -> f64 {
     (ms * 1e6).round() / 1e6
 }
 
-/// How to choose.
 #[derive(Clone, Copy, Debug)]
 pub struct Choosing {
     /// Plans that a choice may measure beside the original.
@@ -390,9 +383,6 @@ fn predicted(rows: &[SceneRegret], name: &str, held_out: bool) -> Prediction {
 
 impl RegretReport {
     /// The JSON of record: one line, with a newline at its end, for there are many views.
-    ///
-    /// # Errors
-    /// None that these types can give.
     pub fn to_json(&self) -> serde_json::Result<String> {
         Ok(serde_json::to_string(self)? + "\n")
     }

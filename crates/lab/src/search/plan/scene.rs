@@ -26,7 +26,6 @@ use crate::measure::{self, Clock, Estimate, Session, TimingSettings, View};
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::scene::{DrawOrder, Frame, Scene, bind};
 
-/// Whether anything is timed.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Timed {
     /// Nothing: the choice is a prediction.
@@ -36,9 +35,7 @@ pub enum Timed {
     Yes,
 }
 
-/// How to decide.
 pub struct Settings<'a> {
-    /// Whether to measure.
     pub timed: Timed,
     /// How long and how often, for each view.
     pub timing: TimingSettings,
@@ -51,7 +48,6 @@ pub struct Settings<'a> {
     pub refinements: usize,
     /// One plan, or two and a switch where that pays.
     pub hold: Hold,
-    /// The cost model.
     pub model: &'a Model,
     /// The command to put into the report.
     pub command: String,
@@ -69,9 +65,6 @@ pub(crate) struct Scouted {
 }
 
 /// Applies the recipes to each material and counts fragments in every view.
-///
-/// # Errors
-/// As [`FragmentCounter::new`]; a scene without a view.
 pub(crate) fn scout(
     session: &Session<'_>,
     recipes: &[Recipe],

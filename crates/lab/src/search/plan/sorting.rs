@@ -21,7 +21,6 @@ pub struct Sorting {
     pub moved: Vec<usize>,
     /// Time of the original in the scene's order over its time in this one.
     pub speedup: Estimate,
-    /// Pixels that differ.
     pub changed_pixels: u64,
     /// Pixels whose depth differs. A shadow map has nothing else.
     pub changed_depth: u64,

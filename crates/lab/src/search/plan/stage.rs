@@ -12,11 +12,9 @@ use preshade_draw::scene::{DrawOrder, Frame};
 
 /// A plan of the frame that is measured.
 pub struct Runner<'a> {
-    /// Name, in words.
     pub name: String,
     /// The costs of having it.
     pub cost: Option<PlanCost>,
-    /// The plans.
     pub subject: Subject<'a>,
 }
 

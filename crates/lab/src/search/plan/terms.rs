@@ -2,14 +2,12 @@
 
 use serde::{Deserialize, Serialize};
 
-/// One kind of work.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Term {
     Frames,
     /// Render passes, after the plans of all materials were merged.
     Passes,
-    /// Draw calls.
     Draws,
     /// Vertex invocations, each vertex of an indexed mesh once.
     Vertices,
@@ -19,7 +17,6 @@ pub enum Term {
     Triangles,
     /// Fragments that are rasterised and tested, shaded or not.
     Tested,
-    /// Fragment invocations.
     Fragments,
     /// Fragment invocations times their static cost, without texture samples.
     FragmentOps,
