@@ -8,8 +8,8 @@ use std::time::Duration;
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::{AdapterChoice, Gpu};
-use preshade_draw::scene::{Camera, Draw, DrawOrder, Frame, Material, Mesh, Scene, Value};
-use preshade_lab::measure::{self, Estimate, Session, TimingSettings};
+use preshade_draw::scene::{Material, Mesh, Scene, Value};
+use preshade_lab::measure::{self, Estimate, Session, TimingSettings, handmade};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Draws, Phase, Plan, Role,
@@ -335,86 +335,19 @@ fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
     ]);
     let mut state = MaterialState::default();
     state.primitive.cull = CullMode::None;
-    Ok(layers(
-        size,
-        [0.0, 0.0, 0.0, 1.0],
-        Material {
-            name: "bounds".to_owned(),
-            file: None,
-            program: parsed.program,
-            vertex: parsed.vertex,
-            fragment: parsed.fragment,
-            defines: BTreeMap::new(),
-            state,
-            values,
-            textures: BTreeMap::new(),
-            samplers: BTreeMap::new(),
-            attributes: BTreeMap::new(),
-            attribute_roles: BTreeMap::new(),
-            value_roles: BTreeMap::new(),
-            part_of: None,
-        },
-        Mesh {
-            name: "layer".to_owned(),
-            vertex_count: stack.grid * stack.grid * 6,
-            streams: BTreeMap::new(),
-            indices: None,
-            bounds: Default::default(),
-        },
-        Draw {
-            name: "layers".to_owned(),
-            mesh: 0,
-            material: 0,
-            transform: Default::default(),
-            range: Default::default(),
-            instances: stack.layers,
-            instance_streams: BTreeMap::new(),
-            joints: [].into(),
-            morph_weights: Vec::new(),
-            values: BTreeMap::new(),
-            captured: None,
-        },
-    ))
-}
-
-/// One draw of one material, whose shader places everything itself.
-fn layers(
-    size: [u32; 2],
-    clear_color: [f64; 4],
-    material: Material,
-    mesh: Mesh,
-    draw: Draw,
-) -> Scene {
-    Scene {
-        files: Vec::new(),
-        is_made_up: false,
-        own_size: None,
-        part: None,
-        initial: Default::default(),
-        rows: Default::default(),
-        notes: Vec::new(),
-        name: "handwritten".to_owned(),
-        size,
-        viewport: None,
-        depth_format: material.state.depth_format,
-        depth_direction: material.state.depth_direction,
-        samples: 1,
-        clear_color,
-        materials: vec![material],
-        meshes: vec![mesh],
-        draws: vec![draw],
-        cameras: vec![Camera {
-            name: "front".to_owned(),
-            frames: vec![Frame {
-                view: Default::default(),
-                projection: Default::default(),
-                eye: Default::default(),
-                time: 0.0,
-            }],
-        }],
-        orders: vec![DrawOrder::AsGiven],
-        light: Default::default(),
-    }
+    let material = Material {
+        values,
+        ..handmade::material("bounds", parsed, state)
+    };
+    let mesh = Mesh {
+        name: "layer".to_owned(),
+        vertex_count: stack.grid * stack.grid * 6,
+        streams: BTreeMap::new(),
+        indices: None,
+        bounds: Default::default(),
+    };
+    let draws = vec![handmade::draw("layers", stack.layers)];
+    Ok(handmade::scene("handwritten", size, material, mesh, draws))
 }
 
 /// A hand-written form as a plan: the frozen entry points, and the state that goes with them.

@@ -4,7 +4,8 @@
 use std::collections::BTreeMap;
 
 use preshade_compiler::front::{self, Source};
-use preshade_draw::scene::{Draw, Mesh, Scene, Value};
+use preshade_draw::scene::{Material, Mesh, Scene, Value};
+use preshade_lab::measure::handmade;
 use preshade_plan::geometry::Geometry;
 use preshade_plan::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, ComputePass, Draws, GpuPass, Phase, Plan,
@@ -15,7 +16,6 @@ use preshade_plan::reflect;
 use preshade_plan::state::{ColorTarget, CompareFunction, CullMode, MaterialState};
 use shader_text::options::Options;
 
-use super::layers;
 use crate::Failure;
 
 /// The hand-written forms, and the recipe that should match each.
@@ -92,47 +92,23 @@ pub fn scene(text: &str, size: [u32; 2], count: u32) -> Result<Scene, Failure> {
         ("p.pad1".to_owned(), numbers(0.0)),
         ("insts".to_owned(), Value::Numbers(instances(count))),
     ]);
-    Ok(layers(
-        size,
+    let material = Material {
+        values,
+        ..handmade::material("bounds", parsed, state)
+    };
+    let mesh = Mesh {
+        name: "cards".to_owned(),
+        vertex_count: 12,
+        streams: BTreeMap::new(),
+        indices: None,
+        bounds: Default::default(),
+    };
+    let draws = vec![handmade::draw("field", count)];
+    Ok(Scene {
         // The background of the hand-written resolves.
-        [0.5, 0.7, 0.9, 1.0],
-        preshade_draw::scene::Material {
-            name: "bounds".to_owned(),
-            file: None,
-            program: parsed.program,
-            vertex: parsed.vertex,
-            fragment: parsed.fragment,
-            defines: BTreeMap::new(),
-            state,
-            values,
-            textures: BTreeMap::new(),
-            samplers: BTreeMap::new(),
-            attributes: BTreeMap::new(),
-            attribute_roles: BTreeMap::new(),
-            value_roles: BTreeMap::new(),
-            part_of: None,
-        },
-        Mesh {
-            name: "cards".to_owned(),
-            vertex_count: 12,
-            streams: BTreeMap::new(),
-            indices: None,
-            bounds: Default::default(),
-        },
-        Draw {
-            name: "field".to_owned(),
-            mesh: 0,
-            material: 0,
-            transform: Default::default(),
-            range: Default::default(),
-            instances: count,
-            instance_streams: BTreeMap::new(),
-            joints: [].into(),
-            morph_weights: Vec::new(),
-            values: BTreeMap::new(),
-            captured: None,
-        },
-    ))
+        clear_color: [0.5, 0.7, 0.9, 1.0],
+        ..handmade::scene("handwritten", size, material, mesh, draws)
+    })
 }
 
 /// A binding of the frozen shaders that is not the scene's.

@@ -26,6 +26,7 @@ pub mod error;
 mod flip;
 pub mod frequency;
 pub mod groups;
+pub mod handmade;
 pub mod interpolation;
 pub mod junctions;
 pub mod on_adapter;

@@ -4,18 +4,14 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use glam::{Mat4, Vec3};
+use glam::Vec3;
 use preshade_plan::rasterizer::{Corners, Neighbours, Rasterizer};
-use preshade_plan::state::{
-    ColorTarget, CullMode, DepthDirection, DepthFormat, MaterialState, PrimitiveState,
-};
+use preshade_plan::state::{ColorTarget, CullMode, MaterialState, PrimitiveState};
 
-use super::Session;
+use super::{Session, handmade};
 use preshade_compiler::front;
 use preshade_draw::render::{ColorImage, Error, Gpu};
-use preshade_draw::scene::{
-    Camera, Draw, DrawOrder, DrawRange, Frame, Image, Light, Material, Mesh, Scene, Stream,
-};
+use preshade_draw::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream};
 use preshade_scenes::ShaderForm;
 use shader_text::options;
 
@@ -127,31 +123,20 @@ fn drawn(gpu: &Gpu, source: &str, triangle: &[[f32; 3]; 3]) -> Result<ColorImage
     let text = front::Source::new("rasterizer.wgsl", source);
     let parsed = front::parse(&[text], &options::Options::default());
     let parsed = parsed.map_err(|e| failed(e.to_string()))?;
-    let material = Material {
-        name: "rasterizer".to_owned(),
-        file: None,
-        program: parsed.program,
-        vertex: parsed.vertex,
-        fragment: parsed.fragment,
-        defines: BTreeMap::new(),
-        state: MaterialState {
-            primitive: PrimitiveState {
-                cull: CullMode::None,
-                ..PrimitiveState::default()
-            },
-            targets: vec![Some(ColorTarget::opaque("rgba32float"))],
-            ..MaterialState::default()
+    let state = MaterialState {
+        primitive: PrimitiveState {
+            cull: CullMode::None,
+            ..PrimitiveState::default()
         },
-        values: BTreeMap::new(),
+        targets: vec![Some(ColorTarget::opaque("rgba32float"))],
+        ..MaterialState::default()
+    };
+    let material = Material {
         textures: BTreeMap::from([
             ("flat_levels".to_owned(), levels(1)),
             ("cube_levels".to_owned(), levels(6)),
         ]),
-        samplers: BTreeMap::new(),
-        attributes: BTreeMap::new(),
-        attribute_roles: BTreeMap::new(),
-        value_roles: BTreeMap::new(),
-        part_of: None,
+        ..handmade::material("rasterizer", parsed, state)
     };
     let scene = scene(material, triangle);
     let session = Session::new(gpu, &scene, ShaderForm::Text)?;
@@ -180,57 +165,16 @@ fn scene(material: Material, triangle: &[[f32; 3]; 3]) -> Scene {
         components: 3,
         data: triangle.concat(),
     };
+    let mesh = Mesh {
+        name: "triangle".to_owned(),
+        vertex_count: 3,
+        streams: BTreeMap::from([("position".to_owned(), positions)]),
+        indices: None,
+        bounds: [Vec3::splat(-1.0), Vec3::ONE],
+    };
+    let draws = vec![handmade::draw("triangle", 1)];
     Scene {
-        files: Vec::new(),
-        is_made_up: false,
-        own_size: None,
-        part: None,
-        initial: Default::default(),
-        rows: Default::default(),
-        notes: Vec::new(),
-        name: "rasterizer".to_owned(),
-        size: [SIZE; 2],
-        viewport: None,
-        depth_format: DepthFormat::Depth32float,
-        depth_direction: DepthDirection::Forward,
-        samples: 1,
         clear_color: [0.0; 4],
-        materials: vec![material],
-        meshes: vec![Mesh {
-            name: "triangle".to_owned(),
-            vertex_count: 3,
-            streams: BTreeMap::from([("position".to_owned(), positions)]),
-            indices: None,
-            bounds: [Vec3::splat(-1.0), Vec3::ONE],
-        }],
-        draws: vec![Draw {
-            name: "triangle".to_owned(),
-            mesh: 0,
-            material: 0,
-            transform: Mat4::IDENTITY,
-            range: DrawRange::default(),
-            instances: 1,
-            instance_streams: BTreeMap::new(),
-            joints: [].into(),
-            morph_weights: Vec::new(),
-            values: BTreeMap::new(),
-            captured: None,
-        }],
-        cameras: vec![Camera {
-            name: "front".to_owned(),
-            frames: vec![Frame {
-                view: Mat4::IDENTITY,
-                projection: Mat4::IDENTITY,
-                eye: Vec3::NEG_Z,
-                time: 0.0,
-            }],
-        }],
-        orders: vec![DrawOrder::AsGiven],
-        light: Light {
-            direction: Vec3::Y,
-            color: Vec3::ONE,
-            map: 64,
-            ..Light::default()
-        },
+        ..handmade::scene("rasterizer", [SIZE; 2], material, mesh, draws)
     }
 }

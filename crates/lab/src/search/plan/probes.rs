@@ -15,13 +15,11 @@ use super::choices::choices;
 use super::count::{FragmentCounter, is_software};
 use super::frame_work::drawn;
 use super::model::{Model, Observation};
-use crate::measure::{self, Session, TimingSettings};
+use crate::measure::{self, Session, TimingSettings, handmade};
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::Gpu;
-use preshade_draw::scene::{
-    Camera, Draw, DrawOrder, DrawRange, Frame, Image, Material, Mesh, Scene, Stream,
-};
+use preshade_draw::scene::{Draw, DrawOrder, Image, Material, Mesh, Scene, Stream};
 use preshade_scenes::ShaderForm;
 use shader_text::error::Color;
 use shader_text::options::Options;
@@ -279,63 +277,18 @@ fn scene(probe: &Probe, finest: u32, size: [u32; 2]) -> Result<Scene, PlanError>
     let layer = |i: u32| {
         let depth = 0.1 + 0.8 * (i as f32 + 0.5) / probe.layers as f32;
         Draw {
-            name: "layers".to_owned(),
-            mesh: 0,
-            material: 0,
             transform: Mat4::from_translation(Vec3::new(0.0, 0.0, depth)),
-            instances: 1,
-            range: DrawRange::default(),
-            instance_streams: BTreeMap::new(),
-            joints: [].into(),
-            morph_weights: Vec::new(),
-            values: BTreeMap::new(),
-            captured: None,
+            ..handmade::draw("layers", 1)
         }
     };
+    let material = Material {
+        textures: BTreeMap::from([("noise".to_owned(), Arc::new(noise()))]),
+        ..handmade::material("probe", parsed, state)
+    };
+    let draws = (0..probe.layers).map(layer).collect();
     Ok(Scene {
-        name: "probe".to_owned(),
-        files: Vec::new(),
-        is_made_up: false,
-        own_size: None,
-        part: None,
-        initial: Default::default(),
-        rows: Default::default(),
-        notes: Vec::new(),
-        size,
-        viewport: None,
-        depth_format: state.depth_format,
-        depth_direction: state.depth_direction,
-        samples: 1,
-        clear_color: [0.0, 0.0, 0.0, 1.0],
-        materials: vec![Material {
-            name: "probe".to_owned(),
-            file: None,
-            program: parsed.program,
-            vertex: parsed.vertex,
-            fragment: parsed.fragment,
-            defines: BTreeMap::new(),
-            state,
-            values: BTreeMap::new(),
-            textures: BTreeMap::from([("noise".to_owned(), Arc::new(noise()))]),
-            samplers: BTreeMap::new(),
-            attributes: BTreeMap::new(),
-            attribute_roles: BTreeMap::new(),
-            value_roles: BTreeMap::new(),
-            part_of: None,
-        }],
-        meshes: vec![grid(cells, probe.scale)],
-        draws: (0..probe.layers).map(layer).collect(),
-        cameras: vec![Camera {
-            name: "front".to_owned(),
-            frames: vec![Frame {
-                view: Mat4::IDENTITY,
-                projection: Mat4::IDENTITY,
-                eye: Vec3::ZERO,
-                time: 0.0,
-            }],
-        }],
         orders: vec![probe.order],
-        light: Default::default(),
+        ..handmade::scene("probe", size, material, grid(cells, probe.scale), draws)
     })
 }
 
