@@ -13,14 +13,17 @@
     reason = "a tool that ends with a message"
 )]
 
+#[path = "../tests/support/reference.rs"]
+mod reference;
+
 use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
 use preshade_compiler::recipe::Recipe;
 use preshade_geometry::examples;
 use preshade_lab::measure;
-use preshade_lab::measure::reference::{Nearer, Points, Spread, truth};
 use preshade_plan::pass::Use;
+use reference::{Nearer, Points, Spread, truth};
 
 /// The comments that the tables stand between.
 const MARKS: [&str; 2] = [

@@ -14,10 +14,10 @@ use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::SceneInputs;
 use preshade_draw::scene::{Draw, Scene, Value};
 use preshade_lab::measure;
-use preshade_lab::measure::reference::{Points, Spread, Truth, truth_beyond};
 use preshade_scenes::ShaderForm;
 
 use super::case::{Red, Stage, load};
+use super::reference::{Points, Spread, Truth, truth_beyond};
 use super::render_support::gpu;
 
 /// What the host hands over.

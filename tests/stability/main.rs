@@ -8,6 +8,8 @@
 //! column, once `UPDATE_PAGES=text` has made the page of the files as they are.
 #![allow(clippy::unwrap_used, clippy::panic)]
 
+#[path = "../support/reference.rs"]
+mod reference;
 #[path = "../support/render_support/mod.rs"]
 mod render_support;
 

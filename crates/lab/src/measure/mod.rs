@@ -38,7 +38,6 @@ pub mod profile;
 pub mod ranges;
 pub mod rasterizer;
 pub mod record;
-pub mod reference;
 mod session;
 pub mod shading;
 pub mod shadow;
@@ -52,7 +51,7 @@ pub(crate) mod unsteady;
 pub mod variant;
 pub mod verdict;
 pub mod verify;
-mod vertices;
+pub mod vertices;
 mod view;
 
 pub use bound_textures::bound;

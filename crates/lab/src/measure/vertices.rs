@@ -9,10 +9,10 @@ use naga_interp::{Environment, Number, RunResult, Stuck, Value, bound};
 use preshade_draw::scene::bind::DrawBindings;
 
 /// Steps of the interpreter for one vertex.
-pub(crate) const STEPS: u64 = 200_000;
+pub const STEPS: u64 = 200_000;
 
 /// The inputs of a vertex stage.
-pub(crate) struct Vertices<'e, F: 'static = f32> {
+pub struct Vertices<'e, F: 'static = f32> {
     pub bound: DrawBindings,
     /// Its uniforms and buffers. Texels are unknown at first, and so is everything that depends on
     /// them.
@@ -228,7 +228,7 @@ fn outputs<F: Number>(
 }
 
 /// Why an evaluation stopped, in a user's words.
-pub(crate) fn said(stuck: Stuck) -> String {
+pub fn said(stuck: Stuck) -> String {
     match stuck {
         Stuck::Undecided(_) => {
             "what a branch or an index depends on differs within a triangle, or by a rounding"
@@ -247,7 +247,7 @@ pub(crate) fn said(stuck: Stuck) -> String {
 }
 
 /// The uniforms and buffers of a draw that have a value.
-pub(crate) fn resources<F: Number>(
+pub fn resources<F: Number>(
     module: &Module,
     bound: &DrawBindings,
 ) -> BTreeMap<(u32, u32), Value<F>> {
@@ -261,7 +261,7 @@ pub(crate) fn resources<F: Number>(
 }
 
 /// The value of a buffer variable in a draw. `None`: it is no buffer.
-pub(crate) fn resource<F: Number>(
+pub fn resource<F: Number>(
     module: &Module,
     global: &GlobalVariable,
     bound: &DrawBindings,
@@ -278,7 +278,7 @@ fn bytes_of<'b>(global: &GlobalVariable, bound: &'b DrawBindings) -> Option<&'b 
 }
 
 /// Runtime-sized arrays get as many elements as their buffer has bytes for.
-pub(crate) fn of_any_length<F: Number>(
+pub fn of_any_length<F: Number>(
     module: &Module,
     bound: &DrawBindings,
 ) -> BTreeMap<(u32, u32), Value<F>> {
@@ -302,7 +302,7 @@ pub(crate) fn of_any_length<F: Number>(
 }
 
 /// The vertex that the draw's `at`-th corner is.
-pub(crate) fn index(bound: &DrawBindings, at: u32) -> Option<u32> {
+pub fn index(bound: &DrawBindings, at: u32) -> Option<u32> {
     let at = bound.call.first.checked_add(at)?;
     let Some(indices) = &bound.indices else {
         return Some(at);

@@ -11,20 +11,21 @@
 //! Branches follow the `f32` values. Points at which the `f64` values would branch otherwise are
 //! counted and left out.
 
+#![allow(dead_code)] // Each user takes its own part.
+
 use std::collections::BTreeMap;
 
 use naga::{Binding, BuiltIn, ShaderStage};
 use naga_edit::interface::Io;
 use naga_interp::bound::exactly;
 use naga_interp::{Derivative, Environment, Lookup, Number, Scalar, Shadowed, Stuck, Value, ulps};
+use preshade_draw::scene::{Draw, Scene, bind};
+use preshade_lab::measure::vertices::{self, STEPS, Vertices};
 use preshade_plan::plan::Plan;
 use preshade_plan::state::Topology;
 use preshade_validate::inputs::Random;
 use preshade_validate::stage::{At, POSITION, Ran, Slot, Stage, VaryingKind, interpolated};
 use serde::Serialize;
-
-use super::vertices::{self, STEPS, Vertices};
-use preshade_draw::scene::{Draw, Scene, bind};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Points {
