@@ -305,20 +305,8 @@ mod tests {
     use proptest::prelude::*;
 
     use super::*;
+    use crate::jobs::made_up::adapter;
     use crate::jobs::{JOB_SCHEMA, Kind, OUTCOME_SCHEMA, key};
-
-    fn adapter(name: &str) -> AdapterReport {
-        AdapterReport {
-            name: name.to_owned(),
-            driver: "1".to_owned(),
-            backend: "vulkan".to_owned(),
-            kind: "discrete".to_owned(),
-            timestamps: true,
-            pipeline_statistics: true,
-            features: Vec::new(),
-            checked_shaders: false,
-        }
-    }
 
     fn report(scene: &str) -> Box<crate::measure::record::Report> {
         let adapter = serde_json::to_value(adapter("a")).unwrap();

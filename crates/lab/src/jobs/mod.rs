@@ -8,7 +8,7 @@ mod answers;
 pub mod decision;
 mod machine;
 #[cfg(test)]
-mod made_up;
+pub(crate) mod made_up;
 mod merge;
 mod partition;
 mod regrets;

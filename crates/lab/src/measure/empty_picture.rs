@@ -1,10 +1,9 @@
 //! Whether the original draws anything: of an empty picture, no figure means anything.
 
-use preshade_plan::plan::{Phase, Plan};
+use preshade_plan::plan::{GpuPass, Phase, Plan};
 use preshade_plan::state::CompareFunction;
 
-use super::picture_warnings::{self, faces_away};
-use super::shading::Counter;
+use super::picture_warnings::{self, draws, faces_away};
 use super::verdict::nothing_drawn;
 use super::{CountProgram, Error, Session};
 use preshade_draw::scene::{DrawOrder, Frame};
@@ -18,13 +17,14 @@ pub(crate) fn check_seen(
     frames: &[(&Frame, DrawOrder)],
 ) -> Result<(), Error> {
     let opaque: Vec<Plan> = session.originals().iter().map(opaque).collect();
-    if draws(session, &opaque, frames)? {
+    let all = |_: &Plan, _: &GpuPass| CountProgram::Constant;
+    if draws(session, &opaque, frames, all)? {
         return Ok(());
     }
     let untested: Vec<Plan> = opaque.iter().map(untested).collect();
     Err(Error::Nothing(if faces_away(session, frames)? {
         picture_warnings::FACES_AWAY.to_owned()
-    } else if draws(session, &untested, frames)? {
+    } else if draws(session, &untested, frames, all)? {
         HIDDEN.to_owned()
     } else {
         nothing_drawn(session.originals()).unwrap_or_else(|| NOTHING.to_owned())
@@ -37,24 +37,6 @@ const NOTHING: &str = "the original draws nothing in any view: every triangle li
 const HIDDEN: &str = "the original draws nothing in any view: every fragment fails the depth test. Look \
                       whether the depth is cleared to the far end (`--reversed-z` clears to 0), and whether \
                       `depth_compare` fits the projection";
-
-/// Whether `plans` draw a fragment in one of `frames`.
-fn draws(
-    session: &Session<'_>,
-    plans: &[Plan],
-    frames: &[(&Frame, DrawOrder)],
-) -> Result<bool, Error> {
-    let all = |_: &Plan, _: &_| CountProgram::Constant;
-    let inputs = session.inputs();
-    let mut counter = Counter::shaded(inputs, plans, session.form(), all)?;
-    for (frame, order) in frames {
-        inputs.set_frame(frame)?;
-        if counter.count(frame, *order)?.covered > 0 {
-            return Ok(true);
-        }
-    }
-    Ok(false)
-}
 
 /// The plan with its blended draws among the opaque ones, so that they are counted too.
 fn opaque(plan: &Plan) -> Plan {

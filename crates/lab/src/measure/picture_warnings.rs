@@ -121,8 +121,18 @@ pub(crate) fn faces_away(
     for pass in open.iter_mut().flat_map(|p| &mut p.passes) {
         pass.primitive.cull = CullMode::None;
     }
+    draws(session, &open, frames, counting)
+}
+
+/// Whether `plans` draw a fragment in one of `frames`.
+pub(crate) fn draws(
+    session: &Session<'_>,
+    plans: &[Plan],
+    frames: &[(&Frame, DrawOrder)],
+    count: impl Fn(&Plan, &GpuPass) -> CountProgram,
+) -> Result<bool, Error> {
     let inputs = session.inputs();
-    let mut counter = Counter::shaded(inputs, &open, session.form(), counting)?;
+    let mut counter = Counter::shaded(inputs, plans, session.form(), count)?;
     for (frame, order) in frames {
         inputs.set_frame(frame)?;
         if counter.count(frame, *order)?.covered > 0 {

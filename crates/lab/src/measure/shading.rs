@@ -351,23 +351,11 @@ pub(super) fn count_format(gpu: &Gpu, plans: &[Plan]) -> &'static str {
 /// A stage that writes depth runs before its depth test, so it is counted whenever it is drawn. A
 /// second pass then writes its depth.
 fn every_late_fragment(mut plan: Plan) -> Plan {
-    let writes_depth = |pass: &GpuPass| {
-        let entry = plan
-            .program(pass)
-            .zip(pass.fragment.as_deref())
-            .and_then(|(p, f)| Some((p.module(), p.entry_point(ShaderStage::Fragment, f)?.1)));
-        entry.is_some_and(|(module, entry)| {
-            let depth = Some(naga::Binding::BuiltIn(naga::BuiltIn::FragDepth));
-            interface::outputs(module, &entry.function)
-                .iter()
-                .any(|o| o.binding == depth)
-        })
-    };
     plan.passes = plan
         .passes
         .iter()
         .flat_map(|pass| {
-            if pass.role != Role::Main || !writes_depth(pass) {
+            if pass.role != Role::Main || !writes_depth(&plan, pass) {
                 return vec![pass.clone()];
             }
             let mut counted = pass.clone();
@@ -383,6 +371,19 @@ fn every_late_fragment(mut plan: Plan) -> Plan {
         })
         .collect();
     plan
+}
+
+/// Whether the fragment stage of a pass writes its depth.
+pub(crate) fn writes_depth(plan: &Plan, pass: &GpuPass) -> bool {
+    let entry = plan
+        .program(pass)
+        .zip(pass.fragment.as_deref())
+        .and_then(|(p, f)| Some((p.module(), p.entry_point(ShaderStage::Fragment, f)?.1)));
+    entry.is_some_and(|(module, entry)| {
+        let depth = Some(naga::Binding::BuiltIn(naga::BuiltIn::FragDepth));
+        let outputs = interface::outputs(module, &entry.function);
+        outputs.iter().any(|o| o.binding == depth)
+    })
 }
 
 /// The plan with every opaque main pass counting instead of shading, and no other colour.

@@ -324,10 +324,10 @@ mod tests {
     use preshade_plan::budget::{Budget, Metric};
 
     use super::*;
+    use crate::jobs::made_up::adapter;
     use crate::measure::outputs::OutputsReport;
     use crate::measure::record::{Choice, Chosen};
     use crate::measure::{Clock, ErrorLadder};
-    use preshade_draw::render::AdapterReport;
 
     fn variant(name: &str, speedups: &[(&str, f64)], verdict: Verdict) -> VariantReport {
         let view = |(camera, median): &(&str, f64)| ViewReport {
@@ -363,16 +363,7 @@ mod tests {
             resolution: [1, 1],
             samples: 1,
             command: String::new(),
-            adapter: AdapterReport {
-                name: String::new(),
-                driver: String::new(),
-                backend: String::new(),
-                kind: String::new(),
-                timestamps: false,
-                pipeline_statistics: false,
-                features: Vec::new(),
-                checked_shaders: false,
-            },
+            adapter: adapter(""),
             clock: Some(Clock::WallClock),
             depth_ties: None,
             made_up: false,

@@ -8,8 +8,7 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 
-use naga::{Expression, ShaderStage};
-use naga_edit::interface;
+use naga::Expression;
 use preshade_dataflow::graph::{FunctionId, Graph};
 use preshade_passes::transforms::specialize::as_drawn;
 use preshade_plan::frame::{ColorAttachments, FrameError, FrameOps, FramePlan};
@@ -22,6 +21,7 @@ use preshade_plan::plan::{
 use preshade_plan::state::{ColorTarget, CompareFunction, DepthFormat, StoreOp, Topology};
 
 use super::terms::{Term, Work};
+use crate::measure::shading::writes_depth;
 use preshade_draw::scene::Scene;
 
 /// The draws of one material, in numbers.
@@ -404,19 +404,6 @@ fn reach(plan: &Plan, pass: &GpuPass, fragment: Option<Cost>, authored: Option<C
         true => Reach::Visible,
         false => Reach::Drawn,
     }
-}
-
-/// Whether the fragment stage of a pass writes its depth.
-fn writes_depth(plan: &Plan, pass: &GpuPass) -> bool {
-    let entry = plan
-        .program(pass)
-        .zip(pass.fragment.as_deref())
-        .and_then(|(p, f)| Some((p.module(), p.entry_point(ShaderStage::Fragment, f)?.1)));
-    entry.is_some_and(|(module, entry)| {
-        let depth = Some(naga::Binding::BuiltIn(naga::BuiltIn::FragDepth));
-        let outputs = interface::outputs(module, &entry.function);
-        outputs.iter().any(|o| o.binding == depth)
-    })
 }
 
 fn color_bytes(pass: &GpuPass) -> f64 {

@@ -208,11 +208,11 @@ mod tests {
     use preshade_plan::contract::Contract;
 
     use super::*;
+    use crate::jobs::made_up::adapter;
     use crate::measure::{Clock, View};
     use crate::search::plan::decision::{PlanView, SCHEMA, ViewReport};
     use crate::search::plan::model::Model;
     use crate::search::plan::policy::{Held, Policy, Rule};
-    use preshade_draw::render::AdapterReport;
     use preshade_draw::scene::DrawOrder;
 
     fn about(median: f64) -> Estimate {
@@ -248,16 +248,7 @@ mod tests {
             part: None,
             resolution: [1, 1],
             command: String::new(),
-            adapter: AdapterReport {
-                name: String::new(),
-                driver: String::new(),
-                backend: String::new(),
-                kind: String::new(),
-                timestamps: false,
-                pipeline_statistics: false,
-                features: Vec::new(),
-                checked_shaders: false,
-            },
+            adapter: adapter(""),
             clock: Some(Clock::WallClock),
             policy: Policy(vec![Held {
                 orders: vec![DrawOrder::AsGiven],
