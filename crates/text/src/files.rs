@@ -13,6 +13,15 @@ pub struct File {
     pub bytes: Vec<u8>,
 }
 
+impl File {
+    pub fn text(name: impl Into<String>, text: String) -> Self {
+        Self {
+            name: name.into(),
+            bytes: text.into_bytes(),
+        }
+    }
+}
+
 /// Writes `files` into `dir` and creates it if necessary. All files are first written to temporary
 /// files and then renamed, so a failure leaves the old files in place. A file with the same bytes
 /// is not touched, so builds that watch it do not run again.

@@ -2,7 +2,7 @@
 
 use std::fmt::Write;
 
-use super::plain::plain;
+use super::grid::{self, escaped, or_dash};
 use crate::measure::crossover::{Crossover, Series};
 use preshade_plan::contract::Verdict;
 
@@ -12,20 +12,10 @@ pub fn render(series: &Series) -> String {
         return String::new();
     };
     let report = &first.report;
-    let mut out = format!(
-        "{}, {}x{}, on {} ({}, {})\n\n",
-        report.scene,
-        report.resolution[0],
-        report.resolution[1],
-        report.adapter.title(),
-        report.adapter.backend,
-        report.adapter.kind,
-    );
-    let mut rows = vec![
-        std::iter::once(series.variable.clone())
-            .chain(report.variants.iter().map(|v| v.name.clone()))
-            .collect::<Vec<_>>(),
-    ];
+    let place = super::place(&report.scene, None, report.resolution, 1, &report.adapter);
+    let names = report.variants.iter().map(|v| v.name.as_str());
+    let header = std::iter::once(series.variable.as_str()).chain(names);
+    let mut rows = vec![grid::row(header)];
     for point in &series.points {
         let cells = point.report.variants.iter().map(|v| {
             let mark = match v.verdict {
@@ -33,36 +23,16 @@ pub fn render(series: &Series) -> String {
                 Verdict::Broken { .. } => " BROKEN",
                 Verdict::NotMeasured { .. } => " not measured",
             };
-            match &v.time_ms {
-                Some(time) => {
-                    let e = time.estimate;
-                    format!("{:.3} ms [{:.3}, {:.3}]{mark}", e.median, e.low, e.high)
-                }
-                None => format!("-{mark}"),
-            }
+            let time = or_dash(v.time_ms.as_ref(), |time| {
+                let e = time.estimate;
+                format!("{:.3} ms [{:.3}, {:.3}]", e.median, e.low, e.high)
+            });
+            time + mark
         });
-        rows.push(
-            std::iter::once(point.value.to_string())
-                .chain(cells)
-                .collect(),
-        );
+        let value = std::iter::once(point.value.to_string());
+        rows.push(grid::row(value.chain(cells)));
     }
-    let columns = rows[0].len();
-    let widths: Vec<usize> = (0..columns)
-        .map(|c| {
-            let cells = rows.iter().filter_map(|r| r.get(c));
-            cells.map(|cell| cell.chars().count()).max().unwrap_or(0)
-        })
-        .collect();
-    for row in &rows {
-        let cells: Vec<String> = row
-            .iter()
-            .zip(&widths)
-            .map(|(cell, width)| format!("{cell:>width$}"))
-            .collect();
-        out.push_str(cells.join("  ").trim_end());
-        out.push('\n');
-    }
+    let mut out = format!("{place}\n\n{}", grid::aligned(&rows, |_| false, false));
     if !series.crossovers.is_empty() {
         out.push('\n');
     }
@@ -314,11 +284,4 @@ fn ticks([low, high]: [f64; 2]) -> Vec<f64> {
         }
     }
     ticks
-}
-
-fn escaped(text: &str) -> String {
-    plain(text)
-        .replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;")
 }

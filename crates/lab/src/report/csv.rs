@@ -2,7 +2,7 @@
 
 use preshade_plan::contract::Verdict;
 
-use super::plain::plain;
+use super::grid::{Csv, number, quoted};
 use crate::measure::crossover::Series;
 use crate::measure::record::Report;
 use crate::measure::{ErrorLadder, Estimate};
@@ -33,30 +33,31 @@ const COLUMNS: [&str; 20] = [
 
 /// Each variant of a report in each view, the original first.
 pub fn verify(report: &Report) -> String {
-    COLUMNS.join(",") + "\n" + &rows(report, "")
+    let mut csv = Csv::new(&COLUMNS.join(","));
+    rows(&mut csv, report, &[]);
+    csv.text()
 }
 
 /// The reports of a series under each other, each line with the variable's value ahead.
 pub fn series(series: &Series) -> String {
-    let header = format!("{},{}\n", quoted(&series.variable), COLUMNS.join(","));
-    let points = series.points.iter();
-    header
-        + &points
-            .map(|p| rows(&p.report, &format!("{},", p.value)))
-            .collect::<String>()
+    let mut csv = Csv::new(&format!(
+        "{},{}",
+        quoted(&series.variable),
+        COLUMNS.join(",")
+    ));
+    for point in &series.points {
+        rows(&mut csv, &point.report, &[point.value.to_string()]);
+    }
+    csv.text()
 }
 
 /// The lines of a report, with `first` ahead of each.
-fn rows(report: &Report, first: &str) -> String {
-    let mut out = String::new();
+fn rows(csv: &mut Csv, report: &Report, first: &[String]) {
     for v in &report.variants {
-        let about = [
-            quoted(&v.name),
-            quoted(&v.recipe),
-            quoted(&verdict(&v.verdict)),
-        ];
+        let about = [&v.name, &v.recipe, &verdict(&v.verdict)].map(|text| quoted(text));
+        let about = [first, &about].concat();
         for view in &v.by_view {
-            let mut cells = about.to_vec();
+            let mut cells = about.clone();
             cells.push(quoted(&view.camera));
             cells.push(view.frame.to_string());
             cells.push(preshade_draw::render::order::name(view.order).replace(' ', "-"));
@@ -64,27 +65,25 @@ fn rows(report: &Report, first: &str) -> String {
             cells.extend(estimate(view.time_ms.as_ref().map(|t| &t.estimate)));
             cells.extend(estimate(view.speedup.as_ref()));
             cells.push(number(view.shaded_per_pixel));
-            out.push_str(first);
-            line(&mut out, &cells);
+            csv.line(cells);
         }
         // Of one that was not drawn there is the reason alone.
         if v.by_view.is_empty() {
-            let mut cells = about.to_vec();
-            cells.resize(COLUMNS.len(), String::new());
-            out.push_str(first);
-            line(&mut out, &cells);
+            let mut cells = about;
+            cells.resize(first.len() + COLUMNS.len(), String::new());
+            csv.line(cells);
         }
     }
-    out
 }
 
 /// Each plan of a decision in each view.
 pub fn decision(decision: &Decision) -> String {
-    let mut out = "plan,verdict,camera,frame,order,shaded_per_pixel,overdraw,drawn_with,\
+    let mut csv = Csv::new(
+        "plan,verdict,camera,frame,order,shaded_per_pixel,overdraw,drawn_with,\
                    predicted_ms,time_ms,time_low,time_high,speedup,speedup_low,speedup_high,\
                    worst_changed_pixels,worst_changed_depth,worst_nan_pixels,worst_max_abs,\
-                   worst_flip_mean,worst_flip_p99,worst_flip_tile,pipelines,creation_ms\n"
-        .to_owned();
+                   worst_flip_mean,worst_flip_p99,worst_flip_tile,pipelines,creation_ms",
+    );
     for (number_of, plan) in decision.plans.iter().enumerate() {
         for (view, at) in decision.views.iter().zip(&plan.by_view) {
             let mut cells = vec![
@@ -108,15 +107,10 @@ pub fn decision(decision: &Decision) -> String {
                     .map_or_else(String::new, |c| c.pipelines.to_string()),
             );
             cells.push(number(plan.cost.as_ref().map(|c| c.creation_ms)));
-            line(&mut out, &cells);
+            csv.line(cells);
         }
     }
-    out
-}
-
-fn line(out: &mut String, cells: &[String]) {
-    out.push_str(&cells.join(","));
-    out.push('\n');
+    csv.text()
 }
 
 fn verdict(verdict: &Verdict) -> String {
@@ -142,41 +136,4 @@ fn error(error: Option<&ErrorLadder>) -> [String; 7] {
 
 fn estimate(of: Option<&Estimate>) -> [String; 3] {
     [of.map(|e| e.median), of.map(|e| e.low), of.map(|e| e.high)].map(number)
-}
-
-/// A number with all its digits; nothing where there is none.
-pub(super) fn number(of: Option<f64>) -> String {
-    of.map_or_else(String::new, |n| n.to_string())
-}
-
-/// Characters that begin a formula, full-width forms too, and characters that a spreadsheet skips
-/// before one.
-const FORMULAS: [char; 11] = [
-    '=', '+', '-', '@', '\t', '\r', '\n', '\u{ff1d}', '\u{ff0b}', '\u{ff0d}', '\u{ff20}',
-];
-
-/// A field, quoted by RFC 4180. Text that a spreadsheet would read as a formula gets an apostrophe,
-/// because names may come from strangers (OWASP, "CSV Injection").
-pub(crate) fn quoted(text: &str) -> String {
-    let is_formula = text.trim_start_matches(' ').starts_with(FORMULAS);
-    let guard = if is_formula { "'" } else { "" };
-    format!("\"{guard}{}\"", plain(text).replace('"', "\"\""))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::quoted;
-
-    #[test]
-    fn text_is_no_formula() {
-        assert_eq!(quoted("a\u{1b}[2J"), "\"a\\u{1b}[2J\"");
-        assert_eq!(quoted("say \"a\""), "\"say \"\"a\"\"\"");
-        assert_eq!(quoted("=1+1"), "\"'=1+1\"");
-        assert_eq!(quoted("  @SUM(a)"), "\"'  @SUM(a)\"");
-        assert_eq!(quoted("a-b"), "\"a-b\"");
-        // The rest of OWASP's list.
-        for first in ["\n=1", "\u{ff1d}1", "\u{ff0b}1", "\u{ff0d}1", "\u{ff20}A"] {
-            assert_eq!(quoted(first), format!("\"'{first}\""));
-        }
-    }
 }

@@ -12,16 +12,14 @@ use preshade_draw::render::order;
 
 /// The decision as lines of text.
 pub fn render(decision: &Decision) -> String {
-    let adapter = &decision.adapter;
+    let part = decision.part.as_deref();
     let mut lines = vec![
-        format!(
-            "{}, {}x{}, on {} ({}, {})",
-            super::titled(&decision.scene, decision.part.as_deref()),
-            decision.resolution[0],
-            decision.resolution[1],
-            adapter.title(),
-            adapter.backend,
-            adapter.kind
+        super::place(
+            &decision.scene,
+            part,
+            decision.resolution,
+            1,
+            &decision.adapter,
         ),
         model(decision),
         String::new(),

@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::csv::quoted;
-use super::frontier::{number, speedup};
+use super::frontier::{self, speedup};
+use super::grid::{self, Csv, number, quoted};
 use super::html::promise;
 use crate::jobs::FleetAdapter;
 use crate::jobs::Standing;
@@ -112,16 +112,17 @@ fn on_adapter(a: &OnAdapter) -> String {
 
 /// One line an input, variant and adapter.
 pub fn decisions_csv(of: &FleetDecisions) -> String {
-    let mut out = "input,variant,chosen,pays_on,of,mean_speedup,adapter,chosen_alone,verdict,pays,\
-                   slower,speedup\n"
-        .to_owned();
+    let mut csv = Csv::new(
+        "input,variant,chosen,pays_on,of,mean_speedup,adapter,chosen_alone,verdict,pays,slower,\
+         speedup",
+    );
     for d in &of.decisions {
         for v in &d.variants {
             for a in &v.adapters {
                 let alone = d.by_adapter.iter().any(|best| {
                     best.adapter == a.adapter && best.choice.as_ref() == Some(&v.variant)
                 });
-                let cells = [
+                csv.line([
                     quoted(&titled(&d.input, &d.arguments)),
                     quoted(&v.variant),
                     (d.choice.as_ref() == Some(&v.variant)).to_string(),
@@ -133,49 +134,48 @@ pub fn decisions_csv(of: &FleetDecisions) -> String {
                     a.standing.word().to_owned(),
                     a.pays.to_string(),
                     a.slower.to_string(),
-                    a.speedup.map_or(String::new(), |s| s.to_string()),
-                ];
-                out.push_str(&(cells.join(",") + "\n"));
+                    number(a.speedup),
+                ]);
             }
         }
     }
-    out
+    csv.text()
 }
 
 /// A frontier as lines of text.
 pub fn frontier(of: &FleetFrontier) -> String {
-    let mut lines = vec![
-        format!(
-            "{}, {}: {}",
-            titled(&of.input, &of.arguments),
-            counted(of.adapters.len() as u64, "adapter"),
-            of.adapters.join(", ")
-        ),
-        String::new(),
-        format!(
-            "{:>9}  {:>8}  {:>14}  {:>6}  recipe",
-            of.metric.to_string(),
-            "speedup",
-            "least to most",
-            "timed"
-        ),
-    ];
+    let metric = of.metric.to_string();
+    let mut rows = vec![grid::row([
+        format!("{metric:>9}"),
+        format!("{:>8}", "speedup"),
+        format!("{:>14}", "least to most"),
+        format!("{:>6}", "timed"),
+        "recipe".to_owned(),
+    ])];
     let on = |p: &&FleetPoint| p.fate == FleetFate::Frontier;
-    lines.extend(of.points.iter().filter(on).map(|p| {
+    rows.extend(of.points.iter().filter(on).map(|p| {
         let [least, most] = p.range.unwrap_or_default();
-        format!(
-            "{:>9}  {:>8}  {:>14}  {:>6}  {}",
-            p.error.map_or(String::new(), number),
+        grid::row([
+            p.error.map_or(String::new(), frontier::number),
             p.speedup.map_or(String::new(), |s| format!("{s:.2}x")),
             format!("{least:.2} to {most:.2}"),
-            p.timed,
-            p.variant
-        )
+            p.timed.to_string(),
+            p.variant.clone(),
+        ])
     }));
-    lines.push(String::new());
     let others = of.points.iter().filter(|p| !on(p));
-    lines.extend(others.map(|p| format!("{}: {}", p.variant, fate(&p.fate))));
-    lines.join("\n").trim_end().to_owned()
+    let others: Vec<String> = others
+        .map(|p| format!("{}: {}", p.variant, fate(&p.fate)))
+        .collect();
+    let text = format!(
+        "{}, {}: {}\n\n{}\n{}",
+        titled(&of.input, &of.arguments),
+        counted(of.adapters.len() as u64, "adapter"),
+        of.adapters.join(", "),
+        grid::aligned(&rows, |c| c == 4, false),
+        others.join("\n")
+    );
+    text.trim_end().to_owned()
 }
 
 /// What became of a variant, in words.
@@ -191,25 +191,23 @@ pub(crate) fn fate(fate: &FleetFate) -> String {
 
 /// One line an input and variant.
 pub fn frontiers_csv(of: &FleetFrontiers) -> String {
-    let mut out = "input,variant,metric,error,speedup,least,most,timed,fate\n".to_owned();
-    let cell = |x: Option<f64>| x.map_or(String::new(), |x| x.to_string());
+    let mut csv = Csv::new("input,variant,metric,error,speedup,least,most,timed,fate");
     for f in &of.frontiers {
         for p in &f.points {
-            let cells = [
+            csv.line([
                 quoted(&titled(&f.input, &f.arguments)),
                 quoted(&p.variant),
                 f.metric.to_string(),
-                cell(p.error),
-                cell(p.speedup),
-                cell(p.range.map(|r| r[0])),
-                cell(p.range.map(|r| r[1])),
+                number(p.error),
+                number(p.speedup),
+                number(p.range.map(|r| r[0])),
+                number(p.range.map(|r| r[1])),
                 p.timed.to_string(),
                 quoted(&fate(&p.fate)),
-            ];
-            out.push_str(&(cells.join(",") + "\n"));
+            ]);
         }
     }
-    out
+    csv.text()
 }
 
 const COLUMNS: [&str; 8] = [
@@ -232,25 +230,17 @@ fn cells(of: &FleetAdapter) -> [String; 8] {
 
 /// The adapters of a fleet as a table.
 pub fn adapters(of: &[FleetAdapter]) -> String {
-    let mut rows = vec![COLUMNS.map(str::to_owned)];
-    rows.extend(of.iter().map(cells));
-    let widths: Vec<usize> = (0..COLUMNS.len())
-        .map(|i| {
-            let widths = rows.iter().map(|row| row[i].chars().count());
-            widths.max().unwrap_or(0)
-        })
-        .collect();
-    let line = |row: &[String; 8]| {
-        let cells = row.iter().zip(&widths);
-        let cells: Vec<String> = cells.map(|(c, width)| format!("{c:<width$}")).collect();
-        cells.join("  ").trim_end().to_owned()
-    };
-    rows.iter().map(line).collect::<Vec<_>>().join("\n")
+    let mut rows = vec![grid::row(COLUMNS)];
+    rows.extend(of.iter().map(|a| grid::row(cells(a))));
+    let table = grid::aligned(&rows, |_| true, false);
+    table.trim_end().to_owned()
 }
 
 /// The same for a spreadsheet.
 pub fn adapters_csv(of: &[FleetAdapter]) -> String {
-    let line = |row: [String; 8]| row.map(|cell| quoted(&cell)).join(",") + "\n";
-    let header = COLUMNS.join(",") + "\n";
-    header + &of.iter().map(|a| line(cells(a))).collect::<String>()
+    let mut csv = Csv::new(&COLUMNS.join(","));
+    for adapter in of {
+        csv.line(cells(adapter).map(|cell| quoted(&cell)));
+    }
+    csv.text()
 }

@@ -1,49 +1,30 @@
 //! A frontier as text: the table for a terminal, and every point as CSV.
 
-use std::fmt::Write;
-
-use super::csv::{number as written, quoted};
+use super::grid::{self, Cell, Csv, or_dash, quoted};
 use crate::measure::Estimate;
 use crate::measure::record::{Chosen, ORIGINAL, PathTime};
 use crate::search::explore::{Ended, Exploration, Fate, Point};
 
 /// The frontier as lines of text, the least error first, and a summary of the other candidates.
 pub fn table(found: &Exploration) -> String {
+    let part = found.part.as_deref();
     let mut out = format!(
-        "{}, {}x{}, on {} ({}, {}), {}\n\n",
-        super::titled(&found.scene, found.part.as_deref()),
-        found.resolution[0],
-        found.resolution[1],
-        found.adapter.title(),
-        found.adapter.backend,
-        found.adapter.kind,
+        "{}, {}\n\n",
+        super::place(&found.scene, part, found.resolution, 1, &found.adapter),
         preshade_draw::render::order::name(found.order),
     );
     let metric = metric(found);
     let header = [
-        &metric,
+        metric.as_str(),
         "max abs",
         "ms",
         "path, p95 ms",
         "speedup",
         "recipe",
-    ]
-    .map(str::to_owned);
-    let mut rows = vec![header];
+    ];
+    let mut rows = vec![grid::row(header)];
     rows.extend(on_frontier(found).map(|p| cells(found, p)));
-    let mut widths = [0; 5];
-    for row in &rows {
-        for (width, cell) in widths.iter_mut().zip(row) {
-            *width = (*width).max(cell.chars().count());
-        }
-    }
-    for row in &rows {
-        for (cell, width) in row.iter().zip(widths) {
-            let _ = write!(out, "{cell:>width$}  ");
-        }
-        out.push_str(&row[5]);
-        out.push('\n');
-    }
+    out.push_str(&grid::aligned(&rows, |c| c == 5, false));
     out.push('\n');
     out.push_str(&counted(found));
     out.push('\n');
@@ -93,19 +74,16 @@ pub(crate) fn metric(found: &Exploration) -> String {
     name.unwrap_or_default()
 }
 
-fn cells(found: &Exploration, point: &Point) -> [String; 6] {
-    let dash = || "-".to_owned();
+fn cells(found: &Exploration, point: &Point) -> Vec<Cell> {
     let error = point.error.as_ref();
-    [
-        error.map_or_else(dash, |e| number(found.metric.of(e))),
-        error.map_or_else(dash, |e| number(e.max_abs)),
-        point
-            .time_ms
-            .map_or_else(dash, |t| format!("{:.3}", t.median)),
-        point.path.as_ref().map_or_else(dash, path),
-        point.speedup.map_or_else(dash, speedup),
+    grid::row([
+        or_dash(error, |e| number(found.metric.of(e))),
+        or_dash(error, |e| number(e.max_abs)),
+        or_dash(point.time_ms, |t| format!("{:.3}", t.median)),
+        or_dash(point.path.as_ref(), path),
+        or_dash(point.speedup, speedup),
         point.name.clone(),
-    ]
+    ])
 }
 
 /// A speedup with its interval.
@@ -127,49 +105,36 @@ pub(crate) fn number(error: f64) -> String {
 
 /// The number of candidates with each result.
 fn counted(found: &Exploration) -> String {
-    let count =
-        |of: &dyn Fn(&Fate) -> bool| found.points[1..].iter().filter(|p| of(&p.fate)).count();
-    let kinds: [(usize, &str); 9] = [
-        (
-            count(&|f| matches!(f, Fate::Beaten { .. })),
-            "beaten by another",
-        ),
-        (
-            count(&|f| matches!(f, Fate::Even { .. })),
-            "as good as one that was verified in its place",
-        ),
-        (
-            count(&|f| matches!(f, Fate::Unverified { .. })),
-            "not verified",
-        ),
-        (
-            count(&|f| matches!(f, Fate::Predicted { .. })),
-            "predicted to be hopeless and not drawn",
-        ),
-        (
-            count(&|f| matches!(f, Fate::Slow { .. })),
-            "far slower than the original at first sight",
-        ),
-        (
-            count(&|f| matches!(f, Fate::Same { .. })),
-            "the same text as another",
-        ),
-        (
-            count(&|f| matches!(f, Fate::Refused { .. })),
-            "refused by every material",
-        ),
-        (
-            count(&|f| matches!(f, Fate::Broken { .. })),
-            "not what they promise",
-        ),
-        (
-            count(&|f| matches!(f, Fate::NotMeasured { .. })),
-            "not measured",
-        ),
+    let kinds = [
+        "beaten by another",
+        "as good as one that was verified in its place",
+        "not verified",
+        "predicted to be hopeless and not drawn",
+        "far slower than the original at first sight",
+        "the same text as another",
+        "refused by every material",
+        "not what they promise",
+        "not measured",
     ];
+    let kind = |fate: &Fate| match fate {
+        Fate::Frontier => None,
+        Fate::Beaten { .. } => Some(0),
+        Fate::Even { .. } => Some(1),
+        Fate::Unverified { .. } => Some(2),
+        Fate::Predicted { .. } => Some(3),
+        Fate::Slow { .. } => Some(4),
+        Fate::Same { .. } => Some(5),
+        Fate::Refused { .. } => Some(6),
+        Fate::Broken { .. } => Some(7),
+        Fate::NotMeasured { .. } => Some(8),
+    };
+    let mut counts = [0; 9];
+    for kind in found.points[1..].iter().filter_map(|p| kind(&p.fate)) {
+        counts[kind] += 1;
+    }
+    let kinds = counts.iter().zip(kinds);
     let said: Vec<String> = kinds
-        .iter()
-        .filter(|(n, _)| *n > 0)
+        .filter(|(n, _)| **n > 0)
         .map(|(n, what)| format!("{n} {what}"))
         .collect();
     format!(
@@ -221,15 +186,14 @@ pub(crate) fn fate(point: &Point) -> String {
 
 /// Every point, one a line.
 pub fn csv(found: &Exploration) -> String {
-    let mut out =
+    let mut csv = Csv::new(
         "name,recipe,fate,flip_mean,flip_p99,flip_tile,max_abs,changed_pixels,time_ms,speedup,\
-                   speedup_low,speedup_high,path_median_ms,path_p95_ms,predicted_error,\
-                   predicted_work\n"
-            .to_owned();
+         speedup_low,speedup_high,path_median_ms,path_p95_ms,predicted_error,predicted_work",
+    );
     for p in &found.points {
         let error = p.error.as_ref();
-        let of = written;
-        let cells = [
+        let of = grid::number;
+        csv.line([
             quoted(&p.name),
             quoted(&p.recipe),
             quoted(&fate(p)),
@@ -246,9 +210,7 @@ pub fn csv(found: &Exploration) -> String {
             of(p.path.as_ref().map(|p| p.p95_ms)),
             of(p.prediction.map(|p| p.error)),
             of(p.prediction.map(|p| p.work)),
-        ];
-        out.push_str(&cells.join(","));
-        out.push('\n');
+        ]);
     }
-    out
+    csv.text()
 }

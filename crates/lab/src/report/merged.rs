@@ -2,8 +2,8 @@
 
 use std::collections::BTreeMap;
 
-use super::csv::quoted;
 use super::frontier;
+use super::grid::{Csv, number, quoted};
 use crate::jobs::{Results, Said, Standing};
 use crate::measure::Estimate;
 
@@ -62,10 +62,10 @@ pub fn table(results: &Results) -> String {
 
 /// One line an input, variant, adapter and run.
 pub fn csv(results: &Results) -> String {
-    let mut out =
+    let mut csv = Csv::new(
         "input,variant,adapter,driver,verdict,changed_pixels,flip_mean,speedup,speedup_low,\
-                   speedup_high\n"
-            .to_owned();
+         speedup_high",
+    );
     let rows = results.rows();
     let each = rows.iter().flat_map(|(subject, variants)| {
         let title = subject.title(&rows);
@@ -79,29 +79,26 @@ pub fn csv(results: &Results) -> String {
                 Some(a) => [a.name.as_str(), a.driver.as_str()],
                 None => [*id, ""],
             };
-            let error = match said.report().and_then(|r| r.error.as_ref()) {
-                Some(e) => format!("{},{}", e.changed_pixels, e.flip_mean),
-                None => ",".to_owned(),
-            };
+            let error = said.report().and_then(|r| r.error.as_ref());
             let mut times: Vec<Option<Estimate>> = said.times.iter().map(|t| t.ok()).collect();
             if times.is_empty() {
                 times.push(None);
             }
             for time in times {
-                let time = match time {
-                    Some(e) => format!("{},{},{}", e.median, e.low, e.high),
-                    None => ",,".to_owned(),
-                };
-                out.push_str(&format!(
-                    "{},{},{},{},{},{error},{time}\n",
+                csv.line([
                     quoted(&input),
                     quoted(variant),
                     quoted(name),
                     quoted(driver),
-                    said.standing().0.word()
-                ));
+                    said.standing().0.word().to_owned(),
+                    error.map_or(String::new(), |e| e.changed_pixels.to_string()),
+                    number(error.map(|e| e.flip_mean)),
+                    number(time.map(|e| e.median)),
+                    number(time.map(|e| e.low)),
+                    number(time.map(|e| e.high)),
+                ]);
             }
         }
     }
-    out
+    csv.text()
 }

@@ -9,6 +9,7 @@ pub mod csv;
 pub mod decision;
 pub mod fleet;
 pub mod frontier;
+mod grid;
 mod headline;
 pub mod html;
 pub mod merged;
@@ -23,10 +24,25 @@ pub mod table;
 
 pub use headline::nothing_pays;
 
-/// The name of a scene; of a captured frame, with the part of it that was drawn.
-fn titled(scene: &str, part: Option<&str>) -> String {
-    match part {
-        Some(part) => format!("{scene}, {part}"),
-        None => scene.to_owned(),
-    }
+use preshade_draw::render::AdapterReport;
+
+/// What was drawn, and where: the name of a scene, with the part of a captured frame.
+fn place(
+    scene: &str,
+    part: Option<&str>,
+    [width, height]: [u32; 2],
+    samples: u32,
+    adapter: &AdapterReport,
+) -> String {
+    let part = part.map_or(String::new(), |part| format!(", {part}"));
+    let samples = match samples {
+        1 => String::new(),
+        n => format!(", {n} samples"),
+    };
+    format!(
+        "{scene}{part}, {width}x{height}{samples}, on {} ({}, {})",
+        adapter.title(),
+        adapter.backend,
+        adapter.kind
+    )
 }

@@ -161,10 +161,7 @@ fn draw(out: &mut String, panel: &Panel, x_label: &str, names: &[&str]) {
 }
 
 fn text(out: &mut String, (x, y): (f64, f64), anchor: &str, text: &str) {
-    let escaped = super::plain::plain(text)
-        .replace('&', "&amp;")
-        .replace('<', "&lt;")
-        .replace('>', "&gt;");
+    let escaped = super::grid::escaped(text);
     let _ = writeln!(
         out,
         "<text x=\"{x:.1}\" y=\"{y:.1}\" text-anchor=\"{anchor}\">{escaped}</text>"

@@ -1,19 +1,13 @@
 //! A profile for a terminal and for a spreadsheet.
 
-use super::csv::quoted;
+use super::grid::{Csv, number, or_dash, quoted};
 use crate::measure::Estimate;
 use crate::measure::profile::{Profile, ViewProfile};
 
 /// The profile as lines of text.
 pub fn render(of: &Profile) -> String {
-    let [width, height] = of.resolution;
-    let mut lines = vec![format!(
-        "{}, {width}x{height}, on {} ({}, {})",
-        super::titled(&of.scene, of.part.as_deref()),
-        of.adapter.title(),
-        of.adapter.backend,
-        of.adapter.kind
-    )];
+    let part = of.part.as_deref();
+    let mut lines = vec![super::place(&of.scene, part, of.resolution, 1, &of.adapter)];
     lines.extend(of.views.iter().flat_map(view));
     lines.join("\n")
 }
@@ -60,10 +54,7 @@ fn view(of: &ViewProfile) -> Vec<String> {
 
 /// A part in percent, `-` if it was not measured.
 fn percent(part: Option<Estimate>) -> String {
-    match part {
-        Some(part) => format!("{:.0} %", part.median.max(0.0) * 100.0),
-        None => "-".to_owned(),
-    }
+    or_dash(part, |p| format!("{:.0} %", p.median.max(0.0) * 100.0))
 }
 
 fn interval(part: Estimate) -> String {
@@ -73,13 +64,13 @@ fn interval(part: Estimate) -> String {
 
 /// One line a view and material. Parts are from 0 to 1.
 pub fn csv(of: &Profile) -> String {
-    let mut out =
-        "view,ms,draw_calls,vertices,material,draws,fragments,arithmetic,textures,fill,discards\n"
-            .to_owned();
-    let cell = |part: Option<Estimate>| part.map_or(String::new(), |p| p.median.to_string());
+    let mut csv = Csv::new(
+        "view,ms,draw_calls,vertices,material,draws,fragments,arithmetic,textures,fill,discards",
+    );
+    let cell = |part: Option<Estimate>| number(part.map(|p| p.median));
     for v in &of.views {
         for m in &v.materials {
-            let cells = [
+            csv.line([
                 quoted(&v.view.to_string()),
                 v.time_ms.median.to_string(),
                 cell(v.draws),
@@ -91,9 +82,8 @@ pub fn csv(of: &Profile) -> String {
                 cell(m.textures),
                 cell(m.fill),
                 cell(m.coverage),
-            ];
-            out.push_str(&(cells.join(",") + "\n"));
+            ]);
         }
     }
-    out
+    csv.text()
 }

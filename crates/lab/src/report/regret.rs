@@ -1,34 +1,34 @@
 //! How good the choices of `plan` are, for a terminal and for a spreadsheet.
 
-use super::csv::quoted;
+use super::grid::{Csv, quoted};
 use crate::search::plan::reasons::ratio;
 use crate::search::plan::regret::{Judged, RegretReport};
 
 impl RegretReport {
     /// Each view as a line for a spreadsheet.
     pub fn csv(&self) -> String {
-        let mut out = "scene,held_out,view,shaded_per_pixel,best,alone,alone_regret,alone_speedup,\
-                       policy,policy_regret,policy_speedup\n"
-            .to_owned();
+        let mut csv = Csv::new(
+            "scene,held_out,view,shaded_per_pixel,best,alone,alone_regret,alone_speedup,policy,\
+             policy_regret,policy_speedup",
+        );
         for scene in &self.scenes {
             for view in &scene.views {
                 let judged = |j: &Judged| {
                     let plan = quoted(&scene.plans[j.plan]);
                     format!("{plan},{},{}", j.regret(), j.speedup.median)
                 };
-                out.push_str(&format!(
-                    "{},{},{},{},{},{},{}\n",
+                csv.line([
                     quoted(&scene.scene),
-                    scene.held_out,
+                    scene.held_out.to_string(),
                     quoted(&view.view.to_string()),
-                    view.shaded_per_pixel,
+                    view.shaded_per_pixel.to_string(),
                     quoted(&scene.plans[view.best]),
                     judged(&view.alone),
-                    judged(&view.policy)
-                ));
+                    judged(&view.policy),
+                ]);
             }
         }
-        out
+        csv.text()
     }
 
     /// The report as lines of text.

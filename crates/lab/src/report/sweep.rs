@@ -3,6 +3,7 @@
 use preshade_plan::budget::Metric;
 use preshade_plan::contract::Verdict;
 
+use super::grid::{self, or_dash};
 use super::picture::file_name;
 use super::plot::{self, Line, Mark, Panel};
 use super::sheet;
@@ -98,26 +99,9 @@ impl SweepReport {
                 out.push_str(&self.not_drawn(&left));
                 continue;
             }
-            let cells: Vec<[String; 13]> = drawn.iter().map(|row| self.cells(row)).collect();
-            let mut widths = header.map(str::len);
-            for row in &cells {
-                for (width, cell) in widths.iter_mut().zip(row) {
-                    *width = (*width).max(cell.len());
-                }
-            }
-            let mut line = |cells: [&str; 13]| {
-                let padded: Vec<String> = cells
-                    .iter()
-                    .zip(widths)
-                    .map(|(cell, width)| format!("{cell:>width$}"))
-                    .collect();
-                out.push_str(padded.join("  ").trim_end());
-                out.push('\n');
-            };
-            line(header);
-            for row in &cells {
-                line(row.each_ref().map(String::as_str));
-            }
+            let mut rows = vec![grid::row(header)];
+            rows.extend(drawn.iter().map(|row| grid::row(self.cells(row))));
+            out.push_str(&grid::aligned(&rows, |_| false, false));
             out.push_str(&self.not_drawn(&left));
         }
         out
@@ -150,25 +134,23 @@ impl SweepReport {
     }
 
     fn cells(&self, row: &SweepRow<'_>) -> [String; 13] {
-        let dash = || "-".to_owned();
         let error = |f: &dyn Fn(&ErrorLadder) -> f64, digits: usize| {
-            row.error()
-                .map_or_else(dash, |e| format!("{:.digits$}", f(e)))
+            or_dash(row.error(), |e| format!("{:.digits$}", f(e)))
         };
         let cost = row.variant.cost.as_ref();
         let divided = cost.and_then(|c| c.subdivision.as_ref());
-        let count = |n: Option<u64>| n.map_or_else(dash, |n| n.to_string());
+        let count = |n: Option<u64>| or_dash(n, |n| n.to_string());
         let megabytes = |bytes: u64| format!("{:.2}", bytes as f64 / 1e6);
         let invoked = cost.and_then(|c| c.invocations);
         let time = row.variant.time_ms.as_ref();
         [
             self.along(row).to_owned(),
-            time.map_or_else(dash, |t| format!("{:.3}", t.estimate.median)),
-            row.speedup().map_or_else(dash, |s| format!("{s:.2}x")),
+            or_dash(time, |t| format!("{:.3}", t.estimate.median)),
+            or_dash(row.speedup(), |s| format!("{s:.2}x")),
             error(&|e| e.max_abs, 4),
             error(&|e| e.flip_mean, 5),
             error(&|e| e.flip_p99, 4),
-            divided.map_or_else(dash, |d| match d.surplus {
+            or_dash(divided, |d| match d.surplus {
                 Surplus::None => d.evaluations.to_string(),
                 Surplus::Some => format!("<{}", d.evaluations),
             }),
@@ -176,8 +158,8 @@ impl SweepReport {
             count(divided.map(|d| d.at_load)),
             count(divided.map(|d| d.unshared)),
             count(invoked.map(|i| i.vertex)),
-            divided.map_or_else(dash, |d| megabytes(d.bytes)),
-            divided.map_or_else(dash, |d| {
+            or_dash(divided, |d| megabytes(d.bytes)),
+            or_dash(divided, |d| {
                 megabytes(d.draws.iter().map(|d| d.bytes).max().unwrap_or_default())
             }),
         ]
@@ -193,10 +175,7 @@ impl SweepReport {
         let name = format!("sweep.{}", file_name(&self.recipe));
         let mut files = Vec::new();
         if self.along.is_some() {
-            files.push(File {
-                name: format!("{name}.svg"),
-                bytes: self.plot(report).into_bytes(),
-            });
+            files.push(File::text(format!("{name}.svg"), self.plot(report)));
         }
         for (series, rows) in self.series(report) {
             let drawn: Vec<(String, &Pictures)> = rows

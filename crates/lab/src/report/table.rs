@@ -3,48 +3,15 @@
 use preshade_plan::budget::Metric;
 use preshade_plan::contract::Verdict;
 
+use super::frontier;
+use super::grid::{self, Cell, or_dash};
 use super::headline::{headline, verdict};
 use crate::measure::record::{PathTime, Report, VariantReport};
-use crate::measure::{Clock, Estimate, OutputsReport, ShadowReport};
+use crate::measure::{Clock, ErrorLadder, OutputsReport, ShadowReport};
 use preshade_draw::render::SelfTestResult;
-
-/// A cell with the estimate that colours it, if any.
-type Cell = (String, Option<Estimate>);
-
-/// The cell padded to `width`. With `coloured`, gains beyond noise are green and losses red.
-fn padded((text, speedup): &Cell, width: usize, align_left: bool, coloured: bool) -> String {
-    let padded = match align_left {
-        true => format!("{text:<width$}"),
-        false => format!("{text:>width$}"),
-    };
-    let color = match speedup {
-        Some(s) if s.high < 1.0 => 31,
-        Some(s) if s.low > 1.0 => 32,
-        _ if text == "BROKEN" => 31,
-        _ => return padded,
-    };
-    match coloured {
-        true => format!("\u{1b}[{color}m{padded}\u{1b}[0m"),
-        false => padded,
-    }
-}
 
 /// The report as lines of text, the headline first. `coloured`: with ANSI colours.
 pub fn render(report: &Report, coloured: bool) -> String {
-    let mut out = format!(
-        "{}\n\n{}, {}x{}{}, on {} ({}, {})\n",
-        headline(report),
-        super::titled(&report.scene, report.part.as_deref()),
-        report.resolution[0],
-        report.resolution[1],
-        match report.samples {
-            1 => String::new(),
-            n => format!(", {n} samples"),
-        },
-        report.adapter.title(),
-        report.adapter.backend,
-        report.adapter.kind,
-    );
     let metrics = budgeted(report);
     let words = [
         "variant",
@@ -54,48 +21,30 @@ pub fn render(report: &Report, coloured: bool) -> String {
         "max abs",
         "FLIP",
     ];
-    let mut header: Vec<Cell> = words.map(plain).to_vec();
-    header.extend(metrics.iter().map(|metric| plain(&metric.to_string())));
-    header.extend(["ms", "speedup", "shaded/px"].map(plain));
+    let mut header = grid::row(words);
+    header.extend(metrics.iter().map(|metric| metric.to_string().into()));
+    header.extend(["ms", "speedup", "shaded/px"].map(Cell::from));
     let mut rows = vec![header];
     rows.extend(report.variants.iter().map(|v| row(report, v, &metrics)));
-    let widths = widths(&rows);
-    rows.insert(1, widths.iter().map(|w| plain(&"-".repeat(*w))).collect());
-    out.push('\n');
-    // Words align left, numbers right.
-    out.push_str(&aligned(&rows, &widths, 2, coloured));
-    out.push('\n');
-    out.push_str(&by_view(report, coloured));
-    out.push_str(&by_path(report));
+    let part = report.part.as_deref();
+    let mut out = format!(
+        "{}\n\n{}\n\n{}\n{}{}",
+        headline(report),
+        super::place(
+            &report.scene,
+            part,
+            report.resolution,
+            report.samples,
+            &report.adapter
+        ),
+        grid::aligned(&grid::ruled(rows), |c| c < 2, coloured),
+        by_view(report, coloured),
+        by_path(report)
+    );
     for sweep in &report.sweeps {
         out.push_str(&sweep.table(report));
     }
     out.push_str(&notes(report));
-    out
-}
-
-fn plain(text: &str) -> Cell {
-    (text.to_owned(), None)
-}
-
-/// The width of each column.
-fn widths(rows: &[Vec<Cell>]) -> Vec<usize> {
-    let columns = rows.first().map_or(0, Vec::len);
-    let width = |c: usize| rows.iter().map(move |r| r[c].0.chars().count());
-    (0..columns).map(|c| width(c).max().unwrap_or(0)).collect()
-}
-
-/// The rows as lines. The first `words` columns align left.
-fn aligned(rows: &[Vec<Cell>], widths: &[usize], words: usize, coloured: bool) -> String {
-    let mut out = String::new();
-    for row in rows {
-        let cells = row.iter().zip(widths).enumerate();
-        let cells: Vec<String> = cells
-            .map(|(c, (cell, width))| padded(cell, *width, c < words, coloured))
-            .collect();
-        out.push_str(cells.join("  ").trim_end());
-        out.push('\n');
-    }
     out
 }
 
@@ -114,14 +63,9 @@ fn budgeted(report: &Report) -> Vec<Metric> {
 }
 
 fn row(report: &Report, v: &VariantReport, metrics: &[Metric]) -> Vec<Cell> {
-    let dash = || "-".to_owned();
     let error = v.error.as_ref();
-    let drawn = |f: &dyn Fn(&crate::measure::ErrorLadder) -> String| error.map_or_else(dash, f);
-    let flip = |f: f64| match f {
-        0.0 => "0".to_owned(),
-        m => format!("{m:.5}"),
-    };
-    let cells = [
+    let drawn = |f: &dyn Fn(&ErrorLadder) -> String| or_dash(error, f);
+    let mut cells = grid::row([
         v.name.clone(),
         verdict(report, v),
         drawn(&|e| e.changed_pixels.to_string()),
@@ -130,19 +74,19 @@ fn row(report: &Report, v: &VariantReport, metrics: &[Metric]) -> Vec<Cell> {
             0.0 => "0".to_owned(),
             m => format!("{m:.4}"),
         }),
-        drawn(&|e| flip(e.flip_mean)),
-    ];
-    let mut cells: Vec<Cell> = cells.map(|text| (text, None)).to_vec();
-    let values = metrics.iter().map(|metric| drawn(&|e| flip(metric.of(e))));
-    cells.extend(values.map(|text| (text, None)));
-    let time = v.time_ms.as_ref();
-    let time = time.map_or_else(dash, |t| format!("{:.3}", t.estimate.median));
-    let speedup = v.speedup.as_ref().map_or_else(dash, |s| {
-        format!("{:.2}x [{:.2}, {:.2}]", s.median, s.low, s.high)
-    });
-    let shaded = v.shaded_per_pixel;
-    let shaded = shaded.map_or_else(dash, |s| format!("{s:.2}"));
-    cells.extend([(time, None), (speedup, v.speedup), (shaded, None)]);
+        drawn(&|e| frontier::number(e.flip_mean)),
+    ]);
+    let values = metrics.iter();
+    let values = values.map(|metric| drawn(&|e| frontier::number(metric.of(e))));
+    cells.extend(values.map(Cell::from));
+    let time = or_dash(v.time_ms.as_ref(), |t| format!("{:.3}", t.estimate.median));
+    let speedup = or_dash(v.speedup, frontier::speedup);
+    let shaded = or_dash(v.shaded_per_pixel, |s| format!("{s:.2}"));
+    cells.extend([
+        time.into(),
+        Cell::speedup(speedup, v.speedup),
+        shaded.into(),
+    ]);
     cells
 }
 
@@ -293,8 +237,10 @@ fn under_the_light(name: &str, shadow: &ShadowReport) -> String {
         (&shadow.whole_ms, &shadow.time_ms, &shadow.speedup)
     {
         line.push_str(&format!(
-            "; {:.3} ms by whole programs, {:.3} ms by shadow passes: {:.2}x [{:.2}, {:.2}]",
-            whole.estimate.median, time.estimate.median, speedup.median, speedup.low, speedup.high
+            "; {:.3} ms by whole programs, {:.3} ms by shadow passes: {}",
+            whole.estimate.median,
+            time.estimate.median,
+            frontier::speedup(*speedup)
         ));
     }
     line + "\n"
@@ -321,8 +267,10 @@ fn aside(name: &str, outputs: &OutputsReport) -> String {
     {
         line.push_str(&format!(
             "; timed in turns, apart from the table, {:.3} ms by main passes and {:.3} ms by \
-             auxiliary passes: {:.2}x [{:.2}, {:.2}]",
-            main.estimate.median, time.estimate.median, speedup.median, speedup.low, speedup.high
+             auxiliary passes: {}",
+            main.estimate.median,
+            time.estimate.median,
+            frontier::speedup(*speedup)
         ));
     }
     line + "\n"
@@ -455,32 +403,26 @@ fn by_view(report: &Report, coloured: bool) -> String {
     if timed.len() < 2 || variants.is_empty() {
         return String::new();
     }
-    let mut rows = vec![["view", "shaded/px", "ms"].map(plain).to_vec()];
-    rows[0].extend(variants.iter().map(|v| plain(&v.name)));
+    let header = ["view", "shaded/px", "ms"].into_iter();
+    let names = variants.iter().map(|v| v.name.as_str());
+    let mut rows = vec![grid::row(header.chain(names))];
     for i in timed {
         let view = &original.by_view[i];
-        let cells = [
-            format!(
-                "{} {}, {}",
-                view.camera,
-                view.frame,
-                preshade_draw::render::order::name(view.order)
-            ),
-            view.shaded_per_pixel
-                .map_or_else(|| "-".to_owned(), |s| format!("{s:.2}")),
-            view.time_ms
-                .as_ref()
-                .map_or_else(|| "-".to_owned(), |t| format!("{:.3}", t.estimate.median)),
-        ];
-        let mut cells = cells.map(|text| (text, None)).to_vec();
+        let order = preshade_draw::render::order::name(view.order);
+        let mut cells = grid::row([
+            format!("{} {}, {order}", view.camera, view.frame),
+            or_dash(view.shaded_per_pixel, |s| format!("{s:.2}")),
+            or_dash(view.time_ms.as_ref(), |t| {
+                format!("{:.3}", t.estimate.median)
+            }),
+        ]);
         cells.extend(variants.iter().map(|v| {
             let speedup = v.by_view.get(i).and_then(|w| w.speedup);
-            let text = speedup.map_or_else(|| "-".to_owned(), |s| format!("{:.2}x", s.median));
-            (text, speedup)
+            Cell::speedup(or_dash(speedup, |s| format!("{:.2}x", s.median)), speedup)
         }));
         rows.push(cells);
     }
-    let lines = aligned(&rows, &widths(&rows), 1, coloured);
+    let lines = grid::aligned(&rows, |c| c < 1, coloured);
     format!("The original by view, and the speedup of each variant:\n\n{lines}\n")
 }
 
@@ -489,7 +431,7 @@ mod tests {
     use preshade_plan::contract::Contract;
 
     use super::*;
-    use crate::measure::FrameTime;
+    use crate::measure::{Estimate, FrameTime};
 
     #[test]
     fn times_that_disagree_with_their_speedup_are_explained() {
