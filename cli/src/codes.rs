@@ -57,9 +57,11 @@ pub fn of(error: &(dyn std::error::Error + 'static)) -> Option<&'static str> {
     if let Some(error) = error.downcast_ref::<measure::Error>() {
         return match error {
             measure::Error::Render(error) => of(error),
-            measure::Error::Mismatch(_) | measure::Error::Nothing(_) | measure::Error::Clock => {
-                None
-            }
+            measure::Error::Scene(error) => of(error),
+            measure::Error::Mismatch(_)
+            | measure::Error::Nothing(_)
+            | measure::Error::Recipe(_)
+            | measure::Error::Clock => None,
         };
     }
     #[cfg(feature = "capture")]

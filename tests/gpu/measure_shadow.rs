@@ -70,12 +70,13 @@ fn no_depth_of_a_shadow_pass_differs_from_the_whole_programs() {
         let report = run(&scene, shadow(&scene));
         assert_eq!(report.verdict, Verdict::Holds, "{name}");
         let shadow = report.shadow.unwrap();
+        let depths = &shadow.depths;
         assert_eq!(
-            (shadow.changed_depth, shadow.depth_max_ulp),
+            (depths.changed_depth, depths.depth_max_ulp),
             (0, 0),
             "{name}"
         );
-        assert!(shadow.covered > 1000, "{name}: {} covered", shadow.covered);
+        assert!(depths.covered > 1000, "{name}: {} covered", depths.covered);
         assert!(shadow.whole_ms.is_none() && shadow.speedup.is_none());
     }
 }
@@ -87,7 +88,7 @@ fn a_shadow_map_is_forward_and_of_one_sample_whatever_the_camera_s_depth_is() {
         .with_samples(4);
     let report = run(&scene, shadow(&scene));
     assert_eq!(report.verdict, Verdict::Holds);
-    assert_eq!(report.shadow.unwrap().changed_depth, 0);
+    assert_eq!(report.shadow.unwrap().depths.changed_depth, 0);
 }
 
 /// An alpha-tested material, whose shadow has the holes of its leaves.
@@ -108,7 +109,7 @@ fn a_shadow_pass_that_forgets_the_alpha_test_is_broken() {
         r#where.starts_with("the light's view, at camera `"),
         "{where}"
     );
-    assert!(report.shadow.unwrap().changed_depth > 100);
+    assert!(report.shadow.unwrap().depths.changed_depth > 100);
     // The camera's frame has no part in it.
     assert!(report.error.unwrap().is_exact());
 }

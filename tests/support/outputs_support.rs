@@ -196,9 +196,9 @@ pub fn row(gpu: &Gpu, subject: &Subject, write: &str, timed: Timed) -> Row {
     // broken or expected.
     let verdict = if write.contains("shadow") || write.contains("distance") {
         let report = shadow::measure(&session, &variant, &settings(timed)).unwrap();
-        row.covered = report.covered;
-        row.changed_depth = report.changed_depth;
-        row.depth_max_ulp = report.depth_max_ulp;
+        row.covered = report.depths.covered;
+        row.changed_depth = report.depths.changed_depth;
+        row.depth_max_ulp = report.depths.depth_max_ulp;
         row.main_ms = report.whole_ms.as_ref().map(|t| t.estimate.median);
         row.pass_ms = report.time_ms.as_ref().map(|t| t.estimate.median);
         row.speedup = report.speedup;
@@ -207,9 +207,9 @@ pub fn row(gpu: &Gpu, subject: &Subject, write: &str, timed: Timed) -> Row {
         let earlier = earlier(scene, &variant);
         let report = outputs::measure(&session, &earlier, &variant, &settings(timed));
         let report = report.unwrap();
-        row.covered = report.covered;
-        row.changed_depth = report.changed_depth;
-        row.depth_max_ulp = report.depth_max_ulp;
+        row.covered = report.depths.covered;
+        row.changed_depth = report.depths.changed_depth;
+        row.depth_max_ulp = report.depths.depth_max_ulp;
         let velocity = report.velocity.as_ref();
         row.velocity = velocity.map(|v| (v.pixels, v.left_out, v.longest, v.worst));
         row.not_evaluated = velocity.and_then(|v| v.not_evaluated.clone());

@@ -8,8 +8,8 @@ use preshade_plan::plan::Plan;
 use preshade_plan::state::Topology;
 use std::collections::{BTreeMap, HashMap};
 
-use super::frequency::choosing;
 use super::vertices::{self, Vertices, said};
+use super::view::choosing;
 use preshade_draw::scene::Scene;
 use preshade_draw::scene::bind::{self, DrawBindings};
 

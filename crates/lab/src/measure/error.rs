@@ -66,6 +66,15 @@ impl Difference for ErrorLadder {
 }
 
 impl ErrorLadder {
+    /// The worst difference of pictures from their references.
+    pub fn worst_of(references: &[Rendered], drawn: &[Rendered]) -> Result<Self, Mismatch> {
+        let mut worst = Self::default();
+        for (a, b) in references.iter().zip(drawn) {
+            worst = worst.worst(&compare(a, b)?);
+        }
+        Ok(worst)
+    }
+
     /// Whether not one bit differs.
     pub fn is_exact(&self) -> bool {
         self.changed_pixels == 0 && self.changed_depth == 0

@@ -14,12 +14,12 @@ use preshade_plan::pass::{Bound, Facts, Frequency, Pass, Refusal};
 use preshade_plan::plan::Plan;
 
 use super::interpolation::{Points, interpolation};
-use super::{Error, ErrorLadder, Session, bounds, compare, variant};
+use super::view::{choosing, small, spread};
+use super::{Error, ErrorLadder, Session, Variant, bounds, refused, variant};
 use preshade_compiler::command::explain::WORTH_A_LOOK;
 use preshade_compiler::parameters::parameters;
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::Rendered;
-use preshade_draw::scene::{DrawOrder, Frame, Scene};
+use preshade_draw::scene::DrawOrder;
 
 /// How much to find out about each value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -97,7 +97,7 @@ fn measured(
         let Some(drawn) = Error::unless_lost(drawn)? else {
             continue;
         };
-        let worst = worst(&references, &drawn)?;
+        let worst = ErrorLadder::worst_of(&references, &drawn)?;
         // Whether it is finite is seen by itself: a target of fixed point holds no NaN.
         let points = match detail {
             Detail::Choice => Points::Few,
@@ -225,54 +225,12 @@ fn found<'a, 'p>(
         .collect()
 }
 
-/// Most pixels of a candidate's pictures. Interpolation errors depend on triangles, not on pixels;
-/// the budget is checked at the scene's own size.
-const MOST_PIXELS: u32 = 1 << 17;
-
-/// `scene` with fewer pixels; `None` if it has no more than [`MOST_PIXELS`].
-pub(crate) fn small(scene: &Scene) -> Option<Scene> {
-    let [width, height] = scene.size;
-    let scale = (f64::from(MOST_PIXELS) / (f64::from(width) * f64::from(height))).sqrt();
-    if scale >= 1.0 {
-        return None;
-    }
-    let side = |n: u32| ((f64::from(n) * scale) as u32).max(1);
-    Some(scene.clone().resized([side(width), side(height)]))
-}
-
-/// The frames that candidates are measured on: the first of every camera and the middle of its path.
-pub(crate) fn choosing(scene: &Scene) -> Vec<&Frame> {
-    spread(scene, 2)
-}
-
 /// Frames of a path on which a choice has to keep the budget. The others are there to check it.
 const KEPT_ON: usize = 9;
 
 /// The part of the budget that a choice may use on those frames. Frames between them may be a
 /// little worse.
 const MARGIN: f64 = 0.9;
-
-/// At most `most` frames of every camera's path, evenly spaced from its first.
-fn spread(scene: &Scene, most: usize) -> Vec<&Frame> {
-    let of = |frames: &'_ [Frame]| -> BTreeSet<usize> {
-        (0..most).map(|i| i * frames.len() / most).collect()
-    };
-    let cameras = scene.cameras.iter();
-    cameras
-        .flat_map(|c| {
-            let chosen = of(&c.frames).into_iter();
-            chosen.filter_map(|i| c.frames.get(i))
-        })
-        .collect()
-}
-
-fn worst(references: &[Rendered], drawn: &[Rendered]) -> Result<ErrorLadder, Error> {
-    let mut worst = ErrorLadder::default();
-    for (a, b) in references.iter().zip(drawn) {
-        worst = worst.worst(&compare(a, b)?);
-    }
-    Ok(worst)
-}
 
 /// Whether measurement has to choose: the recipe has a hoist with a budget, but without a threshold
 /// and a list of values.
@@ -327,7 +285,7 @@ pub fn within_budget(
                 return Ok(0.0);
             }
             let drawn = session.pictures(&tried.plans, &frames, DrawOrder::AsGiven)?;
-            let worst = worst(&references, &drawn)?;
+            let worst = ErrorLadder::worst_of(&references, &drawn)?;
             Ok(match worst.nan_pixels {
                 0 => params.metric.of(&worst),
                 _ => f64::INFINITY,
@@ -359,6 +317,64 @@ pub fn within_budget(
         set(&mut recipe.steps[index], shortest(&thresholds, best));
     }
     Ok(Ok(recipe))
+}
+
+/// A recipe whose choices measurement made.
+#[derive(Clone, Debug)]
+pub struct Settled {
+    pub asked: Recipe,
+    /// The refusal: no choice keeps the budget.
+    pub chosen: Result<Recipe, Box<Refusal>>,
+}
+
+impl Settled {
+    /// The plans that it makes.
+    pub fn variant(&self, originals: &[Plan], facts: &Facts) -> Variant {
+        match &self.chosen {
+            Ok(chosen) => variant(originals, chosen, facts),
+            Err(why) => refused(originals, &self.asked, why),
+        }
+    }
+
+    /// How `rewrite` makes the same as `made`, if measurement chose it.
+    pub fn note(&self, made: &Variant, facts: &Facts) -> Option<String> {
+        let chosen = self.chosen.as_ref().ok();
+        let chosen = chosen.filter(|_| leaves_a_choice(&self.asked) && !made.is_refused())?;
+        Some(format!(
+            "{}: chosen by measurement; `rewrite` makes the same of {}",
+            self.asked,
+            written_out(chosen, facts)?.as_passes()
+        ))
+    }
+}
+
+/// Makes the choices that recipes leave to measurement. `facts` gets what they rest on. `progress` gets the
+/// part done of the current step.
+pub fn settled(
+    session: &Session<'_>,
+    recipes: Vec<Recipe>,
+    facts: &mut Facts,
+    progress: &mut dyn FnMut(f64, &str),
+) -> Result<Vec<Settled>, Error> {
+    if recipes.iter().any(leaves_a_choice) {
+        let mut told = |done| progress(done, "measuring what can be interpolated");
+        told(0.0);
+        facts.frequencies = frequencies(session, facts, Detail::Choice, &mut |step| {
+            told(step.done);
+            ControlFlow::Continue(())
+        })?;
+    }
+    let settled = recipes.into_iter().map(|asked| {
+        let chosen = match leaves_a_choice(&asked) {
+            false => Ok(asked.clone()),
+            true => {
+                progress(1.0, &format!("choosing within the budget of {asked}"));
+                within_budget(session, &asked, facts)?
+            }
+        };
+        Ok(Settled { asked, chosen })
+    });
+    settled.collect()
 }
 
 /// The recipe with thresholds replaced by the values they select, so that it means the same without

@@ -14,7 +14,7 @@ use preshade_plan::pass::{Facts, Interpolation, Pass};
 use preshade_plan::pattern::Pattern;
 use preshade_plan::plan::Plan;
 
-use super::frequency::choosing;
+use super::view::choosing;
 use super::{Error, Session};
 use preshade_draw::render::ComputedVertices;
 

@@ -13,12 +13,14 @@
 //! numbers. [`crossover`] finds the value of a scene's variable at which one variant overtakes
 //! another.
 
+pub(crate) mod bench;
 mod bound_textures;
 pub mod bounds;
 pub mod changing;
 pub mod comparison;
 pub mod constants;
 pub mod crossover;
+mod depth_maps;
 mod discardable;
 pub mod effects;
 mod empty_picture;
@@ -39,6 +41,7 @@ pub mod ranges;
 pub mod rasterizer;
 pub mod record;
 mod session;
+mod settings;
 pub mod shading;
 pub mod shadow;
 mod slivers;
@@ -58,10 +61,13 @@ pub use bound_textures::bound;
 pub use changing::changing;
 pub use comparison::{Beside, Look, comparison};
 pub use constants::constants;
+pub use depth_maps::DepthReport;
 pub use effects::effects;
 pub(crate) use empty_picture::check_seen;
 pub use error::{ErrorLadder, compare};
-pub use frequency::{Detail, frequencies, leaves_a_choice, promised, within_budget, written_out};
+pub use frequency::{
+    Detail, Settled, frequencies, leaves_a_choice, promised, settled, within_budget, written_out,
+};
 pub use groups::{MOST_GROUPS, grouped, grouped_for, versions};
 pub use interpolation::interpolation;
 pub use junctions::{Junction, junctions};
@@ -70,6 +76,7 @@ pub use outputs::OutputsReport;
 pub use ranges::ranges;
 pub use rasterizer::rasterizer;
 pub use session::Session;
+pub use settings::{Settings, Timed};
 pub use shading::{
     CountProgram, Counter, Discarded, Shading, ShadingSummary, facts, facts_for_choice,
 };
@@ -80,9 +87,10 @@ pub use timing::{
 };
 pub use undrawn::undrawn;
 pub(crate) use variant::unwritten;
-pub use variant::{counting, refused, variant};
-pub use verify::{Settings, Timed, Variant, Verified, VerifyProgress, verify};
+pub use variant::{Variant, counting, refused, variant};
+pub use verify::{Verified, VerifyProgress, verify};
 pub use view::View;
+pub(crate) use view::{choosing, small};
 
 /// Why something was not measured.
 #[derive(Debug, thiserror::Error)]
@@ -92,6 +100,12 @@ pub enum Error {
     /// Two pictures of different kinds.
     #[error(transparent)]
     Mismatch(#[from] error::Mismatch),
+    /// A recipe names what no material of the scene has.
+    #[error(transparent)]
+    Recipe(#[from] preshade_compiler::recipe::RecipeError),
+    /// A value of the scene does not fit its variable.
+    #[error(transparent)]
+    Scene(#[from] preshade_draw::scene::SceneError),
     /// The original draws nothing; with the reason.
     #[error("{start}{0}", start = preshade_draw::render::NOT_MEASURED)]
     Nothing(String),

@@ -1,9 +1,7 @@
 //! For a report: pictures from the cameras other than the headline's, each where the variant is
 //! worst.
 
-use std::cell::OnceCell;
-use std::sync::Arc;
-
+use super::unsteady::Original;
 use super::{ErrorLadder, View};
 use crate::measure::record::{Elsewhere, Picture};
 use preshade_draw::render::Rendered;
@@ -12,33 +10,29 @@ use preshade_draw::render::Rendered;
 #[derive(Default)]
 pub(super) struct OtherCameras(Vec<Elsewhere>);
 
-/// One view of the original and a variant. All variants share the original's picture, which is made
-/// on first use.
-#[derive(Clone, Copy)]
-pub(super) struct Shown<'v> {
-    pub(super) reference: &'v Rendered,
-    pub(super) shown: &'v OnceCell<Option<Arc<Picture>>>,
-    pub(super) picture: &'v Rendered,
-}
-
 impl OtherCameras {
     /// Keeps the pictures of this view if it is the camera's worst so far, by mean FLIP and then by
     /// changed pixels.
-    pub(super) fn look(&mut self, view: &View, error: &ErrorLadder, seen: Shown<'_>) {
+    pub(super) fn look(
+        &mut self,
+        view: &View,
+        error: &ErrorLadder,
+        seen: &Original,
+        picture: &Rendered,
+    ) {
         let key = |e: &ErrorLadder| (e.flip_mean, e.changed_pixels);
         let known = self.0.iter_mut().find(|e| e.camera == view.camera);
         if known.as_ref().is_some_and(|k| key(error) <= key(&k.error)) {
             return;
         }
-        let shown = || Picture::of(seen.reference).map(Arc::new);
-        let Some(original) = seen.shown.get_or_init(shown).clone() else {
+        let Some(original) = seen.shown() else {
             return;
         };
         let there = Elsewhere {
             camera: view.camera.clone(),
             view: view.described(),
             error: error.clone(),
-            variant: Picture::of(seen.picture).filter(|p| *p != *original),
+            variant: Picture::of(picture).filter(|p| *p != *original),
             original,
         };
         match known {

@@ -11,9 +11,8 @@ use preshade_plan::pass::{Facts, Pass};
 use preshade_plan::plan::{GpuPass, Phase, Plan};
 use serde::{Deserialize, Serialize};
 
-use super::error::counted;
-use super::verify::{Settings, Timed, Variant};
-use super::{Error, ErrorLadder, Estimate, FrameTime, Session, compare, shadow, time};
+use super::depth_maps::{self, DepthReport, Words};
+use super::{Error, Estimate, FrameTime, Session, Settings, Timed, Variant, time};
 use preshade_draw::render::{FrameSettings, Prepared, Rendered, SceneInputs};
 use preshade_draw::scene::{Camera, DrawOrder, Filter, Frame, Scene};
 
@@ -28,19 +27,8 @@ use positions::{Drawn, Positions};
 /// The auxiliary pictures of a variant, in one frame of each camera.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct OutputsReport {
-    /// Materials with such pictures. No other material is drawn.
-    pub materials: Vec<String>,
-    /// What the passes leave out of the author's decisions about coverage.
-    #[serde(default, skip_serializing_if = "Vec::is_empty")]
-    pub left_out: Vec<String>,
-    /// Pixels with anything in them, over all cameras.
-    pub covered: u64,
-    /// Pixels whose depth bits differ from those of the whole programs, over all cameras.
-    pub changed_depth: u64,
-    /// Largest distance of two depths, in steps between neighbouring 32-bit floats.
-    pub depth_max_ulp: u64,
-    /// Camera, column and row of the first depth that differs.
-    pub first_difference: Option<(String, [u32; 2])>,
+    #[serde(flatten)]
+    pub depths: DepthReport,
     /// Velocities; `None`: none are drawn.
     pub velocity: Option<VelocityReport>,
     /// Milliseconds a frame of the main passes of the same materials; `None`: not timed.
@@ -102,42 +90,14 @@ impl OutputsReport {
                 ),
             };
         }
-        if !self.left_out.is_empty() {
-            return Verdict::NotMeasured {
-                why: format!(
-                    "its pass leaves out what decides coverage in the original: {}",
-                    self.left_out.join("; ")
-                ),
-            };
-        }
-        let Some((camera, [x, y])) = &self.first_difference else {
-            return match self.covered {
-                0 => Verdict::NotMeasured {
-                    why: "no camera sees anything that has auxiliary pictures".to_owned(),
-                },
-                _ => self
-                    .not_compared()
-                    .map_or(Verdict::Holds, |why| Verdict::NotMeasured { why }),
-            };
-        };
-        let r#where = format!(
-            "the auxiliary depth at camera `{camera}`: {} differ by up to {}, the first at {x}, {y}",
-            counted(self.changed_depth, "depth"),
-            counted(self.depth_max_ulp, "step")
-        );
-        match invariant {
-            true => Verdict::Broken { r#where },
-            false => Verdict::NotMeasured {
-                why: format!(
-                    "its auxiliary depth is exact against an original whose position is \
-                     @invariant, and this one's is not (--invariant marks it): {where}"
-                ),
-            },
+        match self.depths.verdict(invariant, &WORDS) {
+            Verdict::Holds => self
+                .not_compared()
+                .map_or(Verdict::Holds, |why| Verdict::NotMeasured { why }),
+            verdict => verdict,
         }
     }
-}
 
-impl OutputsReport {
     /// Why too few velocities were compared, if so.
     fn not_compared(&self) -> Option<String> {
         let velocity = self.velocity.as_ref()?;
@@ -153,6 +113,13 @@ impl OutputsReport {
         }
     }
 }
+
+const WORDS: Words = Words {
+    pass: "pass",
+    exact: "auxiliary depth",
+    unseen: "no camera sees anything that has auxiliary pictures",
+    at: "the auxiliary depth at",
+};
 
 impl VelocityReport {
     /// The part of the covered pixels that was not compared.
@@ -196,7 +163,7 @@ fn before(frame: &Frame) -> Frame {
 fn alone(plans: &[Plan]) -> Vec<Plan> {
     let passes = plans.iter().filter_map(|plan| Some((plan, pass_of(plan)?)));
     passes
-        .map(|(plan, pass)| shadow::alone(plan, pass))
+        .map(|(plan, pass)| depth_maps::alone(plan, pass))
         .collect()
 }
 
@@ -220,14 +187,14 @@ pub fn measure(
     settings: &Settings,
 ) -> Result<OutputsReport, Error> {
     let (gpu, scene) = (session.gpu(), session.scene());
-    let (mut whole, mut main, mut materials) = (Vec::new(), Vec::new(), Vec::new());
+    let (mut whole, mut main) = (Vec::new(), Vec::new());
     let mut location = None;
-    let mut left_out = Vec::new();
+    let mut depths = DepthReport::default();
     for (original, plan) in session.originals().iter().zip(&variant.plans) {
         let Some(pass) = pass_of(plan) else { continue };
         location = location.or_else(|| velocity_of(pass));
-        materials.push(plan.material.clone());
-        left_out.extend(pass.left_out.iter().cloned());
+        depths.materials.push(plan.material.clone());
+        depths.left_out.extend(pass.left_out.iter().cloned());
         let mut original = original.clone();
         for pass in &mut original.passes {
             pass.multisample = preshade_plan::state::Multisample::default();
@@ -235,18 +202,13 @@ pub fn measure(
         for attachment in &mut original.attachments {
             attachment.samples = 1;
         }
-        whole.push(shadow::whole_program(original.clone(), plan, pass));
+        whole.push(depth_maps::whole_program(original.clone(), plan, pass));
         main.push(original);
     }
     let alone = alone(&variant.plans);
     let numbered = location.map(|_| numbered(session));
     let mut report = OutputsReport {
-        materials,
-        left_out,
-        covered: 0,
-        changed_depth: 0,
-        depth_max_ulp: 0,
-        first_difference: None,
+        depths,
         velocity: location.map(|_| VelocityReport::default()),
         main_ms: None,
         time_ms: None,
@@ -256,14 +218,8 @@ pub fn measure(
         let Some([before, now]) = frames(camera) else {
             continue;
         };
-        let [earlier, scene] = [(earlier, before), (scene, now)].map(|(scene, frame)| {
-            let mut scene = scene.clone().with_samples(1);
-            scene.cameras = vec![Camera {
-                name: camera.name.clone(),
-                frames: vec![frame],
-            }];
-            scene
-        });
+        let [earlier, scene] =
+            [(earlier, before), (scene, now)].map(|(scene, frame)| seen_in(scene, camera, frame));
         let previous = SceneInputs::new(gpu, &earlier)?;
         let inputs = SceneInputs::new(gpu, &scene)?.after(&previous);
         let prepare = |plans: &[Plan]| -> Result<Prepared<'_>, Error> {
@@ -273,13 +229,9 @@ pub fn measure(
             Ok(prepared)
         };
         let (reference, subject) = (prepare(&whole)?, prepare(&alone)?);
-        let depth = |picture: &Rendered| Rendered {
-            colors: Vec::new(),
-            depth: picture.depth.clone(),
-        };
         let (drawn, reference) = (subject.render()?, reference.render()?);
-        let (a, b) = (depth(&reference), depth(&drawn));
-        report.add(&camera.name, &a, &compare(&a, &b)?);
+        let depths = &mut report.depths;
+        depths.add(&camera.name, [&reference, &drawn], is_covered)?;
         if let (Some(location), Some(velocity), Some(numbered)) =
             (location, &mut report.velocity, &numbered)
         {
@@ -343,20 +295,24 @@ fn velocity_of(pass: &GpuPass) -> Option<usize> {
     })
 }
 
-impl OutputsReport {
-    fn add(&mut self, camera: &str, reference: &Rendered, error: &ErrorLadder) {
-        self.covered += covered(reference).filter(|c| *c).count() as u64;
-        self.changed_depth += error.changed_depth;
-        self.depth_max_ulp = self.depth_max_ulp.max(error.depth_max_ulp);
-        if let (None, Some(at)) = (&self.first_difference, error.first_difference) {
-            self.first_difference = Some((camera.to_owned(), at));
-        }
-    }
+/// Whether a pixel of that depth is drawn to. No depth of a surface is exactly that of the clear value, but for
+/// those on a plane.
+fn is_covered(depth: f32) -> bool {
+    depth != 0.0 && depth != 1.0
 }
 
-/// Whether each pixel is drawn to. No depth of a surface is exactly that of the clear value, but for
-/// those on a plane.
+/// Whether each pixel is drawn to.
 fn covered(picture: &Rendered) -> impl Iterator<Item = bool> {
     let depths = picture.depth.iter().flat_map(|d| &d.values);
-    depths.map(|d| *d != 0.0 && *d != 1.0)
+    depths.map(|d| is_covered(*d))
+}
+
+/// A scene with one frame of a camera alone, and one sample a pixel.
+fn seen_in(scene: &Scene, camera: &Camera, frame: Frame) -> Scene {
+    let mut scene = scene.clone().with_samples(1);
+    scene.cameras = vec![Camera {
+        name: camera.name.clone(),
+        frames: vec![frame],
+    }];
+    scene
 }

@@ -1,14 +1,14 @@
 //! Holds each material of a frame to its own promise. The weakest promise of all materials is kept
 //! by pictures in which another material breaks its own.
 
-use preshade_plan::contract::{Contract, Surface};
-use preshade_plan::plan::{Phase, Plan, Role};
+use preshade_plan::contract::Contract;
+use preshade_plan::plan::{Phase, Plan};
 use preshade_plan::state::{Blend, BlendComponent, BlendFactor, BlendOperation, DepthDirection};
 
 use super::error::compare;
 use super::shading::counting_plan;
-use super::verdict::Promise;
-use super::{CountProgram, Error, Session, counting, shadow};
+use super::verdict::{Promise, keeps_positions};
+use super::{CountProgram, Error, Session, counting};
 use preshade_compiler::command::rewrite::discards;
 use preshade_draw::render::{DepthImage, FrameSettings, Prepared, Rendered};
 use preshade_draw::scene::{DrawOrder, Frame, Rows};
@@ -107,22 +107,6 @@ fn may_cover_otherwise(plan: &Plan) -> bool {
         Contract::Approximate { .. } | Contract::Budgets { .. } => discards(plan),
     };
     turns || !keeps_positions(plan)
-}
-
-/// Whether the plan's triangles have the original's position bits, as its steps promise.
-pub(super) fn keeps_positions(plan: &Plan) -> bool {
-    let rounds = plan.steps.iter().any(|step| {
-        matches!(step.contract, Contract::Rounding { turned: Some(t), .. } if t.surface == Surface::Rounded)
-    });
-    let is_divided = plan
-        .passes
-        .iter()
-        .any(|pass| pass.geometry.subdivision().is_some());
-    // A budget does not tell whether the id joined the author's vertex stage, which moves positions.
-    let joined = plan.passes.iter().any(|pass| pass.role == Role::Ids)
-        && !plan.contract.budgets().is_empty()
-        && !shadow::has_invariant_position(plan);
-    !rounds && !is_divided && !joined
 }
 
 /// A frame that draws 1 where the nearest fragment is of a member, and 0 elsewhere.

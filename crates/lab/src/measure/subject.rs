@@ -76,6 +76,11 @@ impl<'a> Subject<'a> {
         self.prepared.is_some() && !matches!(self.verdict, Verdict::Broken { .. })
     }
 
+    /// Stops drawing it, with the verdict so far.
+    pub(crate) fn stop(&mut self) {
+        self.prepared = None;
+    }
+
     /// Stops drawing it. A broken contract stays broken.
     pub fn quit(&mut self, error: &Error) {
         self.prepared = None;

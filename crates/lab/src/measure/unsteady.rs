@@ -1,7 +1,11 @@
 //! Pixels of a captured frame that differ when the original is drawn twice. They say nothing about a variant, so they
 //! are left out of its comparison, and counted.
 
+use std::cell::OnceCell;
+use std::sync::Arc;
+
 use super::owners::only;
+use super::record::Picture;
 use super::{Error, Subject, View};
 use preshade_draw::render::Rendered;
 use preshade_draw::scene::{Frame, Scene};
@@ -20,6 +24,8 @@ pub(crate) struct Original {
     /// Samples of a pixel.
     samples: usize,
     is_redrawn: bool,
+    /// Its first colours, which reports of all variants share.
+    shown: OnceCell<Option<Arc<Picture>>>,
 }
 
 impl Original {
@@ -37,7 +43,14 @@ impl Original {
             steady,
             samples,
             is_redrawn: false,
+            shown: OnceCell::new(),
         }
+    }
+
+    /// As an 8-bit picture.
+    pub fn shown(&self) -> Option<Arc<Picture>> {
+        let shown = || Picture::of(&self.picture).map(Arc::new);
+        self.shown.get_or_init(shown).clone()
     }
 
     /// Pixels that are left out.
@@ -150,6 +163,7 @@ mod tests {
             steady: is_captured.then(|| vec![true; 400]),
             samples: 1,
             is_redrawn: false,
+            shown: OnceCell::new(),
         }
     }
 

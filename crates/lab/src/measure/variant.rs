@@ -4,11 +4,23 @@ use preshade_passes::rebuild::count;
 use preshade_plan::pass::{Facts, Refusal};
 use preshade_plan::plan::{GpuPass, Plan};
 
-use super::{CountProgram, Variant};
+use super::CountProgram;
 use crate::measure::record::KeptMaterial;
 use preshade_compiler::command::refusal::remedy;
 use preshade_compiler::pipeline::{self, Frame, Skipped};
 use preshade_compiler::recipe::Recipe;
+
+/// The plans of a scene's materials that a recipe makes.
+#[derive(Clone, Debug)]
+pub struct Variant {
+    /// Name, for the table and for files.
+    pub name: String,
+    /// The recipe, as it is written on a command line.
+    pub recipe: String,
+    /// One plan a material, in the scene's order.
+    pub plans: Vec<Plan>,
+    pub kept: Vec<KeptMaterial>,
+}
 
 /// Applies `recipe` to every material. Refused steps are skipped, as `rewrite` skips them, and kept
 /// with their reasons.

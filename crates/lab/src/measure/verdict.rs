@@ -2,10 +2,10 @@
 
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::{Assumption, Contract, Surface, Turned};
-use preshade_plan::plan::{GpuPass, Phase, Plan};
+use preshade_plan::plan::{GpuPass, Phase, Plan, Role};
 
 use super::error::counted;
-use super::{ErrorLadder, owners};
+use super::{ErrorLadder, shadow};
 
 /// Whether the contract is about an original with `@invariant` positions.
 pub(super) fn needs_invariant_original(contract: &Contract) -> bool {
@@ -31,7 +31,7 @@ impl Promise {
         for plan in plans {
             // A budget of 1 is that of a diagnostic picture, which promises nothing.
             let is_diagnostic = plan.contract.budgets().iter().any(|b| b.limit >= 1.0);
-            this.keeps_depth &= owners::keeps_positions(plan) && !is_diagnostic;
+            this.keeps_depth &= keeps_positions(plan) && !is_diagnostic;
             this.contract = this.contract.and(plan.contract.clone());
         }
         this
@@ -46,6 +46,22 @@ impl Promise {
         }
         breaks(&self.contract, error)
     }
+}
+
+/// Whether the plan's triangles have the original's position bits, as its steps promise.
+pub(super) fn keeps_positions(plan: &Plan) -> bool {
+    let rounds = plan.steps.iter().any(|step| {
+        matches!(step.contract, Contract::Rounding { turned: Some(t), .. } if t.surface == Surface::Rounded)
+    });
+    let is_divided = plan
+        .passes
+        .iter()
+        .any(|pass| pass.geometry.subdivision().is_some());
+    // A budget does not tell whether the id joined the author's vertex stage, which moves positions.
+    let joined = plan.passes.iter().any(|pass| pass.role == Role::Ids)
+        && !plan.contract.budgets().is_empty()
+        && !shadow::has_invariant_position(plan);
+    !rounds && !is_divided && !joined
 }
 
 /// How a difference breaks a contract; `None` where it does not.

@@ -6,51 +6,14 @@ mod measurement;
 use std::collections::BTreeSet;
 
 use preshade_plan::contract::Verdict;
-use preshade_plan::plan::Plan;
 
+use super::bench::{self, Repeat};
 use super::picture_warnings::{self, Colours, decides_coverage, undiscarded};
 use super::shading::Counter;
-use super::{
-    Clock, Discarded, Error, Session, TimingSettings, View, counting, outputs, shadow, time,
-};
-use crate::measure::record::{KeptMaterial, ORIGINAL, Pictures, Report, SCHEMA, Unfinished};
+use super::{Clock, Discarded, Error, Session, Settings, Variant, View, counting, outputs, shadow};
+use crate::measure::record::{ORIGINAL, Pictures, Report, SCHEMA, Unfinished};
 use measurement::Measurement;
 use preshade_draw::scene::{Frame, bind};
-
-#[derive(Clone, Debug)]
-pub struct Variant {
-    /// Name, for the table and for files.
-    pub name: String,
-    /// The recipe, as it is written on a command line.
-    pub recipe: String,
-    /// One plan a material, in the scene's order.
-    pub plans: Vec<Plan>,
-    pub kept: Vec<KeptMaterial>,
-}
-
-/// Which views are timed. All views are compared.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
-pub enum Timed {
-    No,
-    /// The first frame of the first camera, in the first order.
-    #[default]
-    Headline,
-    /// The first frame of every camera, in every order.
-    FirstFrames,
-    /// Every frame of every camera, in every order.
-    Everything,
-}
-
-#[derive(Clone, Debug)]
-pub struct Settings {
-    pub timed: Timed,
-    /// How long and how often, for each timed view.
-    pub timing: TimingSettings,
-    /// Most frames of each camera to compare, evenly spaced from its first.
-    pub frames_per_camera: usize,
-    /// The command to put into the report.
-    pub command: String,
-}
 
 /// How far a measurement is.
 #[derive(Clone, Debug, PartialEq)]
@@ -63,7 +26,7 @@ pub struct VerifyProgress {
 }
 
 impl VerifyProgress {
-    fn at(done: f64, what: impl Into<String>) -> Self {
+    pub(crate) fn at(done: f64, what: impl Into<String>) -> Self {
         Self {
             done,
             what: what.into(),
@@ -124,6 +87,8 @@ pub fn verify(
         plans: session.originals().to_vec(),
         kept: Vec::new(),
     };
+    let views = View::all(session.scene(), settings.frames_per_camera);
+    let headline = views.first().map(|(view, _)| view.clone());
     let (mut subjects, mut lost) = (Vec::new(), None);
     for (i, variant) in std::iter::once(&original).chain(variants).enumerate() {
         let done = 0.1 * i as f64 / (variants.len() + 1) as f64;
@@ -131,7 +96,7 @@ pub fn verify(
             done,
             format!("compiling `{}`", variant.name),
         ));
-        let (subject, why) = Measurement::new(session, variant)?;
+        let (subject, why) = Measurement::new(session, variant, headline.as_ref())?;
         subjects.push(subject);
         lost = lost.or(why);
     }
@@ -139,7 +104,7 @@ pub fn verify(
         session,
         settings,
         progress,
-        views: View::all(session.scene(), settings.frames_per_camera),
+        views,
         subjects,
         clock: None,
         depth_ties: 0,
@@ -189,9 +154,8 @@ impl Run<'_, '_> {
         if view.order == self.views[0].0.order {
             self.depth_ties += ties.ties_in(frame, view.order)?;
         }
-        let headline = &self.views[0].0;
-        let reference = measurement::compare_view(&mut self.subjects, (&view, frame), headline)?;
-        if let Some(first) = &reference {
+        let first = bench::compare(&mut self.subjects, (&view, frame), Repeat::Always)?;
+        if let Some(first) = &first {
             self.colours.look(&first.picture);
             self.unsteady = self.unsteady.max(first.unsteady());
         }
@@ -219,18 +183,14 @@ impl Run<'_, '_> {
                 what,
             ));
         };
-        let mut ready = Vec::new();
-        let mut rows = Vec::new();
-        for (i, drawn) in self.subjects.iter_mut().enumerate() {
-            if let Some(prepared) = drawn.subject.aimed(frame, view.order)? {
-                ready.push(prepared);
-                rows.push(i);
-            }
-        }
-        let (clock, timings) = time(self.session.gpu(), &ready, &self.settings.timing, tick)?;
+        let at = (&view, frame);
+        let timing = &self.settings.timing;
+        let (clock, timings) = bench::race(self.session, &mut self.subjects, at, timing, tick)?;
         self.clock = Some(clock);
-        for (i, timing) in rows.into_iter().zip(timings) {
-            self.subjects[i].timed(timing, index == 0);
+        for (subject, timing) in self.subjects.iter_mut().zip(timings) {
+            if let Some(timing) = timing {
+                subject.timed(timing, index == 0);
+            }
         }
         Ok(())
     }
@@ -363,17 +323,6 @@ impl Run<'_, '_> {
             variants: Vec::new(),
             sweeps: Vec::new(),
             chosen: None,
-        }
-    }
-}
-
-impl Timed {
-    fn includes(self, view: &View, is_headline: bool) -> bool {
-        match self {
-            Self::No => false,
-            Self::Headline => is_headline,
-            Self::FirstFrames => view.frame == 0,
-            Self::Everything => true,
         }
     }
 }

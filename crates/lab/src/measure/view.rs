@@ -1,5 +1,6 @@
 //! A frame of a camera in one draw order.
 
+use std::collections::BTreeSet;
 use std::fmt;
 
 use serde::{Deserialize, Serialize};
@@ -34,11 +35,6 @@ impl View {
         format!("camera `{}` frame {} {order}", self.camera, self.frame)
     }
 
-    pub fn frame_of<'s>(&self, scene: &'s Scene) -> Option<&'s Frame> {
-        let camera = scene.cameras.iter().find(|c| c.name == self.camera)?;
-        camera.frames.get(self.frame)
-    }
-
     /// The views of a scene with their frames: of each camera's path at most `frames_per_camera`
     /// frames, evenly spaced from its first, in every order of the scene. The first is the
     /// headline.
@@ -64,4 +60,38 @@ impl View {
         }
         views
     }
+}
+
+/// Most pixels of a candidate's pictures. Interpolation errors depend on triangles, not on pixels;
+/// the budget is checked at the scene's own size.
+const MOST_PIXELS: u32 = 1 << 17;
+
+/// `scene` with fewer pixels; `None` if it has no more than [`MOST_PIXELS`].
+pub(crate) fn small(scene: &Scene) -> Option<Scene> {
+    let [width, height] = scene.size;
+    let scale = (f64::from(MOST_PIXELS) / (f64::from(width) * f64::from(height))).sqrt();
+    if scale >= 1.0 {
+        return None;
+    }
+    let side = |n: u32| ((f64::from(n) * scale) as u32).max(1);
+    Some(scene.clone().resized([side(width), side(height)]))
+}
+
+/// The frames that candidates are measured on: the first of every camera and the middle of its path.
+pub(crate) fn choosing(scene: &Scene) -> Vec<&Frame> {
+    spread(scene, 2)
+}
+
+/// At most `most` frames of every camera's path, evenly spaced from its first.
+pub(super) fn spread(scene: &Scene, most: usize) -> Vec<&Frame> {
+    let of = |frames: &'_ [Frame]| -> BTreeSet<usize> {
+        (0..most).map(|i| i * frames.len() / most).collect()
+    };
+    let cameras = scene.cameras.iter();
+    cameras
+        .flat_map(|c| {
+            let chosen = of(&c.frames).into_iter();
+            chosen.filter_map(|i| c.frames.get(i))
+        })
+        .collect()
 }

@@ -100,7 +100,7 @@ fn aside(report: &Report) -> Option<String> {
                 ),
                 None => format!(
                     "the original's depths in {}",
-                    counted(outputs.covered, "pixel")
+                    counted(outputs.depths.covered, "pixel")
                 ),
             };
             // The ratio is of times that were measured in turns. The table's are of another moment.
@@ -325,9 +325,8 @@ mod tests {
 
     use super::*;
     use crate::jobs::made_up::adapter;
-    use crate::measure::outputs::OutputsReport;
     use crate::measure::record::{Choice, Chosen};
-    use crate::measure::{Clock, ErrorLadder};
+    use crate::measure::{Clock, DepthReport, ErrorLadder, OutputsReport};
 
     fn variant(name: &str, speedups: &[(&str, f64)], verdict: Verdict) -> VariantReport {
         let view = |(camera, median): &(&str, f64)| ViewReport {
@@ -398,12 +397,10 @@ mod tests {
     #[test]
     fn an_auxiliary_pass_is_told_by_its_cost() {
         let outputs = OutputsReport {
-            materials: Vec::new(),
-            left_out: Vec::new(),
-            covered: 1,
-            changed_depth: 0,
-            depth_max_ulp: 0,
-            first_difference: None,
+            depths: DepthReport {
+                covered: 1,
+                ..DepthReport::default()
+            },
             velocity: None,
             main_ms: None,
             time_ms: None,

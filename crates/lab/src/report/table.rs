@@ -231,7 +231,7 @@ fn under_the_light(name: &str, shadow: &ShadowReport) -> String {
     let [w, h] = shadow.map;
     let mut line = format!(
         "{name}: {} of {} depths differ in a {w}x{h} map under the scene's light",
-        shadow.changed_depth, shadow.covered
+        shadow.depths.changed_depth, shadow.depths.covered
     );
     if let (Some(whole), Some(time), Some(speedup)) =
         (&shadow.whole_ms, &shadow.time_ms, &shadow.speedup)
@@ -250,7 +250,7 @@ fn under_the_light(name: &str, shadow: &ShadowReport) -> String {
 fn aside(name: &str, outputs: &OutputsReport) -> String {
     let mut line = format!(
         "{name}: {} of {} auxiliary depths differ",
-        outputs.changed_depth, outputs.covered
+        outputs.depths.changed_depth, outputs.depths.covered
     );
     if let Some(velocity) = &outputs.velocity {
         line.push_str(&format!(

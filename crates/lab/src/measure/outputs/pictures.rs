@@ -1,11 +1,10 @@
 //! Auxiliary pictures for people to look at.
 
-use super::{Error, alone, covered, frames, pass_of};
-use crate::measure::Session;
+use super::{Error, alone, covered, frames, pass_of, seen_in};
 use crate::measure::record::Picture;
-use crate::measure::verify::Variant;
+use crate::measure::{Session, Variant};
 use preshade_draw::render::{ColorImage, FrameSettings, Prepared, SceneInputs};
-use preshade_draw::scene::{Camera, DrawOrder, Scene};
+use preshade_draw::scene::{DrawOrder, Scene};
 
 /// The auxiliary pictures of a variant from the first camera, each by the end of its attachment's
 /// name: `velocity`, `normal`, `id`. `earlier`: the scene's draws in the previous frame.
@@ -22,14 +21,8 @@ pub(crate) fn pictures(
     else {
         return Ok(Vec::new());
     };
-    let [earlier, scene] = [(earlier, before), (scene, now)].map(|(scene, frame)| {
-        let mut scene = scene.clone().with_samples(1);
-        scene.cameras = vec![Camera {
-            name: camera.name.clone(),
-            frames: vec![frame],
-        }];
-        scene
-    });
+    let [earlier, scene] =
+        [(earlier, before), (scene, now)].map(|(scene, frame)| seen_in(scene, camera, frame));
     let previous = SceneInputs::new(gpu, &earlier)?;
     let inputs = SceneInputs::new(gpu, &scene)?.after(&previous);
     let drawn = preshade_scenes::variant(&alone(&variant.plans), session.form())?;

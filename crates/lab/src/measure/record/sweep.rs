@@ -2,6 +2,7 @@
 
 use serde::{Deserialize, Serialize};
 
+use super::Report;
 use preshade_compiler::sweep::{AxisKind, Sweep};
 
 /// A sweep, and which variants are its points.
@@ -40,6 +41,20 @@ impl SweepReport {
                     variant: name.clone(),
                 })
                 .collect(),
+        }
+    }
+}
+
+impl Report {
+    /// Adds which of its variants, in the order of the sweeps' points, are the points of which sweep.
+    pub fn add_sweeps(&mut self, sweeps: &[Sweep]) {
+        let names = self.variants.iter().skip(1).map(|v| v.name.clone());
+        let mut names = names.collect::<Vec<_>>().into_iter();
+        for sweep in sweeps {
+            let names: Vec<String> = names.by_ref().take(sweep.points.len()).collect();
+            if sweep.varies() {
+                self.sweeps.push(SweepReport::new(sweep, &names));
+            }
         }
     }
 }

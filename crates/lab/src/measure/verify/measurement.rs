@@ -1,23 +1,19 @@
 //! The original or a variant on its way through the views.
 
-use std::cell::OnceCell;
-use std::sync::Arc;
-
 use preshade_plan::contract::Verdict;
 
-use super::{Settings, Variant};
-use crate::measure::other_cameras::{OtherCameras, Shown};
+use crate::measure::bench::Contestant;
+use crate::measure::other_cameras::OtherCameras;
 use crate::measure::record::{
-    Cost, KeptMaterial, ORIGINAL, Picture, Pictures, SelfTestReport, VariantReport, ViewReport,
-    Worst,
+    Cost, KeptMaterial, ORIGINAL, Pictures, SelfTestReport, VariantReport, ViewReport, Worst,
 };
 use crate::measure::statistics::invocations;
 use crate::measure::unsteady::Original;
 use crate::measure::variant::EVERY_REFUSES;
 use crate::measure::verdict::nothing_drawn;
 use crate::measure::{
-    Counter, Error, ErrorLadder, Session, Shading, Timing, View, counting, junctions, outputs,
-    shadow, slivers, subject::Subject,
+    Counter, Error, Session, Settings, Shading, Subject, Timing, Variant, View, counting,
+    junctions, outputs, shadow, slivers,
 };
 use preshade_draw::render::{Gpu, Rendered, SelfTestResult};
 use preshade_draw::scene::{Draw, Frame};
@@ -26,6 +22,7 @@ use preshade_scenes::self_test;
 /// The original or a variant.
 pub(super) struct Measurement<'a> {
     pub(super) subject: Subject<'a>,
+    headline: Option<View>,
     counter: Option<Counter<'a>>,
     pub(super) report: VariantReport,
     pub(super) pictures: Option<Pictures>,
@@ -44,57 +41,6 @@ pub(super) struct Measurement<'a> {
     /// Why the views that break the contract so far do not meet an assumption of it; `None`: one of
     /// them does, or none breaks it.
     pub(super) unmet: Option<String>,
-}
-
-/// Draws a view with every subject and compares each with the first. Returns what the first one shows.
-pub(super) fn compare_view(
-    subjects: &mut [Measurement<'_>],
-    (view, frame): (&View, &Frame),
-    headline: &View,
-) -> Result<Option<Original>, Error> {
-    let [original, variants @ ..] = subjects else {
-        return Ok(None);
-    };
-    let Some(reference) = original.subject.draw(frame, view.order)? else {
-        return Ok(None);
-    };
-    let mut first = Original::new(reference, original.subject.session().scene());
-    // The original's picture, which all that show this view share.
-    let shown = OnceCell::new();
-    fn seen<'v>(
-        reference: &'v Rendered,
-        shown: &'v OnceCell<Option<Arc<Picture>>>,
-        picture: &'v Rendered,
-    ) -> Shown<'v> {
-        Shown {
-            reference,
-            shown,
-            picture,
-        }
-    }
-    // The original again: an adapter that does not repeat itself proves nothing.
-    if let Some(again) = original.subject.draw(frame, view.order)? {
-        let again = first.repeated(again);
-        let seen = seen(&first.picture, &shown, &again);
-        original.compare((view, frame), headline, seen)?;
-    }
-    let at = (view, frame);
-    for variant in variants {
-        let drawn = variant.subject.draw(frame, view.order);
-        variant.note_unguarded(view);
-        let compared = drawn.and_then(|picture| {
-            let Some(picture) = picture else {
-                return Ok(());
-            };
-            let (blamed, own) = (&mut variant.subject, &mut original.subject);
-            let picture = first.of_variant(own, blamed, at, picture)?;
-            variant.compare(at, headline, seen(&first.picture, &shown, &picture))
-        });
-        if let Err(error) = compared {
-            variant.give_up(error)?;
-        }
-    }
-    Ok(Some(first))
 }
 
 /// Counts the fragments of every subject in a view.
@@ -134,6 +80,88 @@ pub(super) fn count_view(
     Ok(())
 }
 
+impl<'a> Contestant<'a> for Measurement<'a> {
+    fn subject(&mut self) -> &mut Subject<'a> {
+        &mut self.subject
+    }
+
+    fn hold(
+        &mut self,
+        (view, frame): (&View, &Frame),
+        original: &Original,
+        picture: &Rendered,
+    ) -> Result<(), Error> {
+        let reference = &original.picture;
+        let stood = !self.is_broken();
+        let (error, broke) = self.subject.compare((view, frame), reference, picture)?;
+        if let Some(broke) = broke.filter(|_| stood || self.unmet.is_some()) {
+            let picture = broke.picture.as_ref().unwrap_or(picture);
+            let session = self.subject.session();
+            self.unmet = slivers::explain(session, &broke.promise, frame, [reference, picture]);
+        }
+        let is_headline = self.headline.as_ref() == Some(view);
+        if is_headline {
+            self.pictures = Pictures::new(&self.report.name, reference, picture);
+        }
+        let key = (error.flip_mean, error.changed_pixels);
+        if key > self.worst.as_ref().map_or((0.0, 0), |w| w.0) {
+            let pictures = match is_headline {
+                // Those are kept anyway.
+                true => None,
+                false => Pictures::new(&self.report.name, reference, picture),
+            };
+            let worst = pictures.map(|p| Worst {
+                view: view.described(),
+                error: error.clone(),
+                original: p.original,
+                variant: p.variant,
+                difference: p.difference,
+            });
+            self.worst = Some((key, worst));
+        }
+        if self
+            .headline
+            .as_ref()
+            .is_some_and(|h| h.camera != view.camera)
+        {
+            self.elsewhere.look(view, &error, original, picture);
+        }
+        self.report.by_view.push(ViewReport {
+            camera: view.camera.clone(),
+            frame: view.frame,
+            order: view.order,
+            error,
+            time_ms: None,
+            speedup: None,
+            shaded_per_pixel: None,
+        });
+        Ok(())
+    }
+
+    /// Keeps which materials were drawn as written for their guards failed.
+    fn aimed(&mut self, view: &View) {
+        for (index, assumed) in self.subject.unguarded.drain(..) {
+            let material = &self.subject.plans[index].material;
+            let is_original = |k: &KeptMaterial| k.material == *material && k.without.is_none();
+            if !self.report.kept.iter().any(is_original) {
+                self.report.kept.push(KeptMaterial {
+                    material: material.clone(),
+                    without: None,
+                    why: format!(
+                        "its guard does not hold in {}: {assumed} was assumed",
+                        view.described()
+                    ),
+                });
+            }
+        }
+    }
+
+    fn quit(&mut self, error: &Error) {
+        self.counter = None;
+        self.subject.quit(error);
+    }
+}
+
 impl<'a> Measurement<'a> {
     /// Builds the pipelines of a variant. If that fails, the variant is not measured.
     ///
@@ -143,9 +171,11 @@ impl<'a> Measurement<'a> {
     pub(super) fn new(
         session: &'a Session<'a>,
         variant: &Variant,
+        headline: Option<&View>,
     ) -> Result<(Self, Option<String>), Error> {
         let subject = Subject::new(session, variant.plans.clone());
         let mut drawn = Self {
+            headline: headline.cloned(),
             counter: None,
             report: VariantReport {
                 junctions: junctions(session.scene(), &variant.plans),
@@ -202,79 +232,8 @@ impl<'a> Measurement<'a> {
         Ok(())
     }
 
-    fn compare(
-        &mut self,
-        (view, frame): (&View, &Frame),
-        headline: &View,
-        seen: Shown<'_>,
-    ) -> Result<(), Error> {
-        let (reference, picture) = (seen.reference, seen.picture);
-        let stood = !self.is_broken();
-        let (error, broke) = self.subject.compare((view, frame), reference, picture)?;
-        if let Some(broke) = broke.filter(|_| stood || self.unmet.is_some()) {
-            let picture = broke.picture.as_ref().unwrap_or(picture);
-            let session = self.subject.session();
-            self.unmet = slivers::explain(session, &broke.promise, frame, [reference, picture]);
-        }
-        let is_headline = view == headline;
-        if is_headline {
-            self.pictures = Pictures::new(&self.report.name, reference, picture);
-        }
-        let key = (error.flip_mean, error.changed_pixels);
-        if key > self.worst.as_ref().map_or((0.0, 0), |w| w.0) {
-            let pictures = match is_headline {
-                // Those are kept anyway.
-                true => None,
-                false => Pictures::new(&self.report.name, reference, picture),
-            };
-            let worst = pictures.map(|p| Worst {
-                view: view.described(),
-                error: error.clone(),
-                original: p.original,
-                variant: p.variant,
-                difference: p.difference,
-            });
-            self.worst = Some((key, worst));
-        }
-        if view.camera != headline.camera {
-            self.elsewhere.look(view, &error, seen);
-        }
-        self.add_view(view, error);
-        Ok(())
-    }
-
     fn is_broken(&self) -> bool {
         matches!(self.subject.verdict, Verdict::Broken { .. })
-    }
-
-    fn add_view(&mut self, view: &View, error: ErrorLadder) {
-        self.report.by_view.push(ViewReport {
-            camera: view.camera.clone(),
-            frame: view.frame,
-            order: view.order,
-            error,
-            time_ms: None,
-            speedup: None,
-            shaded_per_pixel: None,
-        });
-    }
-
-    /// Keeps which materials were drawn as written for their guards failed.
-    fn note_unguarded(&mut self, view: &View) {
-        for (index, assumed) in self.subject.unguarded.drain(..) {
-            let material = &self.subject.plans[index].material;
-            let is_original = |k: &KeptMaterial| k.material == *material && k.without.is_none();
-            if !self.report.kept.iter().any(is_original) {
-                self.report.kept.push(KeptMaterial {
-                    material: material.clone(),
-                    without: None,
-                    why: format!(
-                        "its guard does not hold in {}: {assumed} was assumed",
-                        view.described()
-                    ),
-                });
-            }
-        }
     }
 
     /// Keeps its time in the view last compared.
@@ -397,20 +356,5 @@ impl<'a> Measurement<'a> {
                 fallback: plan.fallback.clone(),
             });
         }
-    }
-
-    /// Draws it no more.
-    fn quit(&mut self, error: &Error) {
-        self.counter = None;
-        self.subject.quit(error);
-    }
-
-    /// Draws it no more, unless the adapter is lost.
-    fn give_up(&mut self, error: Error) -> Result<(), Error> {
-        if error.is_lost() {
-            return Err(error);
-        }
-        self.quit(&error);
-        Ok(())
     }
 }

@@ -113,7 +113,7 @@ fn told(v: &VariantReport) -> Vec<(&'static str, String)> {
     );
     facts.extend(v.shadow.as_ref().map(|s| {
         let [w, h] = s.map;
-        let (changed, covered) = (s.changed_depth, s.covered);
+        let (changed, covered) = (s.depths.changed_depth, s.depths.covered);
         let time = or_dash(s.speedup, frontier::speedup);
         (
             "under the light",
@@ -121,7 +121,7 @@ fn told(v: &VariantReport) -> Vec<(&'static str, String)> {
         )
     }));
     facts.extend(v.outputs.as_ref().map(|o| {
-        let (changed, covered) = (o.changed_depth, o.covered);
+        let (changed, covered) = (o.depths.changed_depth, o.depths.covered);
         let time = or_dash(o.speedup, frontier::speedup);
         let right = o.velocity.as_ref().map_or_else(String::new, |v| {
             format!(

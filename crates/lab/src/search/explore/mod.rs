@@ -28,9 +28,10 @@ use preshade_plan::budget::Metric;
 use preshade_plan::pass::{Facts, Frequency};
 use serde::Serialize;
 
-use crate::measure::frequency::{choosing, small};
 use crate::measure::record::{Chosen, PathTime, Pictures, Report};
-use crate::measure::{self, Detail, Error, ErrorLadder, Estimate, Session, Variant};
+use crate::measure::{
+    self, Detail, Error, ErrorLadder, Estimate, Session, Variant, choosing, small,
+};
 use arena::Arena;
 pub use journal::Journal;
 use predict::Prediction;

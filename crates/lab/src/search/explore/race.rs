@@ -14,7 +14,7 @@ use super::watch::Watch;
 use super::{Fate, SearchStage, Settings};
 use crate::measure::error::counted;
 use crate::measure::record::ORIGINAL;
-use crate::measure::{self, Error, ErrorLadder, Session, TimingSettings, compare, verdict};
+use crate::measure::{self, Error, ErrorLadder, Session, TimingSettings, verdict};
 use preshade_draw::render::{Prepared, Rendered};
 use preshade_draw::scene::{DrawOrder, Frame};
 
@@ -270,10 +270,7 @@ impl<'a> Search<'a> {
             None => {
                 let start = Instant::now();
                 let drawn = self.pictures(&contender.variant.plans)?;
-                let mut worst = ErrorLadder::default();
-                for (a, b) in arena.references.iter().zip(&drawn) {
-                    worst = worst.worst(&compare(a, b)?);
-                }
+                let worst = ErrorLadder::worst_of(&arena.references, &drawn)?;
                 arena.compared.0 += start.elapsed();
                 arena.compared.1 += drawn.len() as u32;
                 let entry = Known {

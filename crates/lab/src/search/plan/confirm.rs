@@ -6,7 +6,7 @@ use super::choose::WORTHWHILE;
 use super::policy::{Held, Policy, Rule};
 use super::scene::{Measured, Scouted, Settings};
 use super::stage::{self, Runner};
-use crate::measure::{Estimate, Session};
+use crate::measure::{Estimate, Session, bench};
 use preshade_draw::scene::DrawOrder;
 
 /// The original beside itself differs by this on an idle machine, at most.
@@ -37,8 +37,9 @@ pub(super) fn confirm(
     }
     let mut again = Vec::new();
     for (i, (view, frame)) in scouted.views.iter().enumerate() {
-        stage::compare(session, &mut lot, view, frame)?;
-        let (_, timings) = stage::time(session, &mut lot, (frame, view.order), &settings.timing)?;
+        stage::compare(session, &mut lot, (view, frame))?;
+        let at = (view, frame);
+        let (_, timings) = bench::race(session, &mut lot, at, &settings.timing, |_| {})?;
         let mut timings = timings.into_iter().skip(1);
         again.push(timings.next().flatten().map(|t| t.speedup));
         for (plan, timing) in drawn.iter().zip(timings) {

@@ -9,7 +9,7 @@ use super::scene::{Settings, scout};
 use super::stage::{self, Runner};
 use super::terms::Work;
 use crate::measure::timing::estimate;
-use crate::measure::{Clock, Estimate, Session, View};
+use crate::measure::{Clock, Estimate, Session, View, bench};
 use preshade_compiler::recipe::Recipe;
 
 /// A scene in which everything was measured.
@@ -54,9 +54,9 @@ pub fn exhaust(
     let mut clock = None;
     let mut views = Vec::new();
     for (i, (view, frame)) in scouted.views.iter().enumerate() {
-        stage::compare(session, &mut subjects, view, frame)?;
-        let of = (frame, view.order);
-        let (whose, timings) = stage::time(session, &mut subjects, of, &settings.timing)?;
+        let at = (view, frame);
+        stage::compare(session, &mut subjects, at)?;
+        let (whose, timings) = bench::race(session, &mut subjects, at, &settings.timing, |_| {})?;
         clock = Some(whose);
         views.push(ExhaustedView {
             view: view.clone(),

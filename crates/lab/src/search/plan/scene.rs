@@ -22,7 +22,7 @@ use super::policy::{Hold, Measure, Policy, Rule, policy};
 use super::stage::{self, Runner};
 use super::{PlanError, confirm, partial_prepass, reasons, sorting};
 use crate::measure::picture_warnings::{self, Colours};
-use crate::measure::{self, Clock, Estimate, Session, TimingSettings, View};
+use crate::measure::{self, Clock, Estimate, Session, Timing, TimingSettings, View, bench};
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::scene::{DrawOrder, Frame, Scene, bind};
 
@@ -142,23 +142,9 @@ pub fn decide(
 ) -> Result<Decision, PlanError> {
     progress(PlanProgress::at(0.0, "counting fragments"));
     let scouted = scout(session, recipes, facts, settings.frames_per_camera)?;
-    let seen = scouted.seen(settings.model);
-    let mut frames = Vec::new();
-    let mut subjects = Vec::new();
-    let views = scouted.views.iter().map(|(view, _)| view.clone());
-    let mut measured = Measured {
-        so_far: SceneSoFar::new(&session.scene().name, views),
-        ..Measured::default()
-    };
+    let mut race = Race::new(session, &scouted, settings, progress);
     match settings.timed {
-        Timed::No => {
-            frames = seen.frames();
-            let original = frames.first().map_or(&[][..], |f| &f.predicted);
-            let rows = frames.iter().map(|f| predicted_row(original, f));
-            measured.table = Table::new(rows.collect());
-            measured.table.weaker = weaker(&frames, &scouted.choices);
-            measured.times = vec![vec![None; scouted.views.len()]; frames.len()];
-        }
+        Timed::No => race.predict(),
         Timed::Yes => {
             // A budget adds candidates, and the model is too coarse to choose among so many. It must not cost what
             // is measured without one, or a budget would make the decision worse.
@@ -170,35 +156,23 @@ pub fn decide(
             for (round, taken) in rounds.iter().enumerate() {
                 let seen = FramePredictor {
                     taken: *taken,
-                    ..seen
+                    ..scouted.seen(settings.model)
                 };
-                let part = |done: f64| (round as f64 + done) / rounds.len() as f64;
-                let drawing = &mut (&mut frames, &mut subjects);
-                let mut told = |p: PlanProgress<'_>| {
-                    let done = 0.1 + 0.9 * part(p.done);
-                    progress(PlanProgress { done, ..p });
+                let within = |from: f64, to: f64| {
+                    [from, to].map(|done| 0.1 + 0.9 * (round as f64 + done) / rounds.len() as f64)
                 };
-                first(
-                    session,
-                    drawing,
-                    &scouted,
-                    &seen,
-                    settings,
-                    &mut measured,
-                    &mut told,
-                )?;
-                refine(
-                    session,
-                    drawing,
-                    &scouted,
-                    &seen,
-                    settings,
-                    &mut measured,
-                    &mut told,
-                )?;
+                race.first(&seen, within(0.0, 0.65))?;
+                race.refine(&seen, within(0.65, 1.0))?;
             }
         }
     }
+    let Race {
+        frames,
+        runners,
+        mut measured,
+        progress,
+        ..
+    } = race;
     let measures: Vec<Measure> = measures(&scouted);
     let mut policy = policy(&measured.table, &measures, settings.hold);
     let (mut warnings, mut again) = (Vec::new(), Vec::new());
@@ -217,7 +191,7 @@ pub fn decide(
         session,
         &scouted,
         settings,
-        (&frames, &subjects),
+        (&frames, &runners),
         measured,
         chosen,
     );
@@ -283,199 +257,165 @@ fn predicted_row(original: &[f64], frame: &Considered) -> Vec<Option<Estimate>> 
     .collect()
 }
 
-/// Compares and times every subject in every view, and adds the results. The first is the original,
-/// which is measured again with each lot.
-fn measure_all(
-    session: &Session<'_>,
-    subjects: &mut [Runner<'_>],
-    scouted: &Scouted,
-    settings: &Settings<'_>,
-    measured: &mut Measured,
-    progress: &mut dyn FnMut(PlanProgress<'_>),
-) -> Result<(), PlanError> {
-    let mut times = vec![Vec::new(); subjects.len()];
-    let mut speedups = vec![Vec::new(); subjects.len()];
-    let views = &scouted.views;
-    for (done, (view, frame)) in views.iter().enumerate() {
-        let part = |views_done: usize| views_done as f64 / views.len() as f64;
-        progress(PlanProgress::at(part(done), view.to_string()));
-        if let Some(first) = stage::compare(session, subjects, view, frame)? {
-            measured.colours.look(&first.picture);
-            measured.unsteady = measured.unsteady.max(first.unsteady());
-        }
-        let of = (frame, view.order);
-        let (clock, timings) = stage::time(session, subjects, of, &settings.timing)?;
-        measured.clock = Some(clock);
-        measured.so_far.add(clock, view, (&*subjects, &timings));
-        progress(PlanProgress {
-            so_far: Some(&measured.so_far),
-            ..PlanProgress::at(part(done + 1), view.to_string())
-        });
-        for (i, timing) in timings.into_iter().enumerate() {
-            times[i].push(timing.as_ref().map(|t| t.time.estimate));
-            speedups[i].push(timing.map(|t| t.speedup));
-        }
-    }
-    for (subject, (times, mut speedups)) in subjects.iter().zip(times.into_iter().zip(speedups)) {
-        // A plan that broke in a later view is out everywhere.
-        if !subject.subject.is_standing() {
-            speedups = vec![None; views.len()];
-        }
-        measured.times.push(times);
-        measured.table.rows.push(speedups);
-    }
-    Ok(())
+/// Frames that are drawn beside the original, compared and timed.
+struct Race<'a, 'p> {
+    session: &'a Session<'a>,
+    scouted: &'p Scouted,
+    settings: &'p Settings<'p>,
+    progress: &'p mut dyn FnMut(PlanProgress<'_>),
+    /// The original first.
+    frames: Vec<Considered>,
+    /// Those of `frames`.
+    runners: Vec<Runner<'a>>,
+    measured: Measured,
 }
 
-/// Frames, and their runners side by side.
-type Drawing<'d, 'a> = (&'d mut Vec<Considered>, &'d mut Vec<Runner<'a>>);
-
-/// Measures the frames that are predicted to be the fastest.
-fn first<'a>(
-    session: &'a Session<'a>,
-    drawing: &mut Drawing<'_, 'a>,
-    scouted: &Scouted,
-    seen: &FramePredictor<'_>,
-    settings: &Settings<'_>,
-    measured: &mut Measured,
-    progress: &mut dyn FnMut(PlanProgress<'_>),
-) -> Result<(), PlanError> {
-    // The original is the first of all.
-    let is_new = |c: &Considered| !drawing.0.iter().any(|f| f.assignment == c.assignment);
-    let all = seen.frames().into_iter().enumerate();
-    let all: Vec<Considered> = all
-        .filter(|(i, c)| *i == 0 || is_new(c))
-        .map(|(_, c)| c)
-        .collect();
-    let predicted: Vec<&[f64]> = all.iter().map(|f| f.predicted.as_slice()).collect();
-    let finalists = finalists(&predicted, settings.runners, settings.model.error());
-    let new = finalists.into_iter().map(|i| &all[i]).filter(|c| is_new(c));
-    let new: Vec<Considered> = new.cloned().collect();
-    measure_more(
-        session,
-        drawing,
-        new,
-        scouted,
-        settings,
-        measured,
-        &mut |p| {
-            progress(PlanProgress {
-                done: 0.65 * p.done,
-                ..p
-            });
-        },
-    )
-}
-
-/// Measures frames that differ from the best in one material, the fastest predicted first, as long
-/// as one is better.
-fn refine<'a>(
-    session: &'a Session<'a>,
-    drawing: &mut Drawing<'_, 'a>,
-    scouted: &Scouted,
-    seen: &FramePredictor<'_>,
-    settings: &Settings<'_>,
-    measured: &mut Measured,
-    progress: &mut dyn FnMut(PlanProgress<'_>),
-) -> Result<(), PlanError> {
-    if scouted.choices.len() < 2 {
-        return Ok(());
-    }
-    let mut left = settings.refinements;
-    loop {
-        let best = measured.table.best();
-        let frames = &drawing.0;
-        let is_new = |c: &Considered| !frames.iter().any(|f| f.assignment == c.assignment);
-        let near: Vec<Considered> = seen
-            .neighbours(&frames[best].assignment)
-            .into_iter()
-            .filter(is_new)
-            .take(left.min(LOT))
-            .filter_map(|c| seen.consider(c.assignment))
-            .filter(is_new)
-            .collect();
-        if near.is_empty() {
-            return Ok(());
-        }
-        left -= near.len();
-        measure_more(
+impl<'a, 'p> Race<'a, 'p> {
+    fn new(
+        session: &'a Session<'a>,
+        scouted: &'p Scouted,
+        settings: &'p Settings<'p>,
+        progress: &'p mut dyn FnMut(PlanProgress<'_>),
+    ) -> Self {
+        let views = scouted.views.iter().map(|(view, _)| view.clone());
+        Self {
+            measured: Measured {
+                so_far: SceneSoFar::new(&session.scene().name, views),
+                ..Measured::default()
+            },
             session,
-            drawing,
-            near,
             scouted,
             settings,
-            measured,
-            &mut |p| {
-                progress(PlanProgress {
-                    done: 0.65 + 0.35 * p.done,
-                    ..p
-                });
-            },
-        )?;
-        if measured.table.best() == best {
-            return Ok(());
+            progress,
+            frames: Vec::new(),
+            runners: Vec::new(),
         }
     }
-}
 
-/// Measures new frames. The first of all is the original.
-fn measure_more<'a>(
-    session: &'a Session<'a>,
-    (frames, subjects): &mut Drawing<'_, 'a>,
-    new: Vec<Considered>,
-    scouted: &Scouted,
-    settings: &Settings<'_>,
-    measured: &mut Measured,
-    progress: &mut dyn FnMut(PlanProgress<'_>),
-) -> Result<(), PlanError> {
-    if new.is_empty() {
-        return Ok(());
+    /// Takes predictions for measurements.
+    fn predict(&mut self) {
+        self.frames = self.scouted.seen(self.settings.model).frames();
+        let original = self.frames.first().map_or(&[][..], |f| &f.predicted);
+        let rows = self.frames.iter().map(|f| predicted_row(original, f));
+        self.measured.table = Table::new(rows.collect());
+        self.measured.table.weaker = weaker(&self.frames, &self.scouted.choices);
+        self.measured.times = vec![vec![None; self.scouted.views.len()]; self.frames.len()];
     }
-    // The original again, so that ratios are of samples taken side by side.
-    let again = frames.len().min(1);
-    let mut lot = Vec::new();
-    for frame in frames[..again].iter().chain(&new) {
-        let name = frame.assignment.name(&scouted.choices);
-        progress(PlanProgress::at(0.0, format!("compiling {name}")));
-        lot.push(Runner::new(session, &scouted.choices, frame)?);
+
+    fn is_new(&self, frame: &Considered) -> bool {
+        let mut known = self.frames.iter();
+        known.all(|f| f.assignment != frame.assignment)
     }
-    // Once beside itself: what gains less than they differ gains nothing.
-    if again == 0 {
-        lot.extend(
-            new.first()
-                .map(|original| Runner::new(session, &scouted.choices, original))
-                .transpose()?,
-        );
+
+    /// Measures the frames that are predicted to be the fastest.
+    fn first(&mut self, seen: &FramePredictor<'_>, part: [f64; 2]) -> Result<(), PlanError> {
+        // The original is the first of all.
+        let all = seen.frames().into_iter().enumerate();
+        let all: Vec<Considered> = all
+            .filter(|(i, c)| *i == 0 || self.is_new(c))
+            .map(|(_, c)| c)
+            .collect();
+        let predicted: Vec<&[f64]> = all.iter().map(|f| f.predicted.as_slice()).collect();
+        let (runners, error) = (self.settings.runners, self.settings.model.error());
+        let finalists = finalists(&predicted, runners, error).into_iter();
+        let new = finalists.map(|i| &all[i]).filter(|c| self.is_new(c));
+        self.measure(new.cloned().collect(), part)
     }
-    let mut more = Measured {
-        so_far: std::mem::take(&mut measured.so_far),
-        colours: std::mem::take(&mut measured.colours),
-        unsteady: measured.unsteady,
-        ..Measured::default()
-    };
-    measure_all(session, &mut lot, scouted, settings, &mut more, progress)?;
-    if again == 0 {
-        let itself = more.table.rows.pop().unwrap_or_default();
-        let each = itself.iter().flatten().map(confirm::apart);
-        measured.table.apart = each.fold(1.0, f64::max);
-        lot.pop();
-        more.times.pop();
+
+    /// Measures frames that differ from the best in one material, the fastest predicted first, as long
+    /// as one is better.
+    fn refine(&mut self, seen: &FramePredictor<'_>, part: [f64; 2]) -> Result<(), PlanError> {
+        if self.scouted.choices.len() < 2 {
+            return Ok(());
+        }
+        let mut left = self.settings.refinements;
+        loop {
+            let best = self.measured.table.best();
+            let near: Vec<Considered> = seen
+                .neighbours(&self.frames[best].assignment)
+                .into_iter()
+                .filter(|c| self.is_new(c))
+                .take(left.min(LOT))
+                .filter_map(|c| seen.consider(c.assignment))
+                .filter(|c| self.is_new(c))
+                .collect();
+            if near.is_empty() {
+                return Ok(());
+            }
+            left -= near.len();
+            self.measure(near, part)?;
+            if self.measured.table.best() == best {
+                return Ok(());
+            }
+        }
     }
-    measured.so_far = more.so_far;
-    measured.colours = more.colours;
-    measured.unsteady = more.unsteady;
-    measured.clock = measured.clock.or(more.clock);
-    frames.extend(new);
-    subjects.extend(lot.into_iter().skip(again));
-    measured.times.extend(more.times.into_iter().skip(again));
-    let rows = more.table.rows.into_iter().skip(again);
-    measured.table.rows.extend(rows);
-    measured.table.weaker = weaker(frames, &scouted.choices);
-    measured.table.forms = forms(frames, &scouted.choices);
-    let views = scouted.views.iter().enumerate();
-    let in_front = views.filter(|(_, (view, _))| view.order == DrawOrder::FrontToBack);
-    measured.table.in_front = in_front.map(|(i, _)| i).collect();
-    Ok(())
+
+    /// Measures new frames. The first of all is the original. `part` is of the whole progress.
+    fn measure(&mut self, new: Vec<Considered>, [from, to]: [f64; 2]) -> Result<(), PlanError> {
+        let (session, scouted) = (self.session, self.scouted);
+        let Some(first) = new.first() else {
+            return Ok(());
+        };
+        // The original again, so that ratios are of samples taken side by side. The first time, it is beside itself:
+        // what gains less than they differ gains nothing.
+        let again = self.frames.len().min(1);
+        let itself = (again == 0).then_some(first);
+        let mut lot = Vec::new();
+        for frame in self.frames[..again].iter().chain(&new).chain(itself) {
+            let name = frame.assignment.name(&scouted.choices);
+            (self.progress)(PlanProgress::at(from, format!("compiling {name}")));
+            lot.push(Runner::new(session, &scouted.choices, frame)?);
+        }
+        let mut rows: Vec<Vec<Option<Timing>>> = vec![Vec::new(); lot.len()];
+        for (i, (view, frame)) in scouted.views.iter().enumerate() {
+            let done =
+                |views: usize| from + (to - from) * views as f64 / scouted.views.len() as f64;
+            (self.progress)(PlanProgress::at(done(i), view.to_string()));
+            let at = (view, frame);
+            let measured = &mut self.measured;
+            if let Some(first) = stage::compare(session, &mut lot, at)? {
+                measured.colours.look(&first.picture);
+                measured.unsteady = measured.unsteady.max(first.unsteady());
+            }
+            let timing = &self.settings.timing;
+            let (clock, timings) = bench::race(session, &mut lot, at, timing, |_| {})?;
+            measured.clock = Some(clock);
+            measured.so_far.add(clock, view, (&lot, &timings));
+            (self.progress)(PlanProgress {
+                so_far: Some(&measured.so_far),
+                ..PlanProgress::at(done(i + 1), view.to_string())
+            });
+            for (row, timing) in rows.iter_mut().zip(timings) {
+                row.push(timing);
+            }
+        }
+        if itself.is_some() {
+            let stands = lot.pop().is_some_and(|r| r.subject.is_standing());
+            let itself = rows.pop().filter(|_| stands).unwrap_or_default();
+            let each = itself.iter().flatten().map(|t| confirm::apart(&t.speedup));
+            self.measured.table.apart = each.fold(1.0, f64::max);
+        }
+        for (runner, row) in lot.into_iter().zip(rows).skip(again) {
+            let stands = runner.subject.is_standing();
+            let of = |is: bool, of: fn(&Timing) -> Estimate| {
+                let each = row.iter().map(|t| t.as_ref().filter(|_| is).map(of));
+                each.collect()
+            };
+            self.measured.times.push(of(true, |t| t.time.estimate));
+            // A plan that broke in a later view is out everywhere.
+            let speedups = of(stands, |t| t.speedup);
+            self.measured.table.rows.push(speedups);
+            self.runners.push(runner);
+        }
+        self.frames.extend(new);
+        let table = &mut self.measured.table;
+        table.weaker = weaker(&self.frames, &scouted.choices);
+        table.forms = forms(&self.frames, &scouted.choices);
+        let views = scouted.views.iter().enumerate();
+        let in_front = views.filter(|(_, (view, _))| view.order == DrawOrder::FrontToBack);
+        table.in_front = in_front.map(|(i, _)| i).collect();
+        Ok(())
+    }
 }
 
 /// The rule to draw by, and what the measurement of it says.

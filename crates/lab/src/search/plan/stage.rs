@@ -1,4 +1,4 @@
-//! Frames drawn, compared with the original and timed side by side, view by view.
+//! Frames drawn and compared with the original, view by view.
 
 use preshade_plan::contract::Verdict;
 
@@ -6,9 +6,11 @@ use super::PlanError;
 use super::assign::Considered;
 use super::choices::Choices;
 use super::decision::PlanCost;
+use crate::measure::bench::{self, Contestant, Repeat};
 use crate::measure::unsteady::Original;
-use crate::measure::{self, Clock, Session, Subject, Timing, TimingSettings, View};
-use preshade_draw::scene::{DrawOrder, Frame};
+use crate::measure::{self, Session, Subject, View};
+use preshade_draw::render::Rendered;
+use preshade_draw::scene::Frame;
 
 /// A plan of the frame that is measured.
 pub struct Runner<'a> {
@@ -47,91 +49,41 @@ impl<'a> Runner<'a> {
         }
         Ok(runner)
     }
+}
 
-    /// Draws it no more, unless the adapter is lost.
-    fn give_up(&mut self, error: measure::Error) -> Result<(), PlanError> {
-        if error.is_lost() {
-            return Err(error.into());
+impl<'a> Contestant<'a> for Runner<'a> {
+    fn subject(&mut self) -> &mut Subject<'a> {
+        &mut self.subject
+    }
+
+    /// One that breaks its contract is drawn no more.
+    fn hold(
+        &mut self,
+        view: (&View, &Frame),
+        original: &Original,
+        picture: &Rendered,
+    ) -> Result<(), measure::Error> {
+        self.subject.judge(view, &original.picture, picture)?;
+        if !self.subject.is_standing() {
+            self.subject.stop();
         }
-        self.subject.quit(&error);
         Ok(())
     }
 }
 
-/// Draws one view with every runner and compares each with the first, the original, whose picture
-/// is returned. A runner that breaks its contract is drawn no more.
+/// Draws one view with every runner and compares each with the first, the original.
 ///
 /// # Errors
-///
 /// The original cannot be drawn, or the adapter is lost.
 pub(crate) fn compare(
     session: &Session<'_>,
     runners: &mut [Runner<'_>],
-    view: &View,
-    frame: &Frame,
+    view: (&View, &Frame),
 ) -> Result<Option<Original>, PlanError> {
-    session.inputs().set_frame(frame)?;
-    let [original, others @ ..] = runners else {
-        return Ok(None);
-    };
-    let Some(reference) = original.subject.draw(frame, view.order)? else {
-        return Ok(None);
-    };
-    let is_captured = session.scene().is_captured();
-    let mut first = Original::new(reference, session.scene());
-    for runner in others.iter_mut().filter(|r| r.subject.is_standing()) {
-        match runner.subject.draw(frame, view.order) {
-            Ok(Some(mut picture)) => {
-                let (own, subject) = (&mut original.subject, &mut runner.subject);
-                if is_captured {
-                    picture = first.of_variant(own, subject, (view, frame), picture)?;
-                }
-                subject.judge((view, frame), &first.picture, &picture)?;
-            }
-            Ok(None) => {}
-            Err(error) => runner.give_up(error)?,
-        }
+    session.inputs().set_frame(view.1)?;
+    let first = bench::compare(runners, view, Repeat::BeforeBlame)?;
+    if let (Some(_), Some(original)) = (&first, runners.first_mut()) {
+        original.subject.verdict = Verdict::Holds;
     }
-    original.subject.verdict = Verdict::Holds;
-    Ok(Some(first))
-}
-
-/// Times one view with every standing runner. `None` for the others. The first runner is the
-/// original. Another one that cannot be drawn is drawn no more.
-///
-/// # Errors
-///
-/// The original cannot be drawn, the adapter is lost, or as [`measure::time`].
-pub(crate) fn time(
-    session: &Session<'_>,
-    runners: &mut [Runner<'_>],
-    (frame, order): (&Frame, DrawOrder),
-    settings: &TimingSettings,
-) -> Result<(Clock, Vec<Option<Timing>>), PlanError> {
-    session.inputs().set_frame(frame)?;
-    let mut ready = Vec::new();
-    let mut standing = Vec::new();
-    // The fallback of a plan whose guard fails here may not build.
-    for (index, runner) in runners.iter_mut().enumerate() {
-        if runner.subject.is_standing()
-            && let Err(error) = runner.subject.aimed(frame, order)
-        {
-            match index {
-                0 => return Err(error.into()),
-                _ => runner.give_up(error)?,
-            }
-        }
-    }
-    for runner in runners.iter_mut() {
-        let prepared = match runner.subject.is_standing() {
-            true => runner.subject.aimed(frame, order)?,
-            false => None,
-        };
-        standing.push(prepared.is_some());
-        ready.extend(prepared);
-    }
-    let (clock, timings) = measure::time(session.gpu(), &ready, settings, |_| {})?;
-    let mut timings = timings.into_iter();
-    let of = |stands: bool| if stands { timings.next() } else { None };
-    Ok((clock, standing.into_iter().map(of).collect()))
+    Ok(first)
 }
