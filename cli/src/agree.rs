@@ -18,7 +18,8 @@ use rayon::prelude::*;
 
 use crate::agree_inputs::{self, Asked};
 use crate::agree_scene::SceneArgs;
-use crate::input::{Clip, ShaderArgs, is_stdin};
+use crate::file_names::is_stdin;
+use crate::input::{Clip, ShaderArgs};
 use crate::trees::{self, Tree};
 use crate::{Ending, Failure, output};
 

@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use preshade_draw::render::{AdapterChoice, Gpu};
 use preshade_draw::scene::Scene;
 use preshade_lab::measure::{Beside, Look, TimingSettings};
 use preshade_plan::plan::Plan;
@@ -14,7 +13,7 @@ use preshade_validate::agree::{Partner, Relation};
 use crate::input::ShaderArgs;
 use crate::verify::parse_seconds;
 use crate::view::ViewArgs;
-use crate::{Failure, output};
+use crate::{Failure, output, worker};
 use preshade_lab::report::picture::file_name;
 
 /// The scene of `agree`.
@@ -78,9 +77,7 @@ impl SceneArgs {
             own.vertex.clone_from(&pass.vertex);
             own.fragment.clone_from(&pass.fragment);
         }
-        let choice = self.adapter.clone();
-        let choice = choice.map_or(AdapterChoice::Best, AdapterChoice::Matching);
-        let gpu = Gpu::with_trust(&choice, shader.limits.limits().trust())?;
+        let gpu = worker::open(self.adapter.as_deref(), &shader.limits.limits())?;
         let stand_in = StandIn {
             program: &other_program,
             vertex: &other.vertex,
@@ -115,8 +112,7 @@ impl SceneArgs {
                 );
             }
         }
-        let written = shader_text::files::write(folder, &files)
-            .map_err(|e| Failure(format!("error: {e}")))?;
+        let written = shader_text::files::write(folder, &files)?;
         for path in written {
             output::message(&format!("wrote {}", path.display()));
         }

@@ -7,8 +7,6 @@ use std::time::{Duration, Instant};
 
 use shader_text::limits::Limits;
 
-use crate::{output, worker};
-
 /// Interval of the watchdog.
 const TICK: Duration = Duration::from_millis(20);
 
@@ -20,8 +18,8 @@ struct Bound {
     memory: u64,
     /// When the work now in hand was begun; `None` while others work.
     since: Option<Instant>,
-    /// Whether the reader of stdout expects JSON.
-    wants_json: bool,
+    /// Tells why the process ends.
+    tell: fn(&str),
 }
 
 static BOUND: Mutex<Option<Bound>> = Mutex::new(None);
@@ -30,9 +28,9 @@ fn with<T>(work: impl FnOnce(&mut Option<Bound>) -> T) -> T {
     work(&mut BOUND.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Bounds this process from now on, if the limits say so and no parent process does.
-pub fn start(limits: &Limits, wants_json: bool) {
-    if !limits.isolates() || worker::mine().is_some() {
+/// Bounds this process from now on, if the limits say so.
+pub fn start(limits: &Limits, tell: fn(&str)) {
+    if !limits.isolates() {
         return;
     }
     with(|bound| {
@@ -40,7 +38,7 @@ pub fn start(limits: &Limits, wants_json: bool) {
             seconds: limits.seconds,
             memory: limits.memory,
             since: Some(Instant::now()),
-            wants_json,
+            tell,
         });
     });
     static WATCHED: OnceLock<()> = OnceLock::new();
@@ -82,7 +80,11 @@ pub fn elsewhere<T>(work: impl FnOnce() -> T) -> T {
 fn watch() {
     loop {
         std::thread::sleep(TICK);
-        let Some((why, wants_json)) = with(|bound| bound.as_ref().and_then(exceeded)) else {
+        let found = with(|bound| {
+            let bound = bound.as_ref()?;
+            Some((exceeded(bound)?, bound.tell))
+        });
+        let Some((why, tell)) = found else {
             continue;
         };
         // The holder of stdout or stderr may be the one that hangs, and so may an exit handler.
@@ -90,22 +92,35 @@ fn watch() {
             std::thread::sleep(GRACE);
             std::process::abort();
         });
-        let message = format!("error: {why}");
-        output::message(&message);
-        if wants_json {
-            output::failed(&message);
-        }
+        tell(&format!("error: {why}"));
         std::process::exit(2);
     }
 }
 
-fn exceeded(bound: &Bound) -> Option<(String, bool)> {
+fn exceeded(bound: &Bound) -> Option<String> {
     let since = bound.since?;
-    let why = if since.elapsed() > Duration::from_secs(bound.seconds) {
-        worker::too_long(bound.seconds)
-    } else {
-        let bytes = worker::resident(std::process::id())?;
-        (bytes > bound.memory).then(|| worker::too_large(bytes))?
-    };
-    Some((why, bound.wants_json))
+    if since.elapsed() > Duration::from_secs(bound.seconds) {
+        return Some(too_long(bound.seconds));
+    }
+    let bytes = resident(std::process::id())?;
+    (bytes > bound.memory).then(|| too_large(bytes))
+}
+
+/// The reason for stopping a process that took too long.
+pub fn too_long(seconds: u64) -> String {
+    format!("it was stopped after {seconds} s (--limits seconds=N)")
+}
+
+/// The reason for stopping a process that used too much memory.
+pub fn too_large(bytes: u64) -> String {
+    let mib = bytes >> 20;
+    format!("it was stopped at {mib} MiB of memory (--limits memory=N)")
+}
+
+/// Resident bytes of a process from `VmRSS` of `/proc`, if available.
+pub fn resident(process: u32) -> Option<u64> {
+    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
+    let line = status.lines().find(|l| l.starts_with("VmRSS:"))?;
+    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
+    Some(kib << 10)
 }

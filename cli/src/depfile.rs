@@ -31,14 +31,10 @@ pub fn write(path: &Path, rules: &[Rule]) -> Result<(), Failure> {
         };
     }
     let folder = path.parent().filter(|f| !f.as_os_str().is_empty());
-    let name = path.file_name().unwrap_or_default();
-    let file = files::File {
-        name: name.to_string_lossy().into_owned(),
-        bytes: text.into_bytes(),
-    };
-    shader_text::files::write(folder.unwrap_or(Path::new(".")), &[file])
-        .map(|_| ())
-        .map_err(|e| Failure(format!("error: {e}")))
+    let name = path.file_name().unwrap_or_default().to_string_lossy();
+    let file = files::File::text(name, text);
+    files::write(folder.unwrap_or(Path::new(".")), &[file])?;
+    Ok(())
 }
 
 /// One rule a line, and an empty rule for each file that was read, so that make goes on if one is

@@ -2,30 +2,25 @@
 
 use std::collections::BTreeMap;
 use std::fs::File;
-use std::io::Read;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::process::Command;
-use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
+use std::sync::atomic::{AtomicUsize, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::SystemTime;
 
 use preshade_draw::render::{self, AdapterReport, Card, turns};
+use preshade_lab::jobs::files::{EXTENSION, MACHINES};
 use preshade_lab::jobs::{
-    self, EVERY, Exhaustive, Found, JOB_SCHEMA, Job, JobResult, Kind, Machine, OUTCOME_SCHEMA,
-    Outcome, Partition, Reason, Run, adapter_id,
+    self, EVERY, Exhaustive, Found, Job, JobResult, Kind, Machine, OUTCOME_SCHEMA, Outcome,
+    Partition, Reason, Run, adapter_id,
 };
 use preshade_lab::measure::record::Report;
 use preshade_plan::contract::Verdict;
 use shader_text::limits::Limits;
 
 use crate::output::{self, ProgressLine};
-use crate::{Ending, Failure, merge, verify, worker};
-
-/// End of the names of results.
-pub const EXTENSION: &str = ".outcome.json";
-
-/// End of the names of files that list the adapters of a machine.
-pub const MACHINES: &str = ".adapters.json";
+use crate::{Ending, Failure, verify, worker};
 
 /// Name of a run, if `--run` says nothing: the same on all machines, so that a job that moves to another one
 /// is not measured twice.
@@ -97,7 +92,7 @@ fn parse_run(text: &str) -> Result<String, String> {
 }
 
 pub fn run(args: &EvaluateArgs) -> Result<Ending, Failure> {
-    let all = read(&args.jobs)?;
+    let all = jobs::files::jobs(&args.jobs)?;
     let share = all.into_iter().filter(|job| {
         let is_kind = args.kind.is_none_or(|kind| match kind {
             KindArg::Picture => job.kind == Kind::Picture,
@@ -144,8 +139,7 @@ fn note_machine(out: &Path, cards: &[Card]) -> Result<(), Failure> {
     let host = host();
     let text = serde_json::to_string_pretty(&Machine::new(&host, cards))? + "\n";
     let file = out.join(format!("{}{MACHINES}", plain(&host)));
-    shader_text::files::write_file(&file, text.into_bytes())
-        .map_err(|e| Failure(format!("error: {e}")))
+    Ok(shader_text::files::write_file(&file, text.into_bytes())?)
 }
 
 pub struct Settings {
@@ -188,6 +182,16 @@ pub struct Tally {
     pub failed: usize,
     /// Jobs whose files are not those of the list.
     pub stale: usize,
+}
+
+impl Tally {
+    /// Adds what became of a job.
+    fn add(&mut self, one: &Self) {
+        self.measured += one.measured;
+        self.broken += one.broken;
+        self.failed += one.failed;
+        self.stale += one.stale;
+    }
 }
 
 /// Adapters of one name, driver and backend: results of one are those of all.
@@ -364,83 +368,33 @@ pub fn all_of(jobs: &[Job], settings: &Settings) -> Result<Tally, Failure> {
         0 => cards,
         n => n,
     };
-    let next = AtomicUsize::new(0);
-    let is_stopped = AtomicBool::new(false);
     let bar = Mutex::new(output::bar());
-    std::thread::scope(|scope| {
-        let workers: Vec<_> = (0..workers.min(tasks.len()))
-            .map(|_| {
-                scope.spawn(|| {
-                    let mut found = Tally::default();
-                    while !is_stopped.load(Ordering::Relaxed) {
-                        let index = next.fetch_add(1, Ordering::Relaxed);
-                        let Some(task) = tasks.get(index) else {
-                            break;
-                        };
-                        show(&bar, |bar| {
-                            bar.set_position((index * 1000 / tasks.len()) as u64);
-                            bar.set_message(task.job.name());
-                        });
-                        if let Err(failure) = runner.evaluate(task, &mut found, &bar) {
-                            // A disk that is full stays full.
-                            is_stopped.store(true, Ordering::Relaxed);
-                            return Err(failure);
-                        }
-                    }
-                    Ok(found)
-                })
-            })
-            .collect();
-        for worker in workers {
-            let panicked = |_| Err(Failure("error: a worker panicked".to_owned()));
-            let found = worker.join().unwrap_or_else(panicked)?;
-            tally.measured += found.measured;
-            tally.broken += found.broken;
-            tally.failed += found.failed;
-            tally.stale += found.stale;
+    let found = Mutex::new((tally, Ok(())));
+    worker::each(workers, &tasks, |index, task| {
+        show(&bar, |bar| {
+            bar.set_position((index * 1000 / tasks.len()) as u64);
+            bar.set_message(task.job.name());
+        });
+        let result = runner.evaluate(task, &bar);
+        let (tally, ended) = &mut *found.lock().unwrap_or_else(PoisonError::into_inner);
+        match result {
+            Ok(one) => tally.add(&one),
+            Err(failure) => {
+                // A disk that is full stays full.
+                *ended = Err(failure);
+                return ControlFlow::Break(());
+            }
         }
-        Ok::<(), Failure>(())
-    })?;
+        ControlFlow::Continue(())
+    });
+    let (tally, ended) = found.into_inner().unwrap_or_else(PoisonError::into_inner);
+    ended?;
     show(&bar, ProgressLine::finish_and_clear);
     Ok(tally)
 }
 
 fn show(bar: &Mutex<ProgressLine>, change: impl FnOnce(&ProgressLine)) {
     change(&bar.lock().unwrap_or_else(PoisonError::into_inner));
-}
-
-/// Reads a list of jobs.
-///
-/// # Errors
-/// It cannot be read, or a line is no job.
-pub fn read(path: &Path) -> Result<Vec<Job>, Failure> {
-    let failed = |e: &dyn std::fmt::Display| Failure(format!("error: {}: {e}", path.display()));
-    let mut text = String::new();
-    match path == Path::new("-") {
-        true => std::io::stdin().read_to_string(&mut text),
-        false => File::open(path).and_then(|mut file| file.read_to_string(&mut text)),
-    }
-    .map_err(|e| failed(&e))?;
-    let mut jobs = BTreeMap::new();
-    for (i, line) in text.lines().enumerate() {
-        if line.trim().is_empty() {
-            continue;
-        }
-        let at = |e: &dyn std::fmt::Display| failed(&format!("line {}: {e}", i + 1));
-        let job: Job = serde_json::from_str(line).map_err(|e| at(&e))?;
-        if job.schema != JOB_SCHEMA {
-            return Err(at(&format!(
-                "its schema is `{}`, and this version reads `{JOB_SCHEMA}`",
-                job.schema
-            )));
-        }
-        // It becomes the name of a file.
-        if job.key.len() != 32 || !job.key.bytes().all(|b| b.is_ascii_hexdigit()) {
-            return Err(at(&"its key is not 32 hexadecimal digits"));
-        }
-        jobs.insert(job.key.clone(), job);
-    }
-    Ok(jobs.into_values().collect())
 }
 
 fn file_name(job: &Job, adapter: &AdapterReport, run: &str) -> String {
@@ -461,7 +415,7 @@ struct Task<'a> {
 impl Task<'_> {
     /// The result that is there. One that cannot be read is measured again.
     fn known(&self) -> Option<Outcome> {
-        merge::read(&self.file).ok()
+        jobs::files::outcome(&self.file).ok()
     }
 
     fn is_open(&self, attempts: u32) -> bool {
@@ -507,13 +461,9 @@ impl Runner<'_> {
     }
 
     /// Runs one job until it has a result or was tried often enough, and writes the result each time.
-    fn evaluate(
-        &self,
-        task: &Task<'_>,
-        tally: &mut Tally,
-        bar: &Mutex<ProgressLine>,
-    ) -> Result<(), Failure> {
+    fn evaluate(&self, task: &Task<'_>, bar: &Mutex<ProgressLine>) -> Result<Tally, Failure> {
         let job = task.job;
+        let mut tally = Tally::default();
         let tell = |why: &str| {
             let message = format!("{}: {why}", job.name());
             show(bar, |bar| bar.suspend(|| output::message(&message)));
@@ -531,7 +481,7 @@ impl Runner<'_> {
             let (None, Some((run, result))) = (&stale, measured) else {
                 tell(&format!("not run: {}", stale.unwrap_or_default()));
                 tally.stale += 1;
-                return Ok(());
+                return Ok(tally);
             };
             if let Err(why) = &result {
                 tell(why);
@@ -547,7 +497,7 @@ impl Runner<'_> {
                 tally.broken += usize::from(is_broken);
             }
         }
-        Ok(())
+        Ok(tally)
     }
 
     fn keep(
@@ -579,8 +529,10 @@ impl Runner<'_> {
             result,
         };
         let text = serde_json::to_string_pretty(&outcome)? + "\n";
-        shader_text::files::write_file(&task.file, text.into_bytes())
-            .map_err(|e| Failure(format!("error: {e}")))
+        Ok(shader_text::files::write_file(
+            &task.file,
+            text.into_bytes(),
+        )?)
     }
 
     /// What a job's own process found, or why it found nothing.

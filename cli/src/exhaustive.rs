@@ -2,18 +2,14 @@
 
 use std::path::Path;
 
-use clap::CommandFactory;
-use preshade_draw::render::{AdapterChoice, Gpu, cards};
-use preshade_draw::scene::Scene;
-use preshade_lab::jobs::{EVERY, Exhaustive, Kind, Outcome, Results, adapter_id};
-use preshade_lab::measure::{self, Session};
+use preshade_draw::render::{Gpu, cards};
+use preshade_lab::jobs::{Exhaustive, Outcome, Results, adapter_id, files};
+use preshade_lab::measure::Session;
+use preshade_lab::search::plan as decide;
 use preshade_lab::search::plan::Model;
 use preshade_lab::search::plan::model::Observation;
-use preshade_lab::search::{candidates, plan as decide};
-use preshade_plan::budget::Budget;
-use preshade_plan::pass::Facts;
 use preshade_scenes::ShaderForm;
-use shader_text::files;
+use shader_text::files::File;
 
 use crate::evaluate::{self, Settings};
 use crate::input::ShaderArgs;
@@ -21,7 +17,7 @@ use crate::jobs::{self, Input};
 use crate::materials::Job;
 use crate::plan::{self, PlanArgs};
 use crate::verify::command;
-use crate::{Cli, Ending, Failure, Table, flags, merge, output, worker};
+use crate::{Ending, Failure, flags, output, worker};
 
 /// Flags of `plan` that are the parent's.
 const OF_THE_RUN: [&str; 10] = [
@@ -37,60 +33,29 @@ const OF_THE_RUN: [&str; 10] = [
     "workers",
 ];
 
-/// Checks that `plan` has these flags of `verify`.
-pub fn check_flags(words: &[String]) -> Result<(), Failure> {
-    let command = Cli::command();
-    let plan = command.find_subcommand("plan");
-    let known: Vec<&str> = plan
-        .into_iter()
-        .flat_map(clap::Command::get_arguments)
-        .filter_map(clap::Arg::get_long)
-        .collect();
-    match flags::without(words, &known).first() {
-        None => Ok(()),
-        Some(word) => Err(Failure(format!(
-            "error: {word} does not go with --exhaustive: `plan` has no such flag"
-        ))),
+/// Measures everything, or the scene of a job.
+pub fn run(args: &PlanArgs) -> Result<Ending, Failure> {
+    let (jobs, _) = args.inputs()?;
+    if args.lock || !args.is_timed() {
+        return Err(Failure(
+            "error: --exhaustive measures, and chooses nothing: it goes without --lock and --time \
+             no"
+            .to_owned(),
+        ));
     }
-}
-
-/// The job of a scene.
-pub fn job(
-    input: &Input<'_>,
-    scene: &Scene,
-    budget: Option<Budget>,
-    arguments: Vec<String>,
-) -> Result<preshade_lab::jobs::Job, Failure> {
-    let originals = measure::originals(scene);
-    let mut plans = Vec::new();
-    let recipes = candidates::recipes(budget)?;
-    for recipe in &recipes {
-        plans.extend(measure::variant(&originals, recipe, &Facts::default()).plans);
+    match (worker::is_job(), &jobs[..]) {
+        (false, _) => judged(args, &jobs),
+        (true, [job]) => measured(args, job),
+        (true, _) => Err(Failure("error: a job is one scene".to_owned())),
     }
-    let given = |flag: &str| {
-        let flag = format!("--{flag}=");
-        arguments
-            .iter()
-            .find_map(|word| word.strip_prefix(flag.as_str()))
-    };
-    let frames = given("frames").and_then(|n| n.parse().ok());
-    let (pictures, views) = jobs::estimate(scene, frames.unwrap_or(plan::FRAMES));
-    let seconds = given("seconds").and_then(|n| n.parse().ok());
-    let seconds = pictures * recipes.len() as f64 + views * seconds.unwrap_or(plan::SECONDS);
-    input.job((Kind::Time, seconds), EVERY, arguments, &plans)
 }
 
 /// Measures the scene of a job, and prints what was found.
-pub fn measured(args: &PlanArgs, jobs: &[Job]) -> Result<Ending, Failure> {
-    let [job] = jobs else {
-        return Err(Failure("error: a job is one scene".to_owned()));
-    };
+fn measured(args: &PlanArgs, job: &Job) -> Result<Ending, Failure> {
     let bar = output::bar();
-    let choice = args.adapter.clone();
-    let choice = choice.map_or(AdapterChoice::Best, AdapterChoice::Matching);
     // What takes a share of the adapter goes first: two of one process can lock each other out.
     let scene = plan::grouped(args, plan::scene(args, &job.shader)?)?;
-    let open = || worker::in_turns(Gpu::with_trust(&choice, args.limits.limits().trust())?);
+    let open = || plan::open(args);
     let known = args.probes.as_deref().map(|file| probes(file, open));
     let known = known.transpose()?;
     let gpu = open()?;
@@ -130,12 +95,12 @@ fn probes(
     }
     let (_, probes) = decide::probes::fit(&open()?, &mut |_| ())?;
     let bytes = serde_json::to_vec(&probes)?;
-    shader_text::files::write_file(file, bytes).map_err(|e| Failure(format!("error: {e}")))?;
+    shader_text::files::write_file(file, bytes)?;
     Ok(probes)
 }
 
 /// Measures everything, and holds the choices against it.
-pub fn run(args: &PlanArgs, inputs: &[Job]) -> Result<Ending, Failure> {
+fn judged(args: &PlanArgs, inputs: &[Job]) -> Result<Ending, Failure> {
     let arguments = flags::without(&args.flags, &OF_THE_RUN);
     let mut list = Vec::new();
     let mut failed = Vec::new();
@@ -178,8 +143,8 @@ pub fn run(args: &PlanArgs, inputs: &[Job]) -> Result<Ending, Failure> {
     let ids: Vec<String> = settings.models.iter().map(evaluate::Model::id).collect();
     let is_ours =
         |o: &Outcome| keys.contains(&o.job.key.as_str()) && ids.contains(&adapter_id(&o.adapter));
-    let outcomes = merge::outcomes(&[out])?.into_iter().filter(is_ours);
-    let results = Results::merge(outcomes, false).map_err(|e| Failure(format!("error: {e}")))?;
+    let outcomes = files::outcomes(&[out])?.into_iter().filter(is_ours);
+    let results = Results::merge(outcomes, false)?;
     let mut reports = results.regrets(plan::choosing(args), &command());
     for report in &mut reports {
         report.resolution = args.view.size();
@@ -193,35 +158,24 @@ pub fn run(args: &PlanArgs, inputs: &[Job]) -> Result<Ending, Failure> {
             }
         }));
     };
-    let (json, csv) = (report.to_json()?, report.csv());
-    let printed = match args.format {
-        Table::Human => output::table(&report.render()),
-        Table::Json => output::data(&json),
-        Table::Csv => output::data(&csv),
+    let forms = output::Answer {
+        table: report.render(),
+        json: report.to_json()?,
+        csv: report.csv(),
     };
-    let written = || -> Result<(), Failure> {
-        let Some(dir) = &args.out else { return Ok(()) };
-        let file = |name: &str, text: String| files::File {
-            name: name.to_owned(),
-            bytes: text.into_bytes(),
-        };
-        let files = [file("regret.json", json), file("regret.csv", csv)];
-        shader_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+    forms.tell(args.format, args.out.as_deref(), |dir| {
+        let files = [
+            File::text("regret.json", forms.json.clone()),
+            File::text("regret.csv", forms.csv.clone()),
+        ];
+        shader_text::files::write(dir, &files)?;
         Ok(())
-    };
-    output::both(printed, written(), args.out.as_deref())?;
-    match report.failed.len() {
-        0 => Ok(Ending::Fine),
-        n => Err(Failure(format!(
-            "error: {n} of {} inputs failed: {}",
-            inputs.len(),
-            report
-                .failed
-                .iter()
-                .map(|(name, _)| name.as_str())
-                .collect::<Vec<_>>()
-                .join(", ")
-        ))),
+    })?;
+    let failed = report.failed.iter().map(|(name, _)| name.clone());
+    let failed: Vec<String> = failed.collect();
+    match failed.is_empty() {
+        true => Ok(Ending::Fine),
+        false => Err(Failure::of_inputs(&failed, inputs.len())),
     }
 }
 
@@ -231,5 +185,5 @@ fn listed(
     arguments: Vec<String>,
 ) -> Result<preshade_lab::jobs::Job, Failure> {
     let input = Input::new(shader)?;
-    job(&input, &plan::scene(args, shader)?, args.budget, arguments)
+    jobs::exhaustive(&input, &plan::scene(args, shader)?, args.budget, arguments)
 }

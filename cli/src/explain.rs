@@ -8,7 +8,6 @@ use preshade_compiler::command::explain::{
 use preshade_compiler::command::explain_text;
 use preshade_compiler::command::rewrite::draws_depth_alone;
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{AdapterChoice, Gpu};
 use preshade_draw::scene::Scene;
 use preshade_lab::measure::{self, Detail, Session};
 use preshade_passes::transforms::specialize::SpecializeParams;
@@ -18,7 +17,7 @@ use preshade_scenes::ShaderForm;
 
 use crate::input::{Materials, ShaderArgs};
 use crate::view::ViewArgs;
-use crate::{Ending, Failure, Format, guesses, materials, output};
+use crate::{Ending, Failure, Format, guesses, materials, output, worker};
 
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -186,11 +185,7 @@ fn measured(
     let scene = args
         .view
         .of(args.shader.on(args.adapter.as_deref()).scene()?)?;
-    let choice = args
-        .adapter
-        .clone()
-        .map_or(AdapterChoice::Best, AdapterChoice::Matching);
-    let gpu = Gpu::with_trust(&choice, args.shader.limits.limits().trust())?;
+    let gpu = worker::open(args.adapter.as_deref(), &args.shader.limits.limits())?;
     guesses::tell(&scene);
     let scene = args.view.reduced(scene, &gpu, SOFTWARE_SIZE);
     let scene = match args.passes.is_empty() {

@@ -6,13 +6,14 @@ use std::sync::atomic::{AtomicU32, Ordering};
 use std::sync::{Mutex, PoisonError};
 use std::time::Duration;
 
-use preshade_draw::render::{self, AdapterChoice, Gpu};
+use preshade_draw::render::{self};
 use preshade_draw::scene::DrawOrder;
+use preshade_lab::measure::record::Report;
 use preshade_lab::search::explore::{self, Journal, Settings};
+use preshade_lab::verify::grouped;
 use preshade_lab::{measure, report};
 use preshade_passes::transforms::specialize::SpecializeParams;
 use preshade_plan::budget::{Budget, Metric};
-use preshade_plan::contract::Verdict;
 use preshade_scenes::ShaderForm;
 use shader_text::files::File;
 use shader_text::limits::Limits;
@@ -20,7 +21,7 @@ use shader_text::limits::Limits;
 use crate::input::ShaderArgs;
 use crate::variants::VariantArgs;
 use crate::verify::{
-    FormArg, OrderArg, check_budget, check_folder, command, grouped, parse_seconds,
+    FormArg, OrderArg, check_budget, check_folder, command, parse_seconds, recipes,
 };
 use crate::view::ViewArgs;
 use crate::{Ending, Failure, Table, evaluate, flags, guesses, materials, output, results, worker};
@@ -93,6 +94,14 @@ pub struct ExploreArgs {
     pub flags: Vec<String>,
 }
 
+impl ExploreArgs {
+    /// The folder of a scene below `--out`.
+    fn folder_of(&self, scene: &Path) -> Option<PathBuf> {
+        let out = self.out.as_ref();
+        out.map(|out| materials::folder_of(out, scene))
+    }
+}
+
 /// Flags that say what to measure, and how.
 const MEASURES: [&str; 15] = [
     "adapter",
@@ -163,11 +172,7 @@ pub fn run(args: &ExploreArgs) -> Result<Ending, Failure> {
     }
     match failed.is_empty() {
         true => Ok(outcome),
-        false => Err(Failure(format!(
-            "error: {} of {count} inputs failed: {}",
-            failed.len(),
-            failed.join(", ")
-        ))),
+        false => Err(Failure::of_inputs(&failed, count)),
     }
 }
 
@@ -187,10 +192,7 @@ fn in_order(args: &ExploreArgs, scenes: Vec<PathBuf>) -> Vec<Ended> {
     let mut all = Vec::new();
     for scene in scenes {
         let name = scene.display().to_string();
-        let out = args
-            .out
-            .as_ref()
-            .map(|out| materials::folder_of(out, &scene));
+        let out = args.folder_of(&scene);
         let shader = ShaderArgs {
             files: vec![scene],
             ..args.shader.clone()
@@ -217,26 +219,18 @@ fn side_by_side(
         .ok_or_else(|| Failure("error: there is no adapter".to_owned()))?;
     end_on_interrupt();
     let words = flags::without(&args.flags, &["adapter", "out", "workers"]);
-    let next = Mutex::new(scenes.into_iter());
     let all = Mutex::new(Vec::new());
-    std::thread::scope(|scope| {
-        for _ in 0..workers {
-            scope.spawn(|| {
-                while INTERRUPTS.load(Ordering::Relaxed) == 0 {
-                    let scene = next.lock().unwrap_or_else(PoisonError::into_inner).next();
-                    let Some(scene) = scene else { break };
-                    let out = args
-                        .out
-                        .as_ref()
-                        .map(|out| materials::folder_of(out, &scene));
-                    let ended = elsewhere(model, &words, &scene, (out.as_deref(), args.seconds));
-                    let name = scene.display().to_string();
-                    let mut all = all.lock().unwrap_or_else(PoisonError::into_inner);
-                    tell_failure(&name, &ended);
-                    all.push((name, ended));
-                }
-            });
+    worker::each(workers, &scenes, |_, scene| {
+        if INTERRUPTS.load(Ordering::Relaxed) > 0 {
+            return ControlFlow::Break(());
         }
+        let out = args.folder_of(scene);
+        let ended = elsewhere(model, &words, scene, (out.as_deref(), args.seconds));
+        let name = scene.display().to_string();
+        let mut all = all.lock().unwrap_or_else(PoisonError::into_inner);
+        tell_failure(&name, &ended);
+        all.push((name, ended));
+        ControlFlow::Continue(())
     });
     Ok(all.into_inner().unwrap_or_else(PoisonError::into_inner))
 }
@@ -282,7 +276,7 @@ fn end_on_interrupt() {
 
 /// Explores one scene or shader.
 fn one(args: &ExploreArgs, shader: &ShaderArgs, out: Option<&Path>) -> Result<Ending, Failure> {
-    let sweeps = args.variants.sweeps()?;
+    let recipes = recipes(&args.variants.sweeps()?);
     let mut scene = args.view.of(shader.on(args.adapter.as_deref()).scene()?)?;
     if let Some(order) = args.order {
         scene.orders = vec![DrawOrder::from(order)];
@@ -290,23 +284,14 @@ fn one(args: &ExploreArgs, shader: &ShaderArgs, out: Option<&Path>) -> Result<En
     check_budget(&scene, args.budget)?;
     let effects = measure::effects(&scene).unwrap_or_default();
     // Without a list of recipes, the search tries to specialise.
-    scene = match sweeps.is_empty() {
+    scene = match recipes.is_empty() {
         true => measure::grouped(&scene, &SpecializeParams::default(), measure::MOST_GROUPS)?,
-        false => grouped(scene, &sweeps)?,
+        false => grouped(scene, &recipes)?,
     };
-    let points = sweeps.into_iter().flat_map(|s| s.points);
-    let recipes = points.map(|p| p.recipe).collect();
     if let Some(dir) = out {
         check_folder(dir)?;
     }
-    let choice = args
-        .adapter
-        .clone()
-        .map_or(AdapterChoice::Best, AdapterChoice::Matching);
-    let gpu = worker::in_turns(Gpu::with_trust(
-        &choice,
-        args.shader.limits.limits().trust(),
-    )?)?;
+    let gpu = worker::open(args.adapter.as_deref(), &args.shader.limits.limits())?;
     guesses::tell(&scene);
     scene = args.view.reduced(scene, &gpu, SOFTWARE_SIZE);
     let mut journal = match out {
@@ -353,41 +338,24 @@ fn one(args: &ExploreArgs, shader: &ShaderArgs, out: Option<&Path>) -> Result<En
             "warning: what was measured is not kept: {trouble}"
         ));
     }
-    // Print before writing: a full disk then loses no results.
     let exploration = &found.exploration;
-    let json = serde_json::to_string_pretty(exploration)? + "\n";
-    let csv = report::frontier::csv(exploration);
-    let table = report::frontier::table(exploration);
-    let printed = match args.format {
-        Table::Human => output::table(&table),
-        Table::Json => output::data(&json),
-        Table::Csv => output::data(&csv),
+    let forms = output::Answer {
+        table: report::frontier::table(exploration),
+        json: serde_json::to_string_pretty(exploration)? + "\n",
+        csv: report::frontier::csv(exploration),
     };
-    let written = || -> Result<(), Failure> {
-        let Some(dir) = out else { return Ok(()) };
-        let html = report::html::explore::page(&found, &scene, &effects)?;
-        let file = |name: &str, text: String| File {
-            name: name.to_owned(),
-            bytes: text.into_bytes(),
-        };
+    forms.tell(args.format, out, |dir| {
+        let page = report::html::explore::page(&found, &scene, &effects)?;
         let files = [
-            file("report.html", html),
-            file("report.json", json),
-            file("report.csv", csv),
+            File::text("report.html", page),
+            File::text("report.json", forms.json.clone()),
+            File::text("report.csv", forms.csv.clone()),
         ];
-        shader_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        shader_text::files::write(dir, &files)?;
         output::message(&format!("wrote {}", dir.join("report.html").display()));
         Ok(())
-    };
-    output::both(printed, written(), out)?;
-    let broken = exploration.report.as_ref().is_some_and(|r| {
-        r.variants
-            .iter()
-            .any(|v| matches!(v.verdict, Verdict::Broken { .. }))
-    });
-    Ok(match broken {
-        true => Ending::ContractBroken,
-        false if report::frontier::is_unmeasured(exploration) => Ending::NotMeasured,
-        false => Ending::Fine,
-    })
+    })?;
+    let is_broken = exploration.report.as_ref().is_some_and(Report::is_broken);
+    let is_unmeasured = report::frontier::is_unmeasured(exploration);
+    Ok(Ending::of(is_broken, is_unmeasured))
 }

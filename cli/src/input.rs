@@ -9,7 +9,7 @@ use naga_edit::interface;
 use preshade_compiler::command::material::{define, name_of, reads_facing};
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{AdapterChoice, Gpu, Rendered};
+use preshade_draw::render::{Gpu, Rendered};
 use preshade_draw::scene::{self, Material, Scene};
 use preshade_frames::file::Api;
 use preshade_frames::folder::Capture;
@@ -23,9 +23,10 @@ use preshade_scenes::{Variable, Variables, capture};
 use shader_text::source::Language;
 use shader_text::{options, regular};
 
+use crate::file_names::{self, captured, from_here, is_gltf, is_scene, is_stdin};
 use crate::limits::LimitArgs;
 use crate::state::StateArgs;
-use crate::{Failure, materials, output, worker};
+use crate::{Failure, output, worker};
 
 /// A shader and its pipeline state, or a scene.
 #[derive(Clone, Default, clap::Args)]
@@ -170,11 +171,6 @@ enum Purpose {
     Read,
     /// It draws the scene, so textures that a captured frame drew are replayed.
     Draw,
-}
-
-/// The folder of a captured frame.
-fn captured(file: &Path) -> Option<&Path> {
-    preshade_frames::folder::is_file(file).then(|| file.parent().unwrap_or(Path::new(".")))
 }
 
 pub enum Input {
@@ -434,7 +430,7 @@ impl ShaderArgs {
         if parsed.fragment.is_some() || !is_glsl || !writes_varyings {
             return Ok(());
         }
-        let its = match materials::fragment_beside(file) {
+        let its = match file_names::fragment_beside(file) {
             Some(beside) => beside.display().to_string(),
             None => "its .frag".to_owned(),
         };
@@ -491,15 +487,13 @@ impl ShaderArgs {
             pictures.variant.file("frame.replay.png")?,
             pictures.difference.file("frame.difference.png")?,
         ];
-        shader_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        shader_text::files::write(dir, &files)?;
         Ok(())
     }
 
     /// The adapter that replays captured frames.
     fn replay_gpu(&self) -> Result<Gpu, Failure> {
-        let on = self.replay_on.clone();
-        let on = on.map_or(AdapterChoice::Best, AdapterChoice::Matching);
-        worker::in_turns(Gpu::with_trust(&on, self.limits.limits().trust())?)
+        worker::open(self.replay_on.as_deref(), &self.limits.limits())
     }
 
     /// The scene of a captured frame.
@@ -591,7 +585,7 @@ impl ShaderArgs {
         front::parse(&self.sources()?, &self.options()?).map_err(|e| {
             let mut told = e.render(color());
             // Two stages by their names are one material.
-            let two_materials = !self.files.iter().all(|f| materials::is_stage(f))
+            let two_materials = !self.files.iter().all(|f| file_names::is_stage(f))
                 && matches!(
                     e.code(),
                     shader_text::error::Code::Link
@@ -658,7 +652,7 @@ impl ShaderArgs {
             )));
         }
         let bytes = regular::bytes(path, &self.limits.limits(), "source-bytes")
-            .map_err(|e| unread(path, &e))?;
+            .map_err(|e| Failure::unread(path, &e))?;
         let Some(name) = path.to_str().map(str::to_owned) else {
             return Err(Failure(format!(
                 "error: {}: the name is not UTF-8, and neither a rule nor a plan could say it: \
@@ -688,30 +682,6 @@ impl ShaderArgs {
 const EACH_ITS_OWN: &str = "`preshade rewrite .. --out-dir DIR` takes each file as a material of \
                             its own, and every shader below a folder";
 
-/// Whether a file is a scene, by its ending, or a captured frame's.
-pub fn is_scene(path: &Path) -> bool {
-    path.extension().is_some_and(|e| e == "toml") || is_gltf(path) || captured(path).is_some()
-}
-
-/// Whether a file is glTF, by its ending.
-pub fn is_gltf(path: &Path) -> bool {
-    let ending = path.extension().unwrap_or_default().to_ascii_lowercase();
-    ending == "glb" || ending == "gltf"
-}
-
-pub fn is_stdin(path: &Path) -> bool {
-    path == Path::new("-")
-}
-
-/// The error of a file that cannot be read.
-pub fn unread(path: &Path, error: &regular::ReadError) -> Failure {
-    let remedy = match error {
-        regular::ReadError::TooLarge(exceeded) => format!("\n = {}", exceeded.remedy()),
-        _ => String::new(),
-    };
-    Failure(format!("error: {}: {error}{remedy}", path.display()))
-}
-
 fn decoded(name: String, bytes: Vec<u8>) -> Result<Source, Failure> {
     let shown = name.trim_matches(['<', '>']).to_owned();
     Source::from_bytes(name, bytes).map_err(|e| Failure(format!("error: {shown}: {e}")))
@@ -723,11 +693,4 @@ fn color() -> shader_text::error::Color {
     } else {
         shader_text::error::Color::Never
     }
-}
-
-/// A path from the current folder, if it lies below it. Elsewhere that folder may have another name.
-pub fn from_here(path: &Path) -> &Path {
-    let here = std::env::current_dir().and_then(|d| d.canonicalize());
-    let below = here.ok().and_then(|here| path.strip_prefix(here).ok());
-    below.unwrap_or(path)
 }

@@ -3,20 +3,23 @@
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 
+use clap::CommandFactory;
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::scene::Scene;
-use preshade_lab::jobs::{self, JOB_SCHEMA, Kind};
+use preshade_lab::jobs::{self, EVERY, JOB_SCHEMA, Kind};
 use preshade_lab::measure;
 use preshade_lab::search::candidates;
 use preshade_passes::transforms::specialize::Specialize;
-use preshade_plan::pass::Pass;
+use preshade_plan::budget::Budget;
+use preshade_plan::pass::{Facts, Pass};
 use preshade_plan::plan::Plan;
 use preshade_scenes::Variables;
 
-use crate::input::{self, ShaderArgs};
+use crate::file_names::from_here;
+use crate::input::ShaderArgs;
 use crate::materials::{Chosen, Job};
 use crate::verify::{self, TimeArg, VerifyArgs};
-use crate::{Ending, Failure, exhaustive, flags, output, promises};
+use crate::{Cli, Ending, Failure, flags, output, plan, promises};
 
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -122,7 +125,7 @@ impl<'a> Input<'a> {
         let hashed = |path: PathBuf| {
             let bytes = std::fs::read(&path)
                 .map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
-            let name = input::from_here(&path).display().to_string();
+            let name = from_here(&path).display().to_string();
             Ok((name, jobs::hash(&bytes)))
         };
         Ok(Self {
@@ -162,13 +165,56 @@ impl<'a> Input<'a> {
 }
 
 /// Estimated seconds for pictures of a scene's views on a fast GPU, and the number of views.
-pub fn estimate(scene: &Scene, frames_per_camera: usize) -> (f64, f64) {
+fn estimate(scene: &Scene, frames_per_camera: usize) -> (f64, f64) {
     let cameras = scene.cameras.iter();
     let frames: usize = cameras.map(|c| c.frames.len().min(frames_per_camera)).sum();
     let views = (frames * scene.orders.len().max(1)) as f64;
     let megapixels = f64::from(scene.size[0]) * f64::from(scene.size[1]) / 1e6;
     let pictures = SECONDS_TO_START + 2.0 * views * megapixels * SECONDS_A_MEGAPIXEL;
     (pictures, views)
+}
+
+/// Checks that `plan` has these flags of `verify`.
+fn check_flags(words: &[String]) -> Result<(), Failure> {
+    let command = Cli::command();
+    let plan = command.find_subcommand("plan");
+    let known: Vec<&str> = plan
+        .into_iter()
+        .flat_map(clap::Command::get_arguments)
+        .filter_map(clap::Arg::get_long)
+        .collect();
+    match flags::without(words, &known).first() {
+        None => Ok(()),
+        Some(word) => Err(Failure(format!(
+            "error: {word} does not go with --exhaustive: `plan` has no such flag"
+        ))),
+    }
+}
+
+/// The job of every candidate of a scene.
+pub fn exhaustive(
+    input: &Input<'_>,
+    scene: &Scene,
+    budget: Option<Budget>,
+    arguments: Vec<String>,
+) -> Result<jobs::Job, Failure> {
+    let originals = measure::originals(scene);
+    let mut plans = Vec::new();
+    let recipes = candidates::recipes(budget)?;
+    for recipe in &recipes {
+        plans.extend(measure::variant(&originals, recipe, &Facts::default()).plans);
+    }
+    let given = |flag: &str| {
+        let flag = format!("--{flag}=");
+        arguments
+            .iter()
+            .find_map(|word| word.strip_prefix(flag.as_str()))
+    };
+    let frames = given("frames").and_then(|n| n.parse().ok());
+    let (pictures, views) = estimate(scene, frames.unwrap_or(plan::FRAMES));
+    let seconds = given("seconds").and_then(|n| n.parse().ok());
+    let seconds = pictures * recipes.len() as f64 + views * seconds.unwrap_or(plan::SECONDS);
+    input.job((Kind::Time, seconds), EVERY, arguments, &plans)
 }
 
 struct List<'a> {
@@ -184,18 +230,18 @@ impl<'a> List<'a> {
         let verify = &args.verify;
         let given = verify::recipes(&verify.variants.sweeps()?);
         let mut declared = match verify.every_pass {
-            true => promises::every_pass()?,
+            true => candidates::every_pass()?,
             false => Vec::new(),
         };
         if args.explore {
             declared.extend(candidates::recipes(verify.budget)?);
         }
         if given.is_empty() && declared.is_empty() {
-            declared = verify::recipes(&verify::by_default()?);
+            declared = verify::recipes(&candidates::by_default()?);
         }
         let mut arguments = flags::without(&verify.flags, &["explore", "exhaustive", "only-on"]);
         if args.exhaustive {
-            exhaustive::check_flags(&arguments)?;
+            check_flags(&arguments)?;
         } else {
             arguments = flags::without(&arguments, &promises::OF_SEVERAL);
         }
@@ -213,7 +259,7 @@ impl<'a> List<'a> {
         let input = Input::new(&job.shader)?;
         let scene = verify::scene(verify, &job.shader, &Variables::new())?;
         let mut found = match self.args.exhaustive {
-            true => vec![exhaustive::job(
+            true => vec![exhaustive(
                 &input,
                 &scene,
                 verify.budget,

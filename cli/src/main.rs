@@ -15,6 +15,7 @@ use config::{Arguments, Config};
 use preshade_draw::render::NOT_MEASURED;
 use shader_text::limits::Limits;
 use shader_text::nearest::unknown;
+use shader_text::regular::ReadError;
 use watch::Reads;
 
 mod adapters;
@@ -33,13 +34,13 @@ mod evaluate;
 mod exhaustive;
 mod explain;
 mod explore;
+mod file_names;
 mod flags;
 mod fleet;
 mod graph;
 mod guesses;
 mod hints;
 mod input;
-mod isolated;
 mod jobs;
 mod limits;
 mod lock;
@@ -177,7 +178,14 @@ impl Command {
             Self::Passes(a) => passes::run(a),
             Self::Rewrite(a) => rewrite::run(a, config),
             Self::Agree(a) => agree::run(a),
-            Self::Verify(a) => verify::run(a),
+            Self::Verify(a) => {
+                let sweeps = a.sweeps()?;
+                match a.jobs()? {
+                    Some(jobs) => promises::run(a, &jobs, &sweeps),
+                    None => verify::run(a, &sweeps),
+                }
+            }
+            Self::Plan(a) if a.exhaustive => exhaustive::run(a),
             Self::Plan(a) => plan::run(a),
             Self::Profile(a) => profile::run(a),
             Self::Explore(a) => explore::run(a),
@@ -270,11 +278,39 @@ pub enum Ending {
     NotMeasured,
 }
 
+impl Ending {
+    pub fn of(is_broken: bool, is_unmeasured: bool) -> Self {
+        match is_broken {
+            true => Self::ContractBroken,
+            false if is_unmeasured => Self::NotMeasured,
+            false => Self::Fine,
+        }
+    }
+}
+
 /// Bad usage or input, as a message to print.
 #[derive(Debug)]
 pub struct Failure(pub String);
 
 impl Failure {
+    /// A file that cannot be read.
+    pub fn unread(path: &Path, error: &ReadError) -> Self {
+        let remedy = match error {
+            ReadError::TooLarge(exceeded) => format!("\n = {}", exceeded.remedy()),
+            _ => String::new(),
+        };
+        Self(format!("error: {}: {error}{remedy}", path.display()))
+    }
+
+    /// Some of `count` inputs failed.
+    pub fn of_inputs(failed: &[String], count: usize) -> Self {
+        Self(format!(
+            "error: {} of {count} inputs failed: {}",
+            failed.len(),
+            failed.join(", ")
+        ))
+    }
+
     /// There is no `what` of that name. Suggests the nearest name, and lists all.
     pub fn unknown(what: &str, name: &str, known: &[&str]) -> Self {
         Self(format!("error: {}", unknown(what, name, known)))
@@ -411,8 +447,16 @@ fn run(arguments: &[OsString]) -> Result<Ending, Failure> {
     let Some(wanted) = &cli.command else {
         return Err(no_command());
     };
-    if let Some(limits) = wanted.limits().filter(|_| !cli.watch) {
-        bounded::start(&limits, wants_json(&matches));
+    let is_bounded = !cli.watch && worker::mine().is_none();
+    if let Some(limits) = wanted.limits().filter(|_| is_bounded) {
+        let tell: fn(&str) = match wants_json(&matches) {
+            false => output::message,
+            true => |why| {
+                output::message(why);
+                output::failed(why);
+            },
+        };
+        bounded::start(&limits, tell);
     }
     let is_asked = matches.value_source("watch") == Some(ValueSource::CommandLine);
     // `--watch` parses the command line again in each round.

@@ -59,9 +59,7 @@ pub fn run(args: &ManArgs, mut command: clap::Command) -> Result<Ending, Failure
     for sub in all() {
         pages.push(of(sub)?);
     }
-    for path in
-        shader_text::files::write(folder, &pages).map_err(|e| Failure(format!("error: {e}")))?
-    {
+    for path in shader_text::files::write(folder, &pages)? {
         output::message(&format!("wrote {}", path.display()));
     }
     Ok(Ending::Fine)

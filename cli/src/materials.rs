@@ -7,7 +7,8 @@ use std::path::{Component, Path, PathBuf};
 
 use preshade_plan::pass::Refusal;
 
-use crate::input::{self, ShaderArgs, is_stdin};
+use crate::file_names::{self, Name, is_gltf, is_shader, is_stage, name};
+use crate::input::ShaderArgs;
 use crate::{Failure, config};
 
 /// One material, or the materials of one scene.
@@ -60,8 +61,7 @@ pub fn inputs(shader: &ShaderArgs) -> Result<Option<Vec<Job>>, Failure> {
 pub fn drawn(mut shader: ShaderArgs) -> Result<Vec<Job>, Failure> {
     shader.files = scenes(&shader.files)?;
     let files = shader.files.clone();
-    let is_stage = |file: &PathBuf| matches!(name(file), Name::Stages(_));
-    if files.len() == 2 && files.iter().all(is_stage) {
+    if files.len() == 2 && files.iter().all(|f| is_stage(f)) {
         shader.files = vertex_first(files);
         return Ok(vec![Job {
             shader,
@@ -218,60 +218,6 @@ fn below(path: &Path) -> PathBuf {
     }
 }
 
-/// Endings for stages. The language's ending may follow.
-const STAGES: [&str; 4] = ["vert", "frag", "vs", "fs"];
-
-fn ending(path: &Path) -> &str {
-    path.extension()
-        .and_then(|e| e.to_str())
-        .unwrap_or_default()
-}
-
-/// The common name of a material's files.
-#[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Name {
-    /// A file with all stages.
-    Whole(String),
-    /// The name without the stage, but with the language: a WGSL and a GLSL file are two materials.
-    Stages(String),
-}
-
-/// Whether a file is one stage by its ending, before which the language's may stand.
-pub fn is_stage(file: &Path) -> bool {
-    matches!(name(file), Name::Stages(_))
-}
-
-fn name(file: &Path) -> Name {
-    let name = |path: &Path| {
-        path.file_stem()
-            .unwrap_or_default()
-            .to_string_lossy()
-            .into_owned()
-    };
-    if is_stdin(file) {
-        // Given twice, it is two stages, which the reader refuses.
-        return Name::Stages("-".to_owned());
-    }
-    let (stem, last) = (name(file), ending(file));
-    let inner = ending(Path::new(&stem)).to_owned();
-    match (STAGES.contains(&last), STAGES.contains(&inner.as_str())) {
-        (true, _) => Name::Stages(format!("{stem}.glsl")),
-        (false, true) => Name::Stages(format!("{}.{last}", name(Path::new(&stem)))),
-        (false, false) => Name::Whole(format!("{stem}.{last}")),
-    }
-}
-
-/// The fragment file of a vertex file, if it lies beside it.
-pub fn fragment_beside(vertex: &Path) -> Option<PathBuf> {
-    let own = vertex.file_name()?.to_str()?;
-    let pairs = [(".vert", ".frag"), (".vs", ".fs")];
-    let mut names = pairs.iter().map(|(of, other)| own.replace(of, other));
-    names.find_map(|name| {
-        let beside = vertex.with_file_name(&name);
-        (name != own && beside.is_file()).then_some(beside)
-    })
-}
-
 /// Endings of stages that run between the two of a material.
 const BETWEEN: [&str; 3] = ["geom", "tesc", "tese"];
 
@@ -335,7 +281,7 @@ pub fn scenes(paths: &[PathBuf]) -> Result<Vec<PathBuf>, Failure> {
 
 /// Whether a file is a scene, and not the configuration file, or a captured frame.
 pub fn is_scene(path: &Path) -> bool {
-    input::is_scene(path) && path.file_name() != Some(config::FILE.as_ref())
+    file_names::is_scene(path) && path.file_name() != Some(config::FILE.as_ref())
 }
 
 /// Whether a file of a folder is a scene. Beside other scenes, a glTF file is a mesh of theirs.
@@ -343,9 +289,9 @@ fn is_scene_of_folder(path: &Path) -> bool {
     let has_others = || {
         let beside = path.parent().and_then(|folder| folder.read_dir().ok());
         let mut beside = beside.into_iter().flatten().flatten().map(|e| e.path());
-        beside.any(|f| is_scene(&f) && !input::is_gltf(&f))
+        beside.any(|f| is_scene(&f) && !is_gltf(&f))
     };
-    is_scene(path) && (!input::is_gltf(path) || !has_others())
+    is_scene(path) && (!is_gltf(path) || !has_others())
 }
 
 /// Refuses scenes that would share a folder below `--out`.
@@ -369,14 +315,6 @@ pub fn told_apart(scenes: &[PathBuf]) -> Result<(), Failure> {
 /// The folder of a scene below `out`.
 pub fn folder_of(out: &Path, scene: &Path) -> PathBuf {
     out.join(scene.file_stem().unwrap_or_default())
-}
-
-/// Whether a file is a shader by its ending.
-pub fn is_shader(path: &Path) -> bool {
-    let ending = ending(path);
-    ["wgsl", "glsl", "slang", "spv"].contains(&ending)
-        || STAGES.contains(&ending)
-        || (cfg!(feature = "wesl") && ending == "wesl")
 }
 
 /// The wanted files below a folder, sorted, except for those below `out`, which are our own output.

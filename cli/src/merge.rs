@@ -1,15 +1,12 @@
 //! `preshade merge`: the union of the results of `evaluate`.
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
-use preshade_lab::jobs::{
-    Answer, FleetAdapter, Job, MACHINE_SCHEMA, Machine, OUTCOME_SCHEMA, Outcome, Results, fleet,
-};
+use preshade_lab::jobs::{self, Answer, FleetAdapter, Job, Results, fleet};
 use preshade_lab::report;
 use preshade_lab::search::plan::regret::Choosing;
 use shader_text::files;
 
-use crate::evaluate::{self, EXTENSION, MACHINES};
 use crate::{Ending, Failure, Table, output, verify};
 
 #[derive(clap::Args)]
@@ -50,9 +47,9 @@ pub struct MergeArgs {
 }
 
 pub fn run(args: &MergeArgs) -> Result<Ending, Failure> {
-    let outcomes = outcomes(&args.results)?;
+    let outcomes = jobs::files::outcomes(&args.results)?;
     let machines = match args.adapters {
-        true => machines(&args.results)?,
+        true => jobs::files::machines(&args.results)?,
         false => Vec::new(),
     };
     if outcomes.is_empty() && machines.is_empty() {
@@ -60,25 +57,20 @@ pub fn run(args: &MergeArgs) -> Result<Ending, Failure> {
             "error: no result is in the folders given: `evaluate --out` writes them".to_owned(),
         ));
     }
-    let results =
-        Results::merge(outcomes, args.mix_versions).map_err(|e| Failure(format!("error: {e}")))?;
+    let results = Results::merge(outcomes, args.mix_versions)?;
     if let Some(list) = &args.jobs {
-        output::message(&standing(&evaluate::read(list)?, &results));
+        output::message(&standing(&jobs::files::jobs(list)?, &results));
     }
     let json = results.to_json()?;
     if let Some(path) = &args.out {
-        shader_text::files::write_file(path, json.clone().into_bytes())
-            .map_err(|e| Failure(format!("error: {e}")))?;
+        files::write_file(path, json.clone().into_bytes())?;
         output::message(&format!("wrote {}", path.display()));
     }
     let command = verify::command();
     let regrets = results.regrets(Choosing::default(), &command);
     if let Some(dir) = &args.html {
-        let page = files::File {
-            name: "index.html".to_owned(),
-            bytes: report::html::merged::page(&results, &regrets, &command)?.into_bytes(),
-        };
-        shader_text::files::write(dir, &[page]).map_err(|e| Failure(format!("error: {e}")))?;
+        let page = report::html::merged::page(&results, &regrets, &command)?;
+        files::write(dir, &[files::File::text("index.html", page)])?;
         output::message(&format!("wrote {}", dir.join("index.html").display()));
     }
     match args.format {
@@ -98,10 +90,7 @@ pub fn run(args: &MergeArgs) -> Result<Ending, Failure> {
         Answer::Failed { .. } => Vec::new(),
     });
     let mut is_broken = is_broken.map(|measured| measured.found.is_broken());
-    Ok(match is_broken.any(|broken| broken) {
-        true => Ending::ContractBroken,
-        false => Ending::Fine,
-    })
+    Ok(Ending::of(is_broken.any(|broken| broken), false))
 }
 
 /// How many of these jobs have results on some adapter.
@@ -137,77 +126,5 @@ fn print(adapters: &[FleetAdapter], format: Table) -> Result<(), Failure> {
             schema: "preshade.fleet.v1",
             adapters,
         }),
-    }
-}
-
-/// The results in folders, or in files.
-pub fn outcomes(paths: &[PathBuf]) -> Result<Vec<Outcome>, Failure> {
-    let mut outcomes = Vec::new();
-    for path in paths {
-        for file in files(path, EXTENSION)? {
-            outcomes.push(read(&file)?);
-        }
-    }
-    Ok(outcomes)
-}
-
-/// The machines in folders, or in files.
-fn machines(paths: &[PathBuf]) -> Result<Vec<Machine>, Failure> {
-    let mut machines = Vec::new();
-    for path in paths {
-        for file in files(path, MACHINES)? {
-            let machine: Machine = parsed(&file)?;
-            checked(&file, &machine.schema, MACHINE_SCHEMA)?;
-            machines.push(machine);
-        }
-    }
-    Ok(machines)
-}
-
-/// The files of a folder whose names end so, or the one file. One of the other kind is none.
-fn files(path: &Path, extension: &str) -> Result<Vec<PathBuf>, Failure> {
-    let failed = |e: std::io::Error| Failure(format!("error: {}: {e}", path.display()));
-    let ends = |file: &Path, extension: &str| {
-        let name = file.file_name().unwrap_or_default().to_string_lossy();
-        // A file that is being written has another name until it is whole.
-        name.ends_with(extension) && !name.starts_with('.')
-    };
-    if !path.is_dir() {
-        let is_of_machine = ends(path, MACHINES);
-        return Ok(match is_of_machine == (extension == MACHINES) {
-            true => vec![path.to_owned()],
-            false => Vec::new(),
-        });
-    }
-    let mut found = Vec::new();
-    for entry in std::fs::read_dir(path).map_err(failed)? {
-        let file = entry.map_err(failed)?.path();
-        if ends(&file, extension) {
-            found.push(file);
-        }
-    }
-    found.sort();
-    Ok(found)
-}
-
-pub fn read(file: &Path) -> Result<Outcome, Failure> {
-    let outcome: Outcome = parsed(file)?;
-    checked(file, &outcome.schema, OUTCOME_SCHEMA)?;
-    Ok(outcome)
-}
-
-fn parsed<T: serde::de::DeserializeOwned>(file: &Path) -> Result<T, Failure> {
-    let failed = |e: &dyn std::fmt::Display| Failure(format!("error: {}: {e}", file.display()));
-    let bytes = std::fs::read(file).map_err(|e| failed(&e))?;
-    serde_json::from_slice(&bytes).map_err(|e| failed(&format!("it is no result of a job: {e}")))
-}
-
-fn checked(file: &Path, schema: &str, read: &str) -> Result<(), Failure> {
-    match schema == read {
-        true => Ok(()),
-        false => Err(Failure(format!(
-            "error: {}: its schema is `{schema}`, and this version reads `{read}`",
-            file.display()
-        ))),
     }
 }

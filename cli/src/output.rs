@@ -9,7 +9,7 @@ use std::time::{Duration, Instant};
 use indicatif::{ProgressBar, ProgressStyle};
 use preshade_lab::report::plain::is_obeyed;
 
-use crate::{Failure, bounded, worker};
+use crate::{Failure, Table, bounded, worker};
 
 /// Whether anything was printed to stdout.
 static HAS_DATA: AtomicBool = AtomicBool::new(false);
@@ -70,6 +70,35 @@ fn plain(text: &str) -> String {
 /// Prints `value` to stdout as JSON.
 pub fn json(value: &impl serde::Serialize) -> Result<(), Failure> {
     data(&serde_json::to_string_pretty(value)?)
+}
+
+/// What a command found, in the forms that it prints.
+pub struct Answer {
+    pub table: String,
+    pub json: String,
+    pub csv: String,
+}
+
+impl Answer {
+    pub fn print(&self, form: Table) -> Result<(), Failure> {
+        match form {
+            Table::Human => table(&self.table),
+            Table::Json => data(&self.json),
+            Table::Csv => data(&self.csv),
+        }
+    }
+
+    /// Prints, and then writes what `files` gives to the folder, if there is one: a full disk must not lose
+    /// what was measured.
+    pub fn tell(
+        &self,
+        form: Table,
+        folder: Option<&Path>,
+        files: impl FnOnce(&Path) -> Result<(), Failure>,
+    ) -> Result<(), Failure> {
+        let printed = self.print(form);
+        both(printed, folder.map_or(Ok(()), files), folder)
+    }
 }
 
 /// Combines the results of printing and of writing to a folder. If one fails, the message names the

@@ -1,7 +1,6 @@
 //! `preshade plan`: decides by measurement which recipe each material of a scene needs on an
 //! adapter.
 
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
@@ -9,9 +8,9 @@ use preshade_compiler::command::explain::EffectUse;
 use preshade_compiler::command::rewrite;
 use preshade_compiler::emit;
 use preshade_compiler::recipe::Recipe;
-use preshade_draw::render::{AdapterChoice, Gpu};
+use preshade_draw::render::Gpu;
 use preshade_draw::scene::{DrawOrder, Rows, Scene};
-use preshade_lab::measure::{self, Detail, Session, TimingSettings, Variant};
+use preshade_lab::measure::{self, Session, TimingSettings, Variant};
 use preshade_lab::report;
 use preshade_lab::report::html::plan::Redrawn;
 use preshade_lab::search::plan as decide;
@@ -23,9 +22,10 @@ use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
 use preshade_plan::plan_file::Target;
 use preshade_scenes::ShaderForm;
-use shader_text::{files, regular};
+use shader_text::files::File;
+use shader_text::regular;
 
-use crate::input::{self, FrameArgs, ShaderArgs, unread};
+use crate::input::{self, FrameArgs, ShaderArgs};
 use crate::limits::LimitArgs;
 use crate::lock::{self, Locks};
 use crate::materials::{self, Job};
@@ -34,7 +34,7 @@ use crate::rewrite::check_name;
 use crate::scenes::{KeptScenes, reopened};
 use crate::verify::{OrderArg, check_budget, check_folder, parse_frames, parse_seconds};
 use crate::view::ViewArgs;
-use crate::{Ending, Failure, Table, exhaustive, guesses, results, worker};
+use crate::{Ending, Failure, Table, guesses, results, worker};
 
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -97,7 +97,7 @@ pub struct PlanArgs {
     /// Measure every candidate in every view of every scene, and tell what the choices regret.
     /// Every other scene is held out of the fit.
     #[arg(long)]
-    exhaustive: bool,
+    pub exhaustive: bool,
     /// Draw nothing: choose the variant that holds everywhere and pays on most adapters of these merged
     /// results, and the best for each adapter alone.
     #[arg(long, value_name = "FILE", conflicts_with_all = MEASURES)]
@@ -112,7 +112,7 @@ pub struct PlanArgs {
     /// Keep the choice in `preshade.lock` beside each material's shader: build scripts obey it. Of
     /// a policy with a switch, the plan below it.
     #[arg(long)]
-    lock: bool,
+    pub lock: bool,
     /// With --exhaustive, scenes at once; default: one for each card. While one times, the others compile
     /// and compare.
     #[arg(long, value_name = "N", requires = "exhaustive", value_parser = clap::value_parser!(u16).range(1..))]
@@ -169,7 +169,6 @@ impl PlanArgs {
         scenes.chain(below).collect()
     }
 
-    /// The scenes and the bare shaders.
     fn jobs(&self) -> Result<Vec<Job>, Failure> {
         materials::drawn(ShaderArgs {
             files: self.scenes.clone(),
@@ -179,6 +178,21 @@ impl PlanArgs {
             replay_on: self.adapter.clone(),
             ..ShaderArgs::default()
         })
+    }
+
+    /// The scenes and the bare shaders with their paths, each with a folder of its own below `--out`.
+    pub fn inputs(&self) -> Result<(Vec<Job>, Vec<PathBuf>), Failure> {
+        let jobs = self.jobs()?;
+        let scenes: Vec<PathBuf> = jobs.iter().map(path_of).collect();
+        if let Some(out) = &self.out {
+            check_folder(out)?;
+            materials::told_apart(&scenes)?;
+        }
+        Ok((jobs, scenes))
+    }
+
+    pub fn is_timed(&self) -> bool {
+        self.time == TimeArg::Yes
     }
 
     /// The folders that it finds scenes in.
@@ -195,14 +209,9 @@ enum TimeArg {
     Yes,
 }
 
-/// Plans a scene, or judges the planning of several.
+/// Plans a scene, or several.
 pub fn run(args: &PlanArgs) -> Result<Ending, Failure> {
-    let jobs = args.jobs()?;
-    let scenes: Vec<PathBuf> = jobs.iter().map(path_of).collect();
-    if let Some(out) = &args.out {
-        check_folder(out)?;
-        materials::told_apart(&scenes)?;
-    }
+    let (jobs, scenes) = args.inputs()?;
     if let Some(file) = &args.results {
         let to = results::To {
             format: args.format,
@@ -210,17 +219,10 @@ pub fn run(args: &PlanArgs) -> Result<Ending, Failure> {
         };
         return results::plan(file, &jobs, &to);
     }
-    if scenes.len() > 1 && !args.exhaustive && args.format != Table::Human {
+    if scenes.len() > 1 && args.format != Table::Human {
         return Err(Failure(
             "error: --format json and csv are of one scene; of several --out keeps one each"
                 .to_owned(),
-        ));
-    }
-    if args.exhaustive && (args.lock || args.time == TimeArg::No) {
-        return Err(Failure(
-            "error: --exhaustive measures, and chooses nothing: it goes without --lock and --time \
-             no"
-            .to_owned(),
         ));
     }
     if args.lock && scenes.len() > 1 {
@@ -229,23 +231,12 @@ pub fn run(args: &PlanArgs) -> Result<Ending, Failure> {
              it would overwrite: plan them one after the other".to_owned(),
         ));
     }
-    if args.lock && args.time == TimeArg::No {
+    if args.lock && !args.is_timed() {
         return Err(Failure(
             "error: a prediction is not kept: --lock goes without --time no".to_owned(),
         ));
     }
-    let choice = args
-        .adapter
-        .clone()
-        .map_or(AdapterChoice::Best, AdapterChoice::Matching);
     let bar = output::bar();
-    let names = scenes.iter().map(|path| path.display().to_string());
-    if args.exhaustive {
-        return match worker::is_job() {
-            true => exhaustive::measured(args, &jobs),
-            false => exhaustive::run(args, &jobs),
-        };
-    }
     // Scenes that cannot be read are reported before anything is drawn. The others are planned.
     let read = |job: &Job| {
         let scene = scene(args, &job.shader)?;
@@ -271,9 +262,15 @@ pub fn run(args: &PlanArgs) -> Result<Ending, Failure> {
     {
         return Err(Failure(std::mem::take(why)));
     }
-    let gpu = worker::in_turns(Gpu::with_trust(&choice, args.limits.limits().trust())?)?;
+    let gpu = open(args)?;
+    let names = scenes.iter().map(|path| path.display().to_string());
     let kept = KeptScenes::new(args.out.as_deref(), &gpu, names.collect());
-    each(args, loaded, (gpu, &choice), kept, &bar)
+    each(args, loaded, gpu, kept, &bar)
+}
+
+/// Opens the adapter of `--adapter`.
+pub fn open(args: &PlanArgs) -> Result<Gpu, Failure> {
+    worker::open(args.adapter.as_deref(), &args.limits.limits())
 }
 
 /// The path that stands for a scene or a bare shader: its first file.
@@ -292,7 +289,7 @@ struct Loaded<'a> {
 fn each(
     args: &PlanArgs,
     scenes: Vec<Loaded<'_>>,
-    (mut gpu, choice): (Gpu, &AdapterChoice),
+    mut gpu: Gpu,
     mut kept: KeptScenes,
     bar: &ProgressLine,
 ) -> Result<Ending, Failure> {
@@ -324,7 +321,7 @@ fn each(
             Err(failure) if count == 1 => return Err(kept.named(failure)),
             Err(failure) => {
                 bar.suspend(|| kept.fail(&name, failure));
-                reopened(&mut gpu, choice)?;
+                reopened(&mut gpu, || open(args))?;
             }
         }
     }
@@ -368,25 +365,19 @@ fn one(
             output::message(&removed);
         }
     }
-    let json = decision.to_json()?;
-    let printed = match args.format {
-        Table::Human => output::table(&report::decision::render(&decision)),
-        Table::Json => output::data(&json),
-        Table::Csv => output::data(&report::csv::decision(&decision)),
+    let forms = output::Answer {
+        table: report::decision::render(&decision),
+        json: decision.to_json()?,
+        csv: report::csv::decision(&decision),
     };
-    let written = || -> Result<(), Failure> {
-        let Some(dir) = out else { return Ok(()) };
+    forms.tell(args.format, out, |dir| {
         let page = planned.page(&effects)?;
-        planned.write(dir, json, page)
-    };
-    output::both(printed, written(), out)?;
+        planned.write(dir, &forms, page)
+    })?;
     if let Some(locks) = locks {
         lock::keep(&scene, &facts, &decision, locks)?;
     }
-    Ok(match decision.is_broken() {
-        true => Ending::ContractBroken,
-        false => Ending::Fine,
-    })
+    Ok(Ending::of(decision.is_broken(), false))
 }
 
 pub fn choosing(args: &PlanArgs) -> Choosing {
@@ -428,7 +419,7 @@ pub fn model(
         |path: &Path, e: &dyn std::fmt::Display| Failure(format!("error: {}: {e}", path.display()));
     if let Some(path) = args.model.as_deref().filter(|p| p.exists()) {
         let text = regular::text(path, &args.limits.limits(), "file-bytes")
-            .map_err(|e| unread(path, &e))?;
+            .map_err(|e| Failure::unread(path, &e))?;
         let model = Model::from_json(&text).map_err(|e| told(path, &e))?;
         if let decide::ModelOrigin::Fitted { adapter, .. } = &model.origin
             && *adapter != gpu.adapter().title()
@@ -466,22 +457,14 @@ pub fn prepare(
         // Errors measured with made-up values choose nothing.
         recipes.retain(|recipe| !measure::leaves_a_choice(recipe));
     }
-    if !recipes.iter().any(measure::leaves_a_choice) {
-        return Ok((recipes, facts));
-    }
-    bar.set_message("measuring what can be interpolated");
-    facts.frequencies = measure::frequencies(session, &facts, Detail::Choice, &mut |step| {
-        bar.set_position((step.done * 1000.0) as u64);
-        ControlFlow::Continue(())
+    let settled = measure::settled(session, recipes, &mut facts, &mut |done, what| {
+        bar.set_position((done * 1000.0) as u64);
+        bar.set_message(what);
     })?;
     let mut chosen = Vec::new();
-    for recipe in recipes {
-        if !measure::leaves_a_choice(&recipe) {
-            chosen.push(recipe);
-            continue;
-        }
-        bar.set_message(format!("choosing within the budget of {recipe}"));
-        match measure::within_budget(session, &recipe, &facts)? {
+    for settled in settled {
+        let recipe = settled.asked;
+        match settled.chosen {
             Ok(recipe) => chosen.push(recipe),
             Err(why) => bar.suspend(|| output::message(&format!("left out {recipe}: {why}"))),
         }
@@ -639,17 +622,13 @@ impl Planned<'_> {
 
     /// Writes the shaders and `plan.json` of each plan of the policy, and the reports. Several
     /// plans have a folder each.
-    fn write(&self, dir: &Path, json: String, page: String) -> Result<(), Failure> {
-        let told = |name: &str, text: String| files::File {
-            name: name.to_owned(),
-            bytes: text.into_bytes(),
-        };
+    fn write(&self, dir: &Path, forms: &output::Answer, page: String) -> Result<(), Failure> {
         let files = [
-            told("decision.json", json),
-            told("report.csv", report::csv::decision(self.decision)),
-            told("report.html", page),
+            File::text("decision.json", forms.json.clone()),
+            File::text("report.csv", forms.csv.clone()),
+            File::text("report.html", page),
         ];
-        shader_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        shader_text::files::write(dir, &files)?;
         let mut written = files.len();
         let (authored, target) = (self.authored()?, self.shader.target());
         for (folder, plan) in self.decision.folders() {
@@ -662,8 +641,7 @@ impl Planned<'_> {
             let versions = measure::versions(self.session.scene(), &plans);
             files.extend(versions.iter().map(emit::versions));
             written += files.len();
-            shader_text::files::write(&dir.join(folder), &files)
-                .map_err(|e| Failure(format!("error: {e}")))?;
+            shader_text::files::write(&dir.join(folder), &files)?;
         }
         output::message(&format!("wrote {written} files to {}", dir.display()));
         Ok(())

@@ -2,7 +2,6 @@
 
 use std::time::Duration;
 
-use preshade_draw::render::{AdapterChoice, Gpu};
 use preshade_lab::measure::{TimingSettings, profile};
 use preshade_lab::report;
 
@@ -43,22 +42,18 @@ pub fn run(args: &ProfileArgs) -> Result<Ending, Failure> {
     let shader = args.shader.on(args.adapter.as_deref());
     let scene = args.view.of(shader.scene()?)?;
     guesses::tell(&scene);
-    let choice = args.adapter.clone();
-    let choice = choice.map_or(AdapterChoice::Best, AdapterChoice::Matching);
-    let gpu = worker::in_turns(Gpu::with_trust(
-        &choice,
-        args.shader.limits.limits().trust(),
-    )?)?;
+    let gpu = worker::open(args.adapter.as_deref(), &args.shader.limits.limits())?;
     let timing = TimingSettings {
         budget: Duration::from_secs_f64(args.seconds),
         ..TimingSettings::default()
     };
     let profiled = || profile::profile(&gpu, &scene, &timing, &command());
     let found = output::working(format!("profiling {}", scene.name), profiled)?;
-    match args.format {
-        Table::Human => output::table(&report::profile::render(&found))?,
-        Table::Json => output::json(&found)?,
-        Table::Csv => output::data(&report::profile::csv(&found))?,
-    }
+    let forms = output::Answer {
+        table: report::profile::render(&found),
+        json: serde_json::to_string_pretty(&found)?,
+        csv: report::profile::csv(&found),
+    };
+    forms.print(args.format)?;
     Ok(Ending::Fine)
 }

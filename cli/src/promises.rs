@@ -4,20 +4,20 @@
 //! that a crash, a hang or a lost device costs one input.
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::sync::Mutex;
-use std::sync::atomic::{AtomicUsize, Ordering};
 
 use preshade_compiler::emit;
-use preshade_compiler::recipe::{Recipe, RecipeError};
+use preshade_compiler::recipe::Recipe;
+use preshade_compiler::sweep::Sweep;
 use preshade_draw::render::{AdapterReport, Gpu};
 use preshade_draw::scene::Scene;
-use preshade_geometry::examples;
 use preshade_lab::measure::record::{Report, VariantReport};
 use preshade_lab::measure::{self, Session, Timed, Variant};
 use preshade_lab::report::html::promise;
 use preshade_lab::search::candidates;
+use preshade_lab::verify::grouped;
 use preshade_passes::transforms::specialize::Specialize;
-use preshade_plan::budget::{Budget, Metric};
 use preshade_plan::contract::{Contract, Verdict};
 use preshade_plan::pass::{Facts, Pass};
 use preshade_plan::plan::Plan;
@@ -29,27 +29,9 @@ use crate::materials::{Chosen, Job};
 use crate::verify::{self, VerifyArgs};
 use crate::{Ending, Failure, Table, flags, output, worker};
 
-/// The budget in recipes that leave it to the user.
-const BUDGET: Budget = Budget {
-    metric: Metric::FlipMean,
-    limit: 0.02,
-};
-
 /// Most variants to draw together. Each keeps its compiled pipelines until its last view is drawn,
 /// which are gigabytes for a large scene on a driver that runs on the CPU.
 const AT_ONCE: usize = 16;
-
-/// Every recipe that a pass declares, each once.
-pub fn every_pass() -> Result<Vec<Recipe>, RecipeError> {
-    let mut all: Vec<Recipe> = Vec::new();
-    for (text, _) in examples() {
-        let recipe = Recipe::parse_list(&candidates::filled(text, BUDGET))?;
-        if !all.contains(&recipe) {
-            all.push(recipe);
-        }
-    }
-    Ok(all)
-}
 
 struct Recipes<'a> {
     /// By the user.
@@ -118,14 +100,19 @@ struct Summary<'a> {
     inputs: &'a [Promises],
 }
 
-/// Measures each job with `given` recipes, and with `--every-pass` the declared ones.
-pub fn run(args: &VerifyArgs, jobs: &[Job], given: &[Recipe]) -> Result<Ending, Failure> {
+/// Measures each job with the recipes of `sweeps`, and with `--every-pass` the declared ones.
+pub fn run(args: &VerifyArgs, jobs: &[Job], sweeps: &[Sweep]) -> Result<Ending, Failure> {
+    args.check_many(false)?;
+    let given = verify::recipes(sweeps);
     let mut declared = match args.every_pass {
-        true => every_pass()?,
+        true => candidates::every_pass()?,
         false => Vec::new(),
     };
     declared.retain(|recipe| !given.contains(recipe));
-    let recipes = Recipes { given, declared };
+    let recipes = Recipes {
+        given: &given,
+        declared,
+    };
     if let Some(n) = worker::mine() {
         let job = n.checked_sub(1).and_then(|n| jobs.get(n));
         let job = job.ok_or_else(|| Failure("error: there is no such input".to_owned()))?;
@@ -134,27 +121,17 @@ pub fn run(args: &VerifyArgs, jobs: &[Job], given: &[Recipe]) -> Result<Ending, 
     }
     let results = Results::new(args, jobs);
     let limits = args.shader.limits.limits();
-    let next = AtomicUsize::new(0);
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
-    std::thread::scope(|scope| {
-        for _ in 0..threads.min(jobs.len()) {
-            scope.spawn(|| {
-                loop {
-                    let index = next.fetch_add(1, Ordering::Relaxed);
-                    let Some(job) = jobs.get(index) else { break };
-                    let found = worker::run(index + 1, &limits, worker::OF_AN_INPUT)
-                        .and_then(|text| worker::printed::<Promises>(&text));
-                    results.add(
-                        index,
-                        found.unwrap_or_else(|why| Promises {
-                            input: named(job),
-                            failed: Some(why),
-                            ..Promises::default()
-                        }),
-                    );
-                }
-            });
-        }
+    worker::each(threads, jobs, |index, job| {
+        let found = worker::run(index + 1, &limits, worker::OF_AN_INPUT)
+            .and_then(|text| worker::printed::<Promises>(&text));
+        let found = found.unwrap_or_else(|why| Promises {
+            input: named(job),
+            failed: Some(why),
+            ..Promises::default()
+        });
+        results.add(index, found);
+        ControlFlow::Continue(())
     });
     results.end(args)
 }
@@ -434,7 +411,10 @@ fn measure_into(
     promises.adapter = Some(gpu.adapter().clone());
     let groups = match special.is_empty() {
         true => scene.clone(),
-        false => measure::grouped_for(scene.clone(), &all_steps(&special))?,
+        false => {
+            let special: Vec<Recipe> = special.iter().copied().cloned().collect();
+            grouped(scene.clone(), &special)?
+        }
     };
     // Draws that need versions of their own are materials of their own, to `specialize` alone.
     match groups.materials.len() == scene.materials.len() {
@@ -446,14 +426,6 @@ fn measure_into(
             measure_scene(promises, args, job, &gpu, &scene, (given, &plain))?;
             measure_scene(promises, args, job, &gpu, &groups, (given, &special))
         }
-    }
-}
-
-/// One recipe with the steps of all.
-fn all_steps(recipes: &[&Recipe]) -> Recipe {
-    let steps = recipes.iter().flat_map(|r| r.steps.clone());
-    Recipe {
-        steps: steps.collect(),
     }
 }
 
@@ -470,32 +442,35 @@ fn measure_scene(
     let bar = output::bar();
     let session = Session::sharing(gpu, scene, args.shader_form())?;
     let mut facts = measure::facts(&session).unwrap_or_else(|_| Facts::default());
-    let asked: Vec<String> = recipes.iter().map(ToString::to_string).collect();
     let recipes: Vec<Recipe> = recipes.iter().copied().cloned().collect();
-    let is_kept = |r: &Recipe| given.contains(r) || measure::leaves_a_choice(r);
-    let is_budget_kept: Vec<bool> = recipes.iter().map(is_kept).collect();
-    let (_, variants) = verify::choose(&session, recipes, &mut facts, &bar)?;
-    let variants = variants
-        .into_iter()
-        .zip(asked)
-        .map(|(variant, name)| Variant { name, ..variant });
+    let settled = measure::settled(&session, recipes, &mut facts, &mut |done, what| {
+        bar.set_position((done * 1000.0) as u64);
+        bar.set_message(what);
+    })?;
     let mut drawn: Vec<Variant> = Vec::new();
     let mut by_frame: BTreeMap<String, usize> = BTreeMap::new();
-    let all: Vec<Judged> = variants
-        .zip(is_budget_kept)
-        .map(|(variant, is_budget_kept)| {
-            let frame = frame(&variant.plans).unwrap_or_else(|| variant.name.clone());
-            let drawn = *by_frame.entry(frame).or_insert_with(|| {
-                drawn.push(variant.clone());
-                drawn.len() - 1
-            });
-            Judged {
-                variant,
-                is_budget_kept,
-                drawn,
-            }
-        })
-        .collect();
+    let mut all: Vec<Judged> = Vec::new();
+    for settled in &settled {
+        let variant = settled.variant(session.originals(), &facts);
+        if let Some(note) = settled.note(&variant, &facts) {
+            bar.suspend(|| output::message(&note));
+        }
+        let asked = &settled.asked;
+        let variant = Variant {
+            name: asked.to_string(),
+            ..variant
+        };
+        let frame = frame(&variant.plans).unwrap_or_else(|| variant.name.clone());
+        let drawn = *by_frame.entry(frame).or_insert_with(|| {
+            drawn.push(variant.clone());
+            drawn.len() - 1
+        });
+        all.push(Judged {
+            variant,
+            is_budget_kept: given.contains(asked) || measure::leaves_a_choice(asked),
+            drawn,
+        });
+    }
     let settings = args.settings(scene, Timed::No);
     let command = |variant: &str| alone(args, job, variant);
     for (i, some) in drawn.chunks(AT_ONCE).enumerate() {

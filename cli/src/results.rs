@@ -7,15 +7,16 @@ use preshade_compiler::recipe::Recipe;
 use preshade_lab::jobs::decision::{
     FleetDecision, FleetDecisions, FleetFrontiers, NoTimes, decide, frontier,
 };
-use preshade_lab::jobs::{Results, Rows, SCHEMA, Subject, VERSION, Variants, hash};
+use preshade_lab::jobs::{Rows, Subject, VERSION, Variants, files, hash};
 use preshade_lab::measure;
 use preshade_lab::report::fleet;
 use preshade_plan::budget::Budget;
 use preshade_plan::plan::Plan;
-use shader_text::files;
+use shader_text::files::File;
 use shader_text::nearest::unknown;
 
-use crate::input::{self, ShaderArgs};
+use crate::file_names::from_here;
+use crate::input::ShaderArgs;
 use crate::materials::{self, Job};
 use crate::{Ending, Failure, Table, output};
 
@@ -27,7 +28,7 @@ pub struct To<'a> {
 
 /// Decides which variant of each input to draw with.
 pub fn plan(file: &Path, inputs: &[Job], to: &To<'_>) -> Result<Ending, Failure> {
-    let results = read(file)?;
+    let results = files::results(file)?;
     let rows = results.rows();
     let (mut decisions, mut shaders) = (Vec::new(), Vec::new());
     let mut is_current = true;
@@ -61,10 +62,7 @@ pub fn plan(file: &Path, inputs: &[Job], to: &To<'_>) -> Result<Ending, Failure>
         };
         write(shader, decision, &out)?;
     }
-    failed.ended(match is_broken {
-        true => Ending::ContractBroken,
-        false => Ending::Fine,
-    })
+    ended(&failed, inputs, is_broken)
 }
 
 /// Prints the frontier of each input.
@@ -74,7 +72,7 @@ pub fn explore(
     budget: Option<Budget>,
     to: &To<'_>,
 ) -> Result<Ending, Failure> {
-    let results = read(file)?;
+    let results = files::results(file)?;
     let rows = results.rows();
     let mut frontiers = Vec::new();
     let failed = each(inputs, |shader| {
@@ -89,53 +87,22 @@ pub fn explore(
     let json = serde_json::to_string_pretty(&frontiers)? + "\n";
     let csv = fleet::frontiers_csv(&frontiers);
     to.print(&tables, ("report.json", json), csv)?;
-    failed.ended(match is_broken {
-        true => Ending::ContractBroken,
-        false => Ending::Fine,
-    })
+    ended(&failed, inputs, is_broken)
 }
 
-fn read(file: &Path) -> Result<Results, Failure> {
-    let failed = |e: &dyn std::fmt::Display| Failure(format!("error: {}: {e}", file.display()));
-    let text = std::fs::read_to_string(file).map_err(|e| failed(&e))?;
-    let results: Results = serde_json::from_str(&text).map_err(|e| {
-        failed(&format!(
-            "it is not what `preshade merge -o` writes, or of another version: {e}"
-        ))
-    })?;
-    match results.schema == SCHEMA {
-        true => Ok(results),
-        false => Err(failed(&format!(
-            "its schema is `{}`, and this version reads `{SCHEMA}`",
-            results.schema
-        ))),
+fn ended(failed: &[String], inputs: &[Job], is_broken: bool) -> Result<Ending, Failure> {
+    match failed.is_empty() {
+        true => Ok(Ending::of(is_broken, false)),
+        false => Err(Failure::of_inputs(failed, inputs.len())),
     }
 }
 
-struct Failed {
-    names: Vec<String>,
-    count: usize,
-}
-
-impl Failed {
-    fn ended(self, ending: Ending) -> Result<Ending, Failure> {
-        match self.names.is_empty() {
-            true => Ok(ending),
-            false => Err(Failure(format!(
-                "error: {} of {} inputs failed: {}",
-                self.names.len(),
-                self.count,
-                self.names.join(", ")
-            ))),
-        }
-    }
-}
-
-/// Does something for each input. Of several, one that fails is told, and the others go on.
+/// Does something for each input. Of several, one that fails is told, and the others go on. Returns the names of
+/// those that fail.
 fn each(
     inputs: &[Job],
     mut then: impl FnMut(&ShaderArgs) -> Result<(), Failure>,
-) -> Result<Failed, Failure> {
+) -> Result<Vec<String>, Failure> {
     let mut names = Vec::new();
     for input in inputs {
         match then(&input.shader) {
@@ -147,11 +114,10 @@ fn each(
             }
         }
     }
-    let count = inputs.len();
-    if names.len() == count {
-        return Err(Failure("error: every input failed".to_owned()));
+    match names.len() == inputs.len() {
+        true => Err(Failure("error: every input failed".to_owned())),
+        false => Ok(names),
     }
-    Ok(Failed { names, count })
 }
 
 fn name(files: &[PathBuf]) -> String {
@@ -208,7 +174,7 @@ fn found<'r, 'a>(
 /// Paths as they are below the current folder, in any order.
 fn same_in_any_spelling<'p>(paths: impl Iterator<Item = &'p Path>) -> Vec<PathBuf> {
     let plain = |path: &Path| -> PathBuf {
-        let parts = input::from_here(path).components();
+        let parts = from_here(path).components();
         parts.filter(|c| *c != Component::CurDir).collect()
     };
     let mut all: Vec<PathBuf> = paths.map(plain).collect();
@@ -243,23 +209,20 @@ impl To<'_> {
         (name, json): (&str, String),
         csv: String,
     ) -> Result<(), Failure> {
-        let printed = match self.format {
-            Table::Human => output::table(&tables.join("\n\n")),
-            Table::Json => output::data(&json),
-            Table::Csv => output::data(&csv),
+        let forms = output::Answer {
+            table: tables.join("\n\n"),
+            json,
+            csv,
         };
-        let written = || -> Result<(), Failure> {
-            let Some(dir) = self.out else { return Ok(()) };
-            let file = |name: &str, text: String| files::File {
-                name: name.to_owned(),
-                bytes: text.into_bytes(),
-            };
-            let files = [file(name, json), file("report.csv", csv)];
-            shader_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+        forms.tell(self.format, self.out, |dir| {
+            let files = [
+                File::text(name, forms.json.clone()),
+                File::text("report.csv", forms.csv.clone()),
+            ];
+            shader_text::files::write(dir, &files)?;
             output::message(&format!("wrote {}", dir.join(name).display()));
             Ok(())
-        };
-        output::both(printed, written(), self.out)
+        })
     }
 }
 
@@ -306,7 +269,7 @@ fn write(shader: &ShaderArgs, decision: &FleetDecision, out: &Path) -> Result<()
         let versions = measure::versions(scene, &plans);
         files.extend(versions.iter().map(emit::versions));
     }
-    shader_text::files::write(out, &files).map_err(|e| Failure(format!("error: {e}")))?;
+    shader_text::files::write(out, &files)?;
     output::message(&format!(
         "wrote {} to {}",
         output::count(files.len(), "file"),

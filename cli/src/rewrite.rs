@@ -345,7 +345,7 @@ impl<'a> Run<'a> {
             ));
         }
         for path in stale.ours {
-            emit::remove(&path).map_err(|e| Failure(format!("error: {e}")))?;
+            emit::remove(&path)?;
             output::message(&format!(
                 "removed {}: no plan names it any more",
                 path.display()
@@ -400,8 +400,7 @@ impl<'a> Run<'a> {
 
 /// Writes the files of one job, reports the changed ones, and returns their number.
 fn write(folder: &Path, files: Vec<File>, format: Format, jobs: usize) -> Result<usize, Failure> {
-    let changed =
-        shader_text::files::write(folder, &files).map_err(|e| Failure(format!("error: {e}")))?;
+    let changed = shader_text::files::write(folder, &files)?;
     if format == Format::Human {
         for path in &changed {
             output::message(&format!("wrote {}", path.display()));

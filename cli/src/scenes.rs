@@ -3,11 +3,11 @@
 
 use std::path::Path;
 
-use preshade_draw::render::{AdapterChoice, Gpu};
+use preshade_draw::render::Gpu;
 use preshade_lab::search::plan::{SceneSoFar, Unfinished, partial_results};
 
 use crate::saved_results::Keeper;
-use crate::{Failure, output, worker};
+use crate::{Failure, output};
 
 /// The results of the scenes of a run.
 pub struct KeptScenes {
@@ -61,10 +61,8 @@ impl KeptScenes {
             self.keeper.done();
             return Ok(());
         }
-        let (failed, scenes) = (self.failed.len(), self.scenes);
-        let names = self.failed.join(", ");
-        let error = format!("error: {failed} of {scenes} inputs failed: {names}");
-        Err(self.keeper.named(Failure(error)))
+        let failure = Failure::of_inputs(&self.failed, self.scenes);
+        Err(self.keeper.named(failure))
     }
 
     /// The failure of a run's only scene, with the files that have its results.
@@ -74,14 +72,13 @@ impl KeptScenes {
 }
 
 /// Opens an adapter in place of one that was lost, if it was.
-pub fn reopened(gpu: &mut Gpu, choice: &AdapterChoice) -> Result<(), Failure> {
+pub fn reopened(gpu: &mut Gpu, open: impl FnOnce() -> Result<Gpu, Failure>) -> Result<(), Failure> {
     let Some(why) = gpu.lost() else { return Ok(()) };
     output::message(&format!(
         "warning: the graphics device was lost: {why}; the rest is measured on a new one"
     ));
     gpu.end_turns();
-    let new = worker::in_turns(Gpu::with_trust(choice, gpu.trust())?)?;
     // Closing one that hangs may hang.
-    std::mem::forget(std::mem::replace(gpu, new));
+    std::mem::forget(std::mem::replace(gpu, open()?));
     Ok(())
 }

@@ -12,7 +12,6 @@ use shader_text::limits::Limits;
 use shader_text::regular;
 
 use crate::Failure;
-use crate::input::unread;
 
 /// Pipeline state, which a shader does not contain.
 #[derive(Clone, Default, clap::Args)]
@@ -108,7 +107,7 @@ impl StateArgs {
             None => MaterialState::default(),
             Some(path) => {
                 let text = regular::text(path, &Limits::default(), "source-bytes")
-                    .map_err(|e| unread(path, &e))?;
+                    .map_err(|e| Failure::unread(path, &e))?;
                 let read = if path.extension().is_some_and(|e| e == "json") {
                     serde_json::from_str(&text).map_err(|e| e.to_string())
                 } else {

@@ -7,7 +7,7 @@ use std::sync::atomic::{AtomicU32, Ordering};
 
 use crate::agree_inputs::Asked;
 use crate::input::ShaderArgs;
-use crate::{Failure, materials};
+use crate::{Failure, file_names, materials};
 
 /// A file or folder to compare.
 pub struct Tree {
@@ -88,7 +88,7 @@ impl Tree {
         }
         let names = git(&list).map_err(|e| failed(&e))?;
         for name in names.split('\0').filter(|n| !n.is_empty()) {
-            if !materials::is_shader(Path::new(name)) {
+            if !file_names::is_shader(Path::new(name)) {
                 continue;
             }
             let bytes = git_bytes(&["cat-file", "blob", &format!("{revision}:{name}")]);

@@ -20,6 +20,10 @@ pub struct VariantArgs {
 }
 
 impl VariantArgs {
+    pub fn is_empty(&self) -> bool {
+        self.passes.is_empty() && self.variants.is_empty() && self.recipes.is_empty()
+    }
+
     /// The variants, those with ranges as sweeps. Notes on stderr say how to write older spellings
     /// now.
     pub fn sweeps(&self) -> Result<Vec<Sweep>, Failure> {

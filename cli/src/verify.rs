@@ -1,30 +1,27 @@
 //! `preshade verify`: draws a scene with the original and its variants, and measures error and time.
 
-use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use preshade_compiler::command::material::assumed;
 use preshade_compiler::command::rewrite;
-use preshade_compiler::parameters::parameters;
 use preshade_compiler::recipe::Recipe;
 use preshade_compiler::sweep::Sweep;
-use preshade_draw::render::{AdapterChoice, Gpu};
+use preshade_draw::render::Gpu;
 use preshade_draw::scene::{DrawOrder, Scene};
-use preshade_geometry::{examples, pass_named};
 use preshade_lab::measure::crossover::{Point, Series};
-use preshade_lab::measure::record::{Chosen, Pictures, Report, SweepReport};
-use preshade_lab::measure::{self, Detail, Session, Settings, Timed, TimingSettings, Variant};
-use preshade_lab::report;
-use preshade_plan::budget::{Budget, Metric};
-use preshade_plan::pass::{Facts, Use};
-use preshade_plan::plan::Plan;
+use preshade_lab::measure::record::{Pictures, Report};
+use preshade_lab::measure::{self, Settings, Timed, TimingSettings};
+use preshade_lab::search::candidates;
+use preshade_lab::verify::{Answer, News, Request, grouped};
+use preshade_lab::{isolated, report};
+use preshade_plan::budget::Budget;
 use preshade_scenes::ShaderForm;
 use preshade_scenes::Variables;
+use shader_text::files::File;
 
 use crate::explain::largest_saving;
 use crate::input::ShaderArgs;
-use crate::isolated::{apart, resumed};
 use crate::materials::{self, Job};
 use crate::output::{self, ProgressLine};
 use crate::saved_results::Keeper;
@@ -32,7 +29,7 @@ use crate::share::share;
 use crate::variable::Axis;
 use crate::variants::VariantArgs;
 use crate::view::ViewArgs;
-use crate::{Ending, Failure, Table, color_on, guesses, promises, worker};
+use crate::{Ending, Failure, Table, color_on, guesses, worker};
 
 #[derive(clap::Args)]
 #[command(after_help = "\
@@ -174,6 +171,20 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
 }
 
 impl VerifyArgs {
+    /// The variants to draw.
+    pub fn sweeps(&self) -> Result<Vec<Sweep>, Failure> {
+        let sweeps = self.variants.sweeps()?;
+        match self.is_default() {
+            true => Ok(candidates::by_default()?),
+            false => Ok(sweeps),
+        }
+    }
+
+    /// Whether nothing says what to draw.
+    fn is_default(&self) -> bool {
+        self.variants.is_empty() && !self.every_pass
+    }
+
     /// The inputs, if each gets one line. `None`: one input, with its own report.
     pub fn jobs(&self) -> Result<Option<Vec<Job>>, Failure> {
         let several = materials::inputs(&self.shader)?;
@@ -236,21 +247,13 @@ impl VerifyArgs {
 }
 
 /// Verifies a scene or a shader.
-pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
-    let mut sweeps = args.variants.sweeps()?;
-    let is_default = sweeps.is_empty() && !args.every_pass;
-    if is_default {
-        sweeps = by_default()?;
-    }
-    if let Some(jobs) = args.jobs()? {
-        args.check_many(false)?;
-        return promises::run(args, &jobs, &recipes(&sweeps));
-    }
+pub fn run(args: &VerifyArgs, sweeps: &[Sweep]) -> Result<Ending, Failure> {
+    let recipes = recipes(sweeps);
     let first = match &args.sweep {
         None => Variables::new(),
         Some(axis) => axis.at(axis.values.first().copied().unwrap_or(1)),
     };
-    let first = grouped(scene(args, &args.shader, &first)?, &sweeps)?;
+    let first = grouped(scene(args, &args.shader, &first)?, &recipes)?;
     check_budget(&first, args.budget)?;
     let shared = args.share.as_deref().and_then(Path::parent);
     for dir in args.out.as_deref().into_iter().chain(shared) {
@@ -267,144 +270,119 @@ pub fn run(args: &VerifyArgs) -> Result<Ending, Failure> {
         }
     }
     let limits = args.shader.limits.limits();
+    let is_apart = limits.isolates() && worker::mine().is_none();
+    if is_apart && args.sweep.is_some() {
+        return Err(Failure(
+            "error: --sweep is measured in one process: it goes without `seconds` and `memory` \
+             among the limits"
+                .to_owned(),
+        ));
+    }
     let mut keeper = Keeper::new(args.out.as_deref());
+    let alone = |variant| {
+        let text = worker::run(variant, &limits, worker::OF_A_VARIANT)?;
+        worker::printed(&text)
+    };
     let bar = output::bar();
-    let (mut outcome, variants) = match (limits.isolates() && worker::mine().is_none(), &args.sweep)
-    {
-        (true, Some(_)) => {
-            return Err(Failure(
-                "error: --sweep is measured in one process: it goes without `seconds` and `memory` \
-                 among the limits"
-                    .to_owned(),
-            ));
+    let gpu = match is_apart {
+        true => None,
+        false => Some(open(args)?),
+    };
+    if worker::mine().is_none() {
+        guesses::tell(&first);
+        if first.is_made_up && args.shader.state.state.is_none() {
+            let notes = first.materials.iter().filter_map(|m| assumed(&m.plan()));
+            notes.for_each(|note| output::message(&note));
         }
-        (true, None) => {
-            tell_made_up(args, &first);
-            let outcome = apart(&recipes(&sweeps), args.budget, &limits, &mut keeper)?;
-            (outcome, Vec::new())
+    }
+    let mut answer = match (gpu, &args.sweep) {
+        (None, _) => Answer {
+            verified: isolated::apart(&recipes, args.budget, &alone, &mut |so_far| {
+                keeper.keep_report(so_far);
+            })
+            .map_err(Failure)?,
+            variants: Vec::new(),
+        },
+        (Some(gpu), Some(axis)) => {
+            return swept(args, &gpu, first, axis, sweeps, &bar, &mut keeper);
         }
-        (false, Some(axis)) => {
-            return swept(
-                args,
-                &Opened::new(args, &first)?,
-                &first,
-                axis,
-                &sweeps,
-                &bar,
-                &mut keeper,
-            );
-        }
-        (false, None) => {
-            let opened = Opened::new(args, &first)?;
-            let measured = measured(args, &opened.0, &first, &sweeps, &bar, &mut keeper);
-            let (outcome, variants) = match measured {
-                Ok(measured) => measured,
-                Err(e) => {
-                    opened.abandon();
-                    return Err(e);
-                }
-            };
-            if let Some(why) = opened.0.lost().filter(|_| worker::is_job()) {
+        (Some(mut gpu), None) => {
+            let measured = measured(args, &gpu, &first, &recipes, &bar, &mut keeper);
+            let is_lost = measured
+                .as_ref()
+                .map_or(true, |a| a.verified.lost.is_some());
+            let lost = gpu.lost();
+            if is_lost || lost.is_some() {
+                gpu.end_turns();
+                // Closing a lost device that hangs may hang.
+                std::mem::forget(gpu);
+            }
+            let mut answer = measured?;
+            if let Some(why) = lost.filter(|_| worker::is_job()) {
                 // A report that is put together from the rest may lack what the whole one has.
-                opened.abandon();
                 return Err(Failure(format!(
                     "error: the graphics device was lost: {why}"
                 )));
             }
-            let outcome = match (&outcome.lost, worker::mine()) {
-                (Some(why), None) => {
-                    output::message(&format!(
-                        "warning: {why}; what is missing is measured on a device of its own, in a \
-                         process each"
-                    ));
-                    opened.abandon();
-                    resumed(outcome, &recipes(&sweeps), &limits, &mut keeper)
-                }
-                _ => outcome,
-            };
-            (outcome, variants)
+            if let (Some(why), None) = (&answer.verified.lost, worker::mine()) {
+                output::message(&format!(
+                    "warning: {why}; what is missing is measured on a device of its own, in a \
+                     process each"
+                ));
+                let keep = &mut |so_far: &_| keeper.keep_report(so_far);
+                answer.verified = isolated::resumed(answer.verified, &recipes, &alone, keep);
+            }
+            answer
         }
     };
     bar.finish_and_clear();
     if worker::mine().is_none() {
-        tell_sweeps(&mut outcome.report, &sweeps);
-        if is_default && report::nothing_pays(&outcome.report) {
-            let steps = sweeps.iter().flat_map(|s| &s.points);
-            let drawn: Vec<&str> = steps
-                .flat_map(|p| &p.recipe.steps)
-                .map(|s| s.pass.as_str())
-                .collect();
+        let report = &mut answer.verified.report;
+        report.add_sweeps(sweeps);
+        if args.is_default() && report::nothing_pays(report) {
+            let steps = recipes.iter().flat_map(|recipe| &recipe.steps);
+            let drawn: Vec<&str> = steps.map(|s| s.pass.as_str()).collect();
             // It is a hint: the measurements are told without it too.
-            outcome.report.not_drawn = largest_saving(&args.shader, &drawn).ok().flatten();
+            report.not_drawn = largest_saving(&args.shader, &drawn).ok().flatten();
         }
     }
-    let ended = told(args, &outcome, &variants, &first).map_err(|e| keeper.named(e))?;
+    let ended = told(args, &answer, &first).map_err(|e| keeper.named(e))?;
     keeper.done();
     Ok(ended)
 }
 
-struct Opened(Gpu);
-
-/// Tells what of the scene is made up, and the pipeline state where nothing says it.
-fn tell_made_up(args: &VerifyArgs, scene: &Scene) {
-    guesses::tell(scene);
-    if scene.is_made_up && args.shader.state.state.is_none() {
-        let notes = scene.materials.iter().filter_map(|m| assumed(&m.plan()));
-        notes.for_each(|note| output::message(&note));
-    }
-}
-
+/// Opens the adapter of `--adapter`.
 pub fn open(args: &VerifyArgs) -> Result<Gpu, Failure> {
-    let choice = args.adapter.clone();
-    let choice = choice.map_or(AdapterChoice::Best, AdapterChoice::Matching);
-    let trust = args.shader.limits.limits().trust();
-    worker::in_turns(Gpu::with_trust(&choice, trust)?)
-}
-
-impl Opened {
-    /// Opens it, and then tells what of the scene is made up.
-    fn new(args: &VerifyArgs, scene: &Scene) -> Result<Self, Failure> {
-        let gpu = open(args)?;
-        if worker::mine().is_none() {
-            tell_made_up(args, scene);
-        }
-        Ok(Self(gpu))
-    }
-
-    /// Leaks a lost device: closing one that hangs may hang.
-    fn abandon(mut self) {
-        self.0.end_turns();
-        std::mem::forget(self.0);
-    }
+    worker::open(args.adapter.as_deref(), &args.shader.limits.limits())
 }
 
 /// Measures at each value of a variable.
 fn swept(
     args: &VerifyArgs,
-    opened: &Opened,
-    first: &Scene,
+    gpu: &Gpu,
+    first: Scene,
     axis: &Axis,
     sweeps: &[Sweep],
     bar: &ProgressLine,
     keeper: &mut Keeper,
 ) -> Result<Ending, Failure> {
+    let recipes = recipes(sweeps);
     let mut points = Vec::new();
     let mut pictures = Vec::new();
+    let mut first = Some(first);
     for (i, value) in axis.values.iter().enumerate() {
         bar.suspend(|| output::message(&format!("{} = {value}", axis.variable)));
-        let (outcome, _) = match i {
-            0 => measured(args, &opened.0, first, sweeps, bar, keeper)?,
-            _ => {
-                let scene = grouped(scene(args, &args.shader, &axis.at(*value))?, sweeps)?;
-                measured(args, &opened.0, &scene, sweeps, bar, keeper)?
-            }
+        let scene = match first.take() {
+            Some(first) => first,
+            None => grouped(scene(args, &args.shader, &axis.at(*value))?, &recipes)?,
         };
-        pictures = outcome.pictures;
-        let mut outcome_report = outcome.report;
-        tell_sweeps(&mut outcome_report, sweeps);
+        let verified = measured(args, gpu, &scene, &recipes, bar, keeper)?.verified;
+        pictures = verified.pictures;
+        let mut report = verified.report;
+        report.add_sweeps(sweeps);
         points.push(Point {
             value: *value,
-            report: outcome_report,
+            report,
         });
         if i + 1 < axis.values.len() {
             let so_far = Series::new(&axis.variable, points.clone()).to_json()?;
@@ -413,27 +391,23 @@ fn swept(
     }
     bar.finish_and_clear();
     let series = Series::new(&axis.variable, points);
-    let json = series.to_json()?;
-    let printed = match args.format {
-        Table::Human => output::table(&report::crossover::render(&series)),
-        Table::Json => output::data(&json),
-        Table::Csv => output::data(&report::csv::series(&series)),
+    let forms = output::Answer {
+        table: report::crossover::render(&series),
+        json: series.to_json()?,
+        csv: report::csv::series(&series),
     };
-    let shared = share(args.share.as_deref(), &json);
+    let printed = forms.print(args.format);
+    let shared = share(args.share.as_deref(), &forms.json);
     let mut files = vec![
-        file("series.json", json),
-        file("series.csv", report::csv::series(&series)),
+        File::text("series.json", forms.json),
+        File::text("series.csv", forms.csv),
     ];
-    files.extend(report::crossover::svg(&series).map(|svg| file("series.svg", svg)));
+    files.extend(report::crossover::svg(&series).map(|svg| File::text("series.svg", svg)));
     let written = write(args, files, &pictures);
     output::both(printed, shared.and(written), args.out.as_deref()).map_err(|e| keeper.named(e))?;
     keeper.done();
     let is_open = series.points.iter().all(|p| is_open(&p.report));
-    Ok(match series.is_broken() {
-        true => Ending::ContractBroken,
-        false if is_open => Ending::NotMeasured,
-        false => Ending::Fine,
-    })
+    Ok(Ending::of(series.is_broken(), is_open))
 }
 
 /// Whether no verdict can be trusted.
@@ -441,72 +415,47 @@ fn is_open(report: &Report) -> bool {
     report.is_unmeasured() || !report.untested.is_empty()
 }
 
-/// Prints and writes the report of one scene. `variants` is empty if other processes drew them.
-fn told(
-    args: &VerifyArgs,
-    outcome: &measure::Verified,
-    variants: &[Variant],
-    scene: &Scene,
-) -> Result<Ending, Failure> {
-    // Printed before it is written: a full disk must not lose the measurements.
-    let json = outcome.report.to_json()?;
-    let is_worker = worker::mine().is_some();
-    let plans = variants.iter().flat_map(|v| &v.plans);
+/// Prints and writes the report of one scene.
+fn told(args: &VerifyArgs, answer: &Answer, scene: &Scene) -> Result<Ending, Failure> {
+    let (report, pictures) = (&answer.verified.report, &answer.verified.pictures);
+    let plans = answer.variants.iter().flat_map(|v| &v.plans);
     for removed in plans.filter_map(rewrite::removed_discard) {
         output::message(&removed);
     }
-    let printed = match args.format {
-        _ if is_worker => output::data(&json),
-        Table::Human => output::table(&report::table::render(
-            &outcome.report,
-            color_on(&std::io::stdout()),
-        )),
-        Table::Json => output::data(&json),
-        Table::Csv => output::data(&report::csv::verify(&outcome.report)),
+    let forms = output::Answer {
+        table: report::table::render(report, color_on(&std::io::stdout())),
+        json: report.to_json()?,
+        csv: report::csv::verify(report),
     };
-    if is_worker {
-        printed?;
+    if worker::mine().is_some() {
+        output::data(&forms.json)?;
         // The other process writes the report, from several workers.
-        write(args, Vec::new(), &outcome.pictures)?;
+        write(args, Vec::new(), pictures)?;
         return Ok(Ending::Fine);
     }
-    let shared = share(args.share.as_deref(), &json);
+    // Printed before it is written: a full disk must not lose the measurements.
+    let printed = forms.print(args.format);
+    let shared = share(args.share.as_deref(), &forms.json);
     let mut files = vec![
-        file("report.json", json),
-        file("report.csv", report::csv::verify(&outcome.report)),
+        File::text("report.json", forms.json),
+        File::text("report.csv", forms.csv),
     ];
     if args.out.is_some() {
         let effects = measure::effects(scene).unwrap_or_default();
-        let (report, pictures) = (&outcome.report, &outcome.pictures);
+        let variants = &answer.variants;
         let page = report::html::verify::page(report, pictures, variants, scene, &effects)?;
-        files.push(file("report.html", page));
+        files.push(File::text("report.html", page));
     }
-    for sweep in &outcome.report.sweeps {
-        files.extend(sweep.files(&outcome.report, &outcome.pictures)?);
+    for sweep in &report.sweeps {
+        files.extend(sweep.files(report, pictures)?);
     }
-    let written = write(args, files, &outcome.pictures);
+    let written = write(args, files, pictures);
     output::both(printed, shared.and(written), args.out.as_deref())?;
-    let report = &outcome.report;
-    Ok(match report.is_broken() {
-        true => Ending::ContractBroken,
-        false if is_open(report) => Ending::NotMeasured,
-        false => Ending::Fine,
-    })
-}
-
-fn file(name: &str, text: String) -> shader_text::files::File {
-    shader_text::files::File {
-        name: name.to_owned(),
-        bytes: text.into_bytes(),
-    }
+    Ok(Ending::of(report.is_broken(), is_open(report)))
 }
 
 /// Writes the files and the pictures to the folder of `--out`.
-fn write(
-    args: &VerifyArgs,
-    mut files: Vec<shader_text::files::File>,
-    pictures: &[Pictures],
-) -> Result<(), Failure> {
+fn write(args: &VerifyArgs, mut files: Vec<File>, pictures: &[Pictures]) -> Result<(), Failure> {
     let Some(dir) = &args.out else { return Ok(()) };
     for pictures in pictures {
         for file in pictures.files()? {
@@ -515,7 +464,7 @@ fn write(
             }
         }
     }
-    shader_text::files::write(dir, &files).map_err(|e| Failure(format!("error: {e}")))?;
+    shader_text::files::write(dir, &files)?;
     let beside = match args.shader.limits.limits().isolates() && worker::mine().is_none() {
         true => ", beside the pictures that each variant's own process wrote",
         false => "",
@@ -528,158 +477,49 @@ fn write(
     Ok(())
 }
 
-/// Measures one scene in this process. Returns the outcome and the variants with their plans.
+/// Measures one scene in this process.
 fn measured(
     args: &VerifyArgs,
     gpu: &Gpu,
     scene: &Scene,
-    sweeps: &[Sweep],
+    recipes: &[Recipe],
     bar: &ProgressLine,
     keeper: &mut Keeper,
-) -> Result<(measure::Verified, Vec<Variant>), Failure> {
-    let all = recipes(sweeps);
-    let mine: Vec<Recipe> = match worker::mine() {
-        None => all,
-        Some(n) => all.into_iter().take(n).skip(n.max(1) - 1).collect(),
-    };
-    bar.set_message("looking for depth ties");
-    let session = Session::new(gpu, scene, args.shader_form())?;
-    let mut facts = measure::facts(&session).unwrap_or_else(|e| {
-        bar.suspend(|| {
-            let why = e.reason();
-            output::message(&format!("warning: depth ties were not measured: {why}"));
-        });
-        Facts::default()
-    });
-    let mine = match args.budget {
-        None => mine,
-        Some(budget) => mine
-            .into_iter()
-            .map(|recipe| budgeted(recipe, session.originals(), &facts, budget))
-            .collect(),
-    };
-    let (recipes, variants) = choose(&session, mine, &mut facts, bar)?;
+) -> Result<Answer, Failure> {
     let timed = match args.time {
         Some(TimeArg::No) => Timed::No,
         Some(TimeArg::Headline) => Timed::Headline,
         Some(TimeArg::FirstFrames) | None => Timed::FirstFrames,
         Some(TimeArg::Everything) => Timed::Everything,
     };
-    let settings = args.settings(session.scene(), timed);
-    let mut outcome = measure::verify(&session, &variants, &settings, &mut |p| {
-        bar.set_position((p.done * 1000.0) as u64);
-        bar.set_message(p.what);
-        if let (Some(so_far), None) = (p.so_far, worker::mine()) {
-            keeper.keep_report(&so_far);
+    let request = Request {
+        recipes: match worker::mine() {
+            None => recipes.to_vec(),
+            Some(0) => Vec::new(),
+            Some(n) => recipes.get(n - 1).cloned().into_iter().collect(),
+        },
+        budget: args.budget,
+        form: args.shader_form(),
+        settings: args.settings(scene, timed),
+    };
+    bar.set_message("looking for depth ties");
+    let told = &mut |news| match news {
+        News::Note(note) => bar.suspend(|| output::message(&note)),
+        News::Progress(p) => {
+            bar.set_position((p.done * 1000.0) as u64);
+            bar.set_message(p.what);
+            if let (Some(so_far), None) = (p.so_far, worker::mine()) {
+                keeper.keep_report(&so_far);
+            }
         }
-    })?;
-    outcome.report.chosen = args.budget.map(|budget| {
-        Chosen::among(&outcome.report.variants, budget).made_by(|name| {
-            let drawn = variants.iter().position(|v| v.name == name)?;
-            measure::promised(&recipes[drawn], budget, &facts)
-        })
-    });
-    Ok((outcome, variants))
-}
-
-/// What is drawn if no variant is named.
-pub fn by_default() -> Result<Vec<Sweep>, Failure> {
-    let named = examples().filter(|(_, used)| **used == Use::Verify);
-    let sweeps = named.map(|(recipe, _)| Sweep::parse_list(recipe));
-    Ok(sweeps.collect::<Result<_, _>>()?)
+    };
+    Ok(preshade_lab::verify::request(gpu, scene, &request, told)?)
 }
 
 /// All requested recipes, in the order of the report's variants.
 pub fn recipes(sweeps: &[Sweep]) -> Vec<Recipe> {
     let points = sweeps.iter().flat_map(|s| &s.points);
     points.map(|p| p.recipe.clone()).collect()
-}
-
-/// Adds to a report which of its variants are the points of which sweep.
-fn tell_sweeps(report: &mut Report, sweeps: &[Sweep]) {
-    let names: Vec<String> = report
-        .variants
-        .iter()
-        .skip(1)
-        .map(|v| v.name.clone())
-        .collect();
-    let mut names = names.into_iter();
-    for sweep in sweeps {
-        let names: Vec<String> = names.by_ref().take(sweep.points.len()).collect();
-        if sweep.varies() {
-            report.sweeps.push(SweepReport::new(sweep, &names));
-        }
-    }
-}
-
-/// Gives the budget of `--budget` to each step that a material refuses without one.
-fn budgeted(recipe: Recipe, originals: &[Plan], facts: &Facts, budget: Budget) -> Recipe {
-    let refusals = |recipe: &Recipe| measure::variant(originals, recipe, facts).kept.len();
-    let mut recipe = recipe;
-    for i in 0..recipe.steps.len() {
-        let step = &recipe.steps[i];
-        let taken = pass_named(&step.pass).map_or(Vec::new(), parameters);
-        let takes = |name: &str| taken.iter().any(|p| p.name == name);
-        let is_its_metric = takes("metric") || budget.metric == Metric::FlipMean;
-        if !takes("budget") || !is_its_metric || step.params.contains_key("budget") {
-            continue;
-        }
-        let mut within = recipe.clone();
-        let params = &mut within.steps[i].params;
-        params.insert("budget".to_owned(), budget.limit.into());
-        if takes("metric") {
-            params.insert("metric".to_owned(), budget.metric.to_string().into());
-        }
-        if refusals(&within) < refusals(&recipe) {
-            recipe = within;
-        }
-    }
-    recipe
-}
-
-/// Resolves recipes that leave choices to measurement, and applies them.
-pub fn choose(
-    session: &Session<'_>,
-    recipes: Vec<Recipe>,
-    facts: &mut Facts,
-    bar: &ProgressLine,
-) -> Result<(Vec<Recipe>, Vec<Variant>), Failure> {
-    if recipes.iter().any(measure::leaves_a_choice) {
-        bar.set_message("measuring what can be interpolated");
-        facts.frequencies = measure::frequencies(session, facts, Detail::Choice, &mut |step| {
-            bar.set_position((step.done * 1000.0) as u64);
-            ControlFlow::Continue(())
-        })?;
-    }
-    let originals = session.originals();
-    let choices = recipes.into_iter().map(|recipe| {
-        if !measure::leaves_a_choice(&recipe) {
-            let variant = measure::variant(originals, &recipe, facts);
-            return Ok((recipe, variant));
-        }
-        bar.set_message(format!("choosing within the budget of {recipe}"));
-        let chosen = match measure::within_budget(session, &recipe, facts)? {
-            Ok(chosen) => chosen,
-            Err(why) => {
-                let variant = measure::refused(originals, &recipe, &why);
-                return Ok((recipe, variant));
-            }
-        };
-        let variant = measure::variant(originals, &chosen, facts);
-        let written = measure::written_out(&chosen, facts).filter(|_| !variant.is_refused());
-        if let Some(written) = written {
-            bar.suspend(|| {
-                output::message(&format!(
-                    "{recipe}: chosen by measurement; `rewrite` makes the same of {}",
-                    written.as_passes()
-                ));
-            });
-        }
-        Ok((chosen, variant))
-    });
-    choices
-        .collect::<Result<Vec<_>, Failure>>()
-        .map(|c| c.into_iter().unzip())
 }
 
 /// Checks before anything is drawn that the folder `dir` can be written to or created. Leaves nothing
@@ -738,19 +578,6 @@ pub fn scene(
         scene.orders = args.order.iter().map(|o| DrawOrder::from(*o)).collect();
     }
     Ok(scene)
-}
-
-/// If a recipe specialises, splits each material into groups of draws that get versions of their own.
-pub fn grouped(scene: Scene, sweeps: &[Sweep]) -> Result<Scene, Failure> {
-    let steps = sweeps
-        .iter()
-        .flat_map(|s| &s.points)
-        .flat_map(|p| p.recipe.steps.clone());
-    let all = Recipe {
-        steps: steps.collect(),
-    };
-    all.check_names(&measure::originals(&scene))?;
-    Ok(measure::grouped_for(scene, &all)?)
 }
 
 /// The command line, without the folder of the binary.

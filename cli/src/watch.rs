@@ -11,7 +11,7 @@ use notify_debouncer_full::notify::{self, EventKind, RecursiveMode};
 use same_file::Handle;
 
 use crate::output::{self, count};
-use crate::{Ending, Failure, config, materials};
+use crate::{Ending, Failure, config, file_names, materials};
 
 /// Changes within this time are one change.
 const QUIET: Duration = Duration::from_millis(80);
@@ -99,7 +99,7 @@ impl Awaited {
             Last::Failed => is_below(&self.trees) || is_below(&self.includes) || is_beside(),
             Last::Fine => {
                 let is_found =
-                    materials::is_shader(&path) || materials::is_scene(&path) || path.is_dir();
+                    file_names::is_shader(&path) || materials::is_scene(&path) || path.is_dir();
                 is_below(&self.trees) && is_found
             }
         }

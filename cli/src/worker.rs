@@ -3,14 +3,15 @@
 
 use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
+use std::ops::ControlFlow;
 use std::path::Path;
 use std::process::{Command, ExitStatus, Stdio};
 use std::sync::Arc;
-use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
 use std::time::{Duration, Instant};
 
-use preshade_draw::render::Gpu;
 use preshade_draw::render::turns::{Turn, Turns};
+use preshade_draw::render::{AdapterChoice, Gpu};
 use preshade_lab::jobs::hash;
 use shader_text::limits::Limits;
 
@@ -66,8 +67,16 @@ pub fn end_with_parent() {
     });
 }
 
+/// Opens an adapter: the best one, or the one with this text in its name, driver or backend.
+pub fn open(adapter: Option<&str>, limits: &Limits) -> Result<Gpu, Failure> {
+    let choice = adapter.map_or(AdapterChoice::Best, |text| {
+        AdapterChoice::Matching(text.to_owned())
+    });
+    in_turns(Gpu::with_trust(&choice, limits.trust())?)
+}
+
 /// Takes turns with the jobs of other processes, if this is one.
-pub fn in_turns(gpu: Gpu) -> Result<Gpu, Failure> {
+fn in_turns(gpu: Gpu) -> Result<Gpu, Failure> {
     match std::env::var_os(LOCK).filter(|_| is_job()) {
         None => Ok(gpu),
         Some(path) => {
@@ -152,6 +161,29 @@ fn ended(which: usize, limits: &Limits, patience: u64) -> Result<String, String>
     }
 }
 
+/// Does `work` for each item with its number, on so many threads, until one says to stop.
+pub fn each<T: Sync>(
+    threads: usize,
+    items: &[T],
+    work: impl Fn(usize, &T) -> ControlFlow<()> + Sync,
+) {
+    let (next, is_stopped) = (AtomicUsize::new(0), AtomicBool::new(false));
+    let run = || {
+        while !is_stopped.load(Ordering::Relaxed) {
+            let index = next.fetch_add(1, Ordering::Relaxed);
+            let Some(item) = items.get(index) else { break };
+            if work(index, item).is_break() {
+                is_stopped.store(true, Ordering::Relaxed);
+            }
+        }
+    };
+    std::thread::scope(|scope| {
+        for _ in 0..threads.min(items.len()) {
+            scope.spawn(run);
+        }
+    });
+}
+
 /// A command that runs this program.
 pub fn myself() -> Result<Command, String> {
     let program = std::env::current_exe();
@@ -210,10 +242,10 @@ pub fn watched(mut command: Command, limits: &Limits, seconds: u64) -> Result<En
         }
         before = now;
         if spent > Duration::from_secs(seconds) {
-            break Err(too_long(seconds));
+            break Err(bounded::too_long(seconds));
         }
-        if let Some(bytes) = resident(child.id()).filter(|b| *b > limits.memory) {
-            break Err(too_large(bytes));
+        if let Some(bytes) = bounded::resident(child.id()).filter(|b| *b > limits.memory) {
+            break Err(bounded::too_large(bytes));
         }
         std::thread::sleep(TICK);
     };
@@ -275,25 +307,6 @@ fn drain(pipe: Option<impl Read + Send + 'static>) -> std::thread::JoinHandle<Ve
         }
         bytes
     })
-}
-
-/// The reason for stopping a process that took too long.
-pub fn too_long(seconds: u64) -> String {
-    format!("it was stopped after {seconds} s (--limits seconds=N)")
-}
-
-/// The reason for stopping a process that used too much memory.
-pub fn too_large(bytes: u64) -> String {
-    let mib = bytes >> 20;
-    format!("it was stopped at {mib} MiB of memory (--limits memory=N)")
-}
-
-/// Resident bytes of a process from `VmRSS` of `/proc`, if available.
-pub fn resident(process: u32) -> Option<u64> {
-    let status = std::fs::read_to_string(format!("/proc/{process}/status")).ok()?;
-    let line = status.lines().find(|l| l.starts_with("VmRSS:"))?;
-    let kib: u64 = line.split_whitespace().nth(1)?.parse().ok()?;
-    Some(kib << 10)
 }
 
 /// What a process printed, or the error that it printed in place of it.

@@ -6,6 +6,7 @@
 
 mod answers;
 pub mod decision;
+pub mod files;
 mod machine;
 #[cfg(test)]
 pub(crate) mod made_up;

@@ -63,7 +63,7 @@ fn of(wanted: Use) -> impl Iterator<Item = &'static str> {
 }
 
 /// The recipe of an example with this budget in the places that are left to the user.
-pub fn filled(recipe: &str, budget: Budget) -> String {
+fn filled(recipe: &str, budget: Budget) -> String {
     let words = format!("budget={},metric={}", budget.limit, budget.metric);
     let most = budget.limit.to_string();
     recipe.replace("BUDGET", &words).replace("MOST", &most)

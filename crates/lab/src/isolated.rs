@@ -1,36 +1,37 @@
 //! A report put together of variants that were measured in processes of their own.
 
+use crate::measure::Verified;
+use crate::measure::record::{Chosen, Report, Unfinished, VariantReport};
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::NOT_MEASURED;
-use preshade_lab::measure::Verified;
-use preshade_lab::measure::record::{Chosen, Report, Unfinished, VariantReport};
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::{Contract, Verdict};
-use shader_text::limits::Limits;
 
-use crate::saved_results::Keeper;
-use crate::{Failure, worker};
+/// Measures a variant beside the original in a process of its own: that of a recipe by its number from 1, or with 0
+/// the original alone.
+pub type Alone<'a> = &'a dyn Fn(usize) -> Result<Report, String>;
 
-/// Measures the original in a process of its own, and then each of `recipes` beside it in another.
+/// Measures the original, and then each of `recipes` beside it. `keep` gets the results so far.
+///
+/// # Errors
+/// Why the original was not measured.
 pub fn apart(
     recipes: &[Recipe],
     budget: Option<Budget>,
-    limits: &Limits,
-    keeper: &mut Keeper,
-) -> Result<Verified, Failure> {
-    let mut report = measured(0, limits).map_err(|why| {
-        Failure(match why.contains(NOT_MEASURED) {
-            true => why,
-            false => format!("error: the original was not measured: {why}"),
-        })
+    alone: Alone<'_>,
+    keep: &mut dyn FnMut(&Unfinished),
+) -> Result<Verified, String> {
+    let mut report = alone(0).map_err(|why| match why.contains(NOT_MEASURED) {
+        true => why,
+        false => format!("error: the original was not measured: {why}"),
     })?;
     for (i, recipe) in recipes.iter().enumerate() {
-        let variant = variant(&mut report, i, recipe, limits);
+        let variant = variant(&mut report, i, recipe, alone);
         report
             .variants
             .push(variant.unwrap_or_else(|why| not_measured(recipe, why)));
         let missing = recipes[i + 1..].iter().map(ToString::to_string).collect();
-        keeper.keep_report(&Unfinished::new(report.clone(), missing));
+        keep(&Unfinished::new(report.clone(), missing));
     }
     report.chosen = budget.map(|b| Chosen::among(&report.variants, b));
     Ok(Verified {
@@ -40,49 +41,41 @@ pub fn apart(
     })
 }
 
-/// Measures in separate processes the variants that a run missed because it lost its adapter.
-/// Measured variants remain.
+/// Measures the variants that a run missed because it lost its adapter. Measured variants remain.
 pub fn resumed(
     mut outcome: Verified,
     recipes: &[Recipe],
-    limits: &Limits,
-    keeper: &mut Keeper,
+    alone: Alone<'_>,
+    keep: &mut dyn FnMut(&Unfinished),
 ) -> Verified {
-    let is_missing = |v: &VariantReport| matches!(&v.verdict, Verdict::NotMeasured { why } if Some(why) == outcome.lost.as_ref());
-    let missing: Vec<usize> = (0..outcome.report.variants.len())
-        .filter(|i| outcome.report.variants.get(*i).is_some_and(is_missing))
-        .collect();
-    for i in missing {
+    let lost = outcome.lost.clone().unwrap_or_default();
+    let is_missing =
+        |v: &VariantReport| matches!(&v.verdict, Verdict::NotMeasured { why } if *why == lost);
+    let variants = outcome.report.variants.iter().enumerate();
+    let missing = variants.filter(|(_, v)| is_missing(v)).map(|(i, _)| i);
+    for i in missing.collect::<Vec<_>>() {
         let found = match i.checked_sub(1) {
-            None => measured(0, limits).and_then(|r| {
+            None => alone(0).and_then(|r| {
                 let original = r.variants.into_iter().next();
                 original.ok_or_else(|| "its report is empty".to_owned())
             }),
             Some(n) => match recipes.get(n) {
-                Some(recipe) => variant(&mut outcome.report, n, recipe, limits),
+                Some(recipe) => variant(&mut outcome.report, n, recipe, alone),
                 None => continue,
             },
         };
-        let Some(place) = outcome.report.variants.get_mut(i) else {
-            continue;
-        };
+        let place = &mut outcome.report.variants[i];
         match found {
             Ok(variant) => *place = variant,
             Err(why) => {
-                let before = outcome.lost.clone().unwrap_or_default();
                 place.verdict = Verdict::NotMeasured {
-                    why: format!("{before}; and in a process of its own {why}"),
+                    why: format!("{lost}; and in a process of its own {why}"),
                 };
             }
         }
-        keeper.keep_report(&Unfinished::new(outcome.report.clone(), Vec::new()));
+        keep(&Unfinished::new(outcome.report.clone(), Vec::new()));
     }
     outcome
-}
-
-fn measured(variant: usize, limits: &Limits) -> Result<Report, String> {
-    let text = worker::run(variant, limits, worker::OF_A_VARIANT)?;
-    worker::printed(&text)
 }
 
 /// The variant of a recipe, beside the original. What its pictures leave untested becomes a part of
@@ -91,9 +84,9 @@ fn variant(
     whole: &mut Report,
     index: usize,
     recipe: &Recipe,
-    limits: &Limits,
+    alone: Alone<'_>,
 ) -> Result<VariantReport, String> {
-    let report = measured(index + 1, limits)?;
+    let report = alone(index + 1)?;
     whole.warnings.retain(|w| !report.untested.contains(w));
     for untested in report.untested {
         if !whole.untested.contains(&untested) {
