@@ -124,10 +124,10 @@ fn make(asked: &Rewrite, recipe: &Recipe, targets: &[Target]) -> Result<Answer<V
     let mut messages: Vec<String> = rewrite::removed_discard(&plan).into_iter().collect();
     messages.extend(rewrite::draws_depth_alone(&original));
     messages.extend(refused.iter().cloned());
-    messages.extend(rewrite::told(&plan, true));
+    messages.extend(rewrite::messages(&plan, true));
     let validation = validated(asked.validate, &original, &plan)?;
     let checks = validation.iter().flatten();
-    messages.extend(rewrite::said(&plan.material, "", checks));
+    messages.extend(rewrite::check_messages(&plan.material, "", checks));
     if asked.validate {
         messages.push(format!(
             "note: `{}` is not run on an adapter: none is at hand",
