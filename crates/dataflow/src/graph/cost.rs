@@ -18,7 +18,7 @@
 //!
 //! Both arms of a branch count. A loop's body counts once per iteration: the trip count of a
 //! counted loop, else [`DEFAULT_TRIPS`]. Where a scene tells more,
-//! [`crate::transforms::specialize::as_drawn`] counts the branches and iterations that its draws take.
+//! `preshade_passes::transforms::specialize::as_drawn` counts the branches and iterations that its draws take.
 
 use naga::{
     AddressSpace, BinaryOperator, Expression, Handle, ImageQuery, MathFunction, Module,

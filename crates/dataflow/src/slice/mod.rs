@@ -4,7 +4,7 @@
 //! This is Weiser's static slice, interprocedural and context-sensitive by demand. A callee is
 //! sliced once for each distinct demand (results, pointees and effects), so calls with different
 //! demands stay separate. A slice refers to statements and expressions of the original;
-//! [`crate::rebuild::place`] builds a function from it.
+//! `preshade_passes::rebuild::place` builds a function from it.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -94,7 +94,7 @@ pub enum Termination {
     #[default]
     Assumed,
     /// A loop that may not end is kept, with all its control dependences, unless a guard can bound it: the plan has
-    /// that guard ([`crate::analysis::loops::LoopEnds::guard`]).
+    /// that guard (`preshade_passes::analysis::loops::LoopEnds::guard`).
     Guarded,
     /// A loop that may not end is kept, with all its control dependences.
     Preserved,

@@ -2,7 +2,7 @@
 //!
 //! Reflection finds each binding and location that the pass lists in the author's program. Each
 //! member gets its value from the first of these that has one: the draw's values, the material's
-//! values, the name's meaning by convention ([`Semantic`](super::Semantic), mesh streams), a
+//! values, the name's meaning by convention ([`Semantic`], mesh streams), a
 //! plausible number derived from the name. `docs/reference/scene-values.md` lists the names.
 //!
 //! Nothing here depends on the plan. Two variants of a material get the same bytes and the same

@@ -8,7 +8,7 @@
 //! light, and [`outputs`] auxiliary pictures. [`frequency`], [`mod@interpolation`] and [`bounds`] find values that can be interpolated.
 //! [`mod@changing`], [`mod@constants`], [`mod@ranges`] and [`mod@undrawn`] read a scene's files
 //! without drawing.
-//! [`mod@reference`] compares with exact arithmetic, [`mod@junctions`] finds T-junctions,
+//! [`mod@junctions`] finds T-junctions,
 //! [`mod@rasterizer`] tests the adapter's rasteriser, and [`on_adapter`] runs both versions on
 //! numbers. [`crossover`] finds the value of a scene's variable at which one variant overtakes
 //! another.

@@ -93,8 +93,7 @@ impl SceneSoFar {
         }
     }
 
-    /// Adds the measurements of these runners in a view, with their times from
-    /// [`super::stage::time`].
+    /// Adds the measurements of these runners in a view, with their times.
     pub fn add(&mut self, clock: Clock, view: &View, plans: (&[Runner<'_>], &[Option<Timing>])) {
         self.clock = Some(clock);
         self.missing.retain(|v| v != view);
