@@ -7,10 +7,10 @@ use preshade_compiler::command::agree::{
 };
 use preshade_compiler::command::agree_text::{Pair, Report};
 use preshade_plan::mapping::Equation;
-use shader_text::nearest::unknown;
-use shader_text::options::ClipSpace;
 use preshade_validate::Effort;
 use preshade_validate::agree::{Mismatch, Question, Relation};
+use shader_text::nearest::unknown;
+use shader_text::options::ClipSpace;
 
 use crate::request::{Agree, Shader};
 use crate::{Answer, Failure, Format, pretty};

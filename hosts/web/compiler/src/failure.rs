@@ -1,9 +1,9 @@
 //! Why there is no answer.
 
+use serde::Serialize;
 use shader_text::error::Color;
 use shader_text::limits::Exceeded;
 use shader_text::source::Location;
-use serde::Serialize;
 
 /// An error of a request. The caller must change the shader or the request.
 #[derive(Debug, Serialize)]

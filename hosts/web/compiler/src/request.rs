@@ -3,21 +3,21 @@
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
+use naga::ShaderStage;
 use preshade_compiler::command::material::{
     StateFlags, check_state, define, name_of, reads_facing, with_suggestion,
 };
 use preshade_compiler::command::rewrite::read_layouts;
 use preshade_compiler::front::{self, Source};
 use preshade_compiler::recipe::Recipe;
-use naga::ShaderStage;
 use preshade_plan::plan::Plan;
 use preshade_plan::state::{CullMode, MaterialState};
+use serde::Deserialize;
+use serde_json::{Map, Value, from_value};
 use shader_text::limits::{Exceeded, Limits};
 use shader_text::memory::Memory;
 use shader_text::options::{self, ClipSpace};
 use shader_text::source::Language;
-use serde::Deserialize;
-use serde_json::{Map, Value, from_value};
 
 use crate::failure::Failure;
 

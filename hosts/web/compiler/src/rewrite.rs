@@ -4,17 +4,17 @@ use preshade_compiler::command::material::assumed;
 use preshade_compiler::command::refusal::rendered;
 use preshade_compiler::command::rewrite::{self, Report, Rewritten};
 use preshade_compiler::emit::EmitError;
-use preshade_plan::plan_file::Target;
 use preshade_compiler::pipeline::{self, Applied, Frame};
 use preshade_compiler::recipe::{Recipe, Step};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::Plan;
-use shader_text::files::File;
-use shader_text::nearest::unknown;
+use preshade_plan::plan_file::Target;
 use preshade_validate::Check;
 #[cfg(feature = "check")]
 use preshade_validate::{By, Effort, validate_by};
 use serde::Serialize;
+use shader_text::files::File;
+use shader_text::nearest::unknown;
 
 use crate::request::Rewrite;
 use crate::{Answer, Failure, Format, pretty};
