@@ -22,6 +22,20 @@ use preshade_plan::plan::{BindingKind, GpuPass, HOIST, Plan, Role, Site, Step};
 use preshade_plan::program::Program;
 use preshade_plan::reflect;
 
+/// The outputs of a split vertex stage.
+///
+/// # Errors
+/// A varying that a new vertex cannot compute.
+pub(super) fn outputs(module: &Module, split: &Split) -> Result<Outputs, Box<Refusal>> {
+    Outputs::of(module, split.given).map_err(|(name, why)| {
+        refuse(
+            &refusals::VARYING,
+            format!("the varying `{name}` cannot be computed at a new vertex: {why}"),
+            "declare it as a perspective-correct f32, or as flat",
+        )
+    })
+}
+
 /// Storage buffers per stage that every WebGPU device supports.
 const STORAGE_BUFFERS: usize = 8;
 
@@ -66,13 +80,7 @@ impl<'a> DividedMaterial<'a> {
         Self::check_author(program, split.author)?;
         Self::check_inputs(pass, &split, module)?;
         Self::check_fragment(pass, program)?;
-        let outputs = Outputs::of(module, split.given).map_err(|(name, why)| {
-            refuse(
-                &refusals::VARYING,
-                format!("the varying `{name}` cannot be computed at a new vertex: {why}"),
-                "declare it as a perspective-correct f32, or as flat",
-            )
-        })?;
+        let outputs = outputs(module, &split)?;
         if params.form.is_indexed() && outputs.has_flat() {
             return Err(refuse(
                 &refusals::FLAT_SHARED,

@@ -15,7 +15,7 @@ use naga::{
 };
 
 use super::split::{self, Carried, Outputs, Split};
-use super::{refusals, refuse};
+use super::{examine, refusals, refuse};
 use preshade_dataflow::graph::FunctionId;
 use preshade_passes::analysis::refusals as shared;
 use preshade_passes::rebuild::place::{self, Rewrite};
@@ -118,13 +118,7 @@ pub fn native(plan: &Plan) -> Result<Native, Box<Refusal>> {
             "put `hoist` last",
         ));
     };
-    let outputs = Outputs::of(module, split.given).map_err(|(name, why)| {
-        refuse(
-            &refusals::VARYING,
-            format!("the varying `{name}` cannot be computed at a new vertex: {why}"),
-            "declare it as a perspective-correct f32, or as flat",
-        )
-    })?;
+    let outputs = examine::outputs(module, &split)?;
     let build = || {
         let patch = patch(module, &split, &outputs)?;
         let stage = [(ShaderStage::Vertex, pass.vertex.as_str())];

@@ -232,12 +232,7 @@ impl Resolver<'_, '_> {
         arguments: &[Expr],
         place: Option<naga::Span>,
     ) -> Result<Ex, Error> {
-        let (mut types, mut values) = (Vec::new(), Vec::new());
-        for argument in arguments {
-            let (ty, value) = self.argument(argument)?;
-            types.push(ty);
-            values.push(value);
-        }
+        let (types, values) = self.arguments(arguments)?;
         let Some(ty) = types.first().cloned() else {
             return Err(unsupported(format!("`{name}` takes arguments"), place));
         };

@@ -122,12 +122,7 @@ impl Resolver<'_, '_> {
         arguments: &[Expr],
         whole: &Expr,
     ) -> Result<Ex, Error> {
-        let (mut types, mut values) = (Vec::new(), Vec::new());
-        for argument in arguments {
-            let (ty, value) = self.argument(argument)?;
-            types.push(ty);
-            values.push(value);
-        }
+        let (types, values) = self.arguments(arguments)?;
         let place = self.place(whole.span);
         let overload = self.overload(name, signatures, &types, place)?;
         let signature = &signatures[overload];

@@ -170,6 +170,15 @@ impl Resolver<'_, '_> {
         }
     }
 
+    /// The types of arguments, and their values as [`Self::argument`] gives them.
+    pub(super) fn arguments(&mut self, all: &[Expr]) -> Result<(Vec<Ty>, Vec<Option<Ex>>), Error> {
+        let arguments = all.iter().map(|e| self.argument(e));
+        Ok(arguments
+            .collect::<Result<Vec<_>, _>>()?
+            .into_iter()
+            .unzip())
+    }
+
     /// The temporary that holds an expression's value, if any.
     pub(super) fn held(&self, e: &Expr) -> Option<Ex> {
         self.held.get(&key(e.span)?).cloned()
