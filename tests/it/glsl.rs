@@ -5,7 +5,8 @@ use std::path::{Path, PathBuf};
 use preshade_compiler::emit;
 use preshade_compiler::front::{self, Parsed, Source};
 use preshade_compiler::recipe::Recipe;
-use preshade_plan::pass::Facts;
+use preshade_passes::transforms::depth_prepass::DepthPrepass;
+use preshade_plan::pass::{Facts, Pass as _};
 use preshade_plan::plan::Plan;
 use preshade_plan::plan_file::Target;
 use preshade_plan::state::{MaterialState, Topology};
@@ -655,4 +656,24 @@ fn a_size_of_points_is_not_lost_in_silence() {
     let notes = |topology| plan(topology).notes.join("\n");
     assert!(notes(Topology::PointList).contains("points come out one pixel large"));
     assert!(notes(Topology::TriangleList).contains("changes no triangle and no line"));
+}
+
+#[test]
+fn a_change_stands_at_the_line_of_the_author() {
+    // OpenGL's clip space: the reader ends `main` with a statement of its own, which has no line.
+    let vertex = "#version 300 es\nin vec3 position;\nout vec2 at;\nvoid main() {\n    at = position.xy;\n    \
+                  gl_Position = vec4(position, 1.0);\n}\n";
+    let fragment = "#version 300 es\nprecision highp float;\nin vec2 at;\nout vec4 color;\n\
+                    void main() { color = vec4(at, at); }\n";
+    let parsed = parse(&texts(vertex, fragment), &Options::default());
+    let plan = Plan::original(
+        "m",
+        parsed.program,
+        &parsed.vertex,
+        parsed.fragment.as_deref(),
+        &MaterialState::default(),
+    );
+    let done = DepthPrepass::run(&plan, &Facts::default(), &Default::default()).unwrap();
+    let at = done.change.location.unwrap();
+    assert!(at.file.ends_with("a.vert") && at.line == 6, "{at:?}");
 }

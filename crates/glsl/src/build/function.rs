@@ -157,7 +157,8 @@ impl<'s> Body<'_, 's> {
             self.store_at(pointer, argument);
             self.parameters.push((pointer, true));
         }
-        self.span = of.span;
+        // Statements without a place are the reader's own: no line of the author's says them.
+        self.span = Span::UNDEFINED;
         Ok(())
     }
 
