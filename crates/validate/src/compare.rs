@@ -28,9 +28,9 @@ pub(crate) enum Discards {
     LeftToEqual,
     /// The variant may also discard fragments strictly behind the present depth.
     Hidden {
-        /// Depth of the fragment.
+        /// The fragment's depth.
         own: f32,
-        /// The present depth.
+        /// The depth in the buffer.
         other: f32,
         /// Which way depth grows.
         direction: DepthDirection,
@@ -45,7 +45,6 @@ pub(crate) enum Depths {
     NotNearer(DepthDirection),
 }
 
-/// The promise about positions.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Positions {
     Bits,
@@ -68,11 +67,9 @@ pub(crate) enum Rule {
     /// The vertex outputs that rasterisation uses.
     Vertices(Positions),
     Fragments {
-        /// Colours.
         colors: Colors,
         discards: Discards,
         depths: Depths,
-        /// Memory.
         stores: Stores,
     },
 }
@@ -80,11 +77,10 @@ pub(crate) enum Rule {
 /// A difference, with both values as text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Difference {
-    /// The output that differs.
     pub output: String,
-    /// The original's.
+    /// The original's value.
     pub original: String,
-    /// The variant's.
+    /// The variant's value.
     pub variant: String,
 }
 

@@ -1,6 +1,6 @@
 //! The numbers that two programs compare with, and inputs that reach them.
 //!
-//! If a program discards beyond a distance of 30, points must be about 30 apart. If it tests a flag,
+//! If a program discards beyond a distance of 30, points must be about 30 away. If it tests a flag,
 //! an integer must have that bit.
 
 use std::collections::BTreeSet;

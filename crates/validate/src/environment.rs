@@ -46,7 +46,7 @@ type Texel<'a, F> = Box<dyn Fn(&Lookup<'_, F>) -> [F; 4] + 'a>;
 
 /// The data of a draw.
 pub(crate) struct World<'a, F: 'a> {
-    /// Uniforms and buffers.
+    /// By group and binding.
     pub resources: Arc<BTreeMap<(u32, u32), Value<F>>>,
     /// The corner of [`TestPoint::Vertex`].
     corner: usize,
@@ -173,7 +173,6 @@ pub enum Texels {
     Plain,
 }
 
-/// A world of numbers.
 pub(crate) fn concrete<'a>(
     inputs: &'a Inputs,
     attachments: &'a BTreeMap<(u32, u32), [f32; 4]>,
@@ -229,7 +228,7 @@ pub(crate) fn ranging<'a>(
     }
 }
 
-/// A world of numbers with twice the digits, which tells a difference from rounding.
+/// A world of numbers with twice the digits, to distinguish a difference from rounding.
 pub(super) fn precise(inputs: &Inputs) -> World<'_, f64> {
     let exact = |value: Value| exactly::<f64>(&value);
     World {
@@ -266,7 +265,7 @@ pub(super) fn taped_buffers(inputs: &Inputs) -> BTreeMap<(u32, u32), Value<Taped
     .collect()
 }
 
-/// A value of a buffer on a tape. What lies too deep is constant.
+/// A value of a buffer on a tape. Values that are nested too deep are constant.
 fn on_tape(value: &Value, (at, steps, depth): ((u32, u32), &mut Steps, usize)) -> Value<Taped> {
     match value {
         Value::Scalar(Scalar::F32(x)) => {

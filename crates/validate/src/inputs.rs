@@ -120,7 +120,7 @@ pub struct Inputs {
     attributes: BTreeMap<(u32, u32), f32>,
     /// Locations whose attributes have another location's numbers.
     same: BTreeMap<u32, u32>,
-    /// Numbers that inputs reach.
+    /// The numbers that inputs shall reach.
     numbers: Option<Arc<Numbers>>,
     /// Single scalars that have another value.
     pins: Pins,
@@ -226,7 +226,7 @@ impl Inputs {
         }
     }
 
-    /// The same inputs, with what `more` has beside them.
+    /// The same inputs, with additional values from `more`.
     #[must_use]
     pub fn merged(self, more: Self) -> Self {
         let mut resources = Arc::unwrap_or_clone(more.resources);
@@ -289,7 +289,7 @@ impl Inputs {
                         replace(scalar, *number);
                     }
                 }
-                // These are asked for one by one.
+                // Each of these is generated when it is read.
                 Source::Texel(..) | Source::Attribute(..) | Source::Fragment(..) => {}
             }
         }

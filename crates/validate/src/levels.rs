@@ -59,7 +59,7 @@ pub struct Levels {
 const LEVEL_SCALE: f32 = 16.0;
 
 impl Levels {
-    /// All textures alike.
+    /// The same reading for all textures.
     pub fn all(reading: Reading) -> Self {
         Self {
             reading,
@@ -132,7 +132,7 @@ impl Levels {
         texture.is_some_and(|t| self.biases.contains(&t))
     }
 
-    /// The numbers that a lookup receives beside its coordinates.
+    /// The additional numbers of a lookup that its texel depends on.
     pub fn given<'a, F>(&self, lookup: &Lookup<'a, F>) -> &'a [F] {
         let counts = match lookup.footprint.len() {
             1 => self.biases(lookup.binding),

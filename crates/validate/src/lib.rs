@@ -98,10 +98,8 @@ impl Default for Effort {
     }
 }
 
-/// How to validate.
 #[derive(Clone, Copy)]
 pub struct By<'a> {
-    /// The limits.
     pub effort: &'a Effort,
     /// Another executor to run both on, even if a promise is proved: the proof doesn't cover that
     /// executor's compiler.

@@ -24,24 +24,20 @@ const SIDE: usize = 8;
 /// A texel of the id texture.
 pub(super) type Id = [u32; 4];
 
-/// A drawn triangle.
 pub(super) struct Drawn<'a> {
     inputs: &'a Inputs,
-    /// The original's vertex stage.
     vertex: Stage<'a>,
     /// The triangle's number in its draw.
     pub(super) triangle: u32,
     pub(super) vertices: [u32; 3],
     pub(super) instance: u32,
-    /// Whether its front is seen.
+    /// The front faces the viewer.
     pub(super) is_front: bool,
     /// A pixel that it covers.
     pub(super) pixel: [u32; 2],
     /// The draw's entry, without its attributes.
     pub(super) entry: Entry,
-    /// The index buffer.
     indices: Vec<u32>,
-    /// The draw table.
     table: Vec<u32>,
     /// An id of another draw, or of none.
     pub(super) other: Id,
@@ -283,7 +279,7 @@ impl<'a> Drawn<'a> {
         Some((stream, words))
     }
 
-    /// The draw as text, beside the inputs of the original.
+    /// The draw as text, in addition to the inputs of the original.
     pub(super) fn as_text(&self) -> Vec<(String, String)> {
         let of = |name: &str, value: String| (name.to_owned(), value);
         let inputs = self.vertex.inputs();

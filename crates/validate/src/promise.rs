@@ -52,11 +52,11 @@ pub(super) struct Pair<'a> {
 /// The content of an attachment.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Held {
-    /// Depths, as such.
+    /// Depths, unpacked.
     Depths,
     /// Depths packed into a colour.
     Packed,
-    /// Something else.
+    /// Any other content.
     Colors,
 }
 
@@ -266,7 +266,7 @@ impl<'a> Pair<'a> {
         checks
     }
 
-    /// The steps, each with what to expect of it.
+    /// The steps, each with the changes that its pass expects.
     fn steps(&self) -> impl Iterator<Item = (&'a Step, Expected)> {
         self.variant.steps.iter().map(|step| {
             let pass = pass_named(&step.pass);

@@ -43,7 +43,7 @@ impl Pair<'_> {
     }
 }
 
-/// What decides a fragment, as far as colours are promised.
+/// Slicing criteria of a fragment, as far as colours are promised.
 pub(super) fn of_fragment(colors: Colors) -> Vec<Criterion> {
     let mut wanted = match colors {
         Colors::Bits | Colors::Numbers | Colors::Within(_) => {
@@ -148,7 +148,6 @@ fn stores(stage: Stage<'_>) -> bool {
 /// A slice, independent of its program.
 #[derive(PartialEq)]
 struct Normal {
-    /// Its canonical hash.
     hash: String,
     /// Bindings and interpolation of its inputs.
     read: Vec<naga::Binding>,

@@ -201,7 +201,7 @@ fn unit(numbers: [f64; 3]) -> [f64; 3] {
     numbers.map(|number| number / sum)
 }
 
-/// A sum with weights, in which three equal numbers stay what they are.
+/// A weighted sum. Of three equal numbers, it is exactly that number.
 fn blend([a, b, c]: [f64; 3], weights: [f64; 3]) -> f64 {
     a + (b - a) * weights[1] + (c - a) * weights[2]
 }

@@ -4,7 +4,7 @@
 #[derive(Clone, Debug)]
 pub struct Random(u64);
 
-/// What the state grows by.
+/// Increment of the state.
 const STEP: u64 = 0x9e37_79b9_7f4a_7c15;
 
 impl Random {
@@ -16,7 +16,7 @@ impl Random {
         Self(hash ^ seed.wrapping_mul(STEP))
     }
 
-    /// The next.
+    /// The next 64 bits.
     pub fn bits(&mut self) -> u64 {
         self.0 = self.0.wrapping_add(STEP);
         let mut z = self.0;

@@ -2,14 +2,14 @@
 //! draws ([`Drawn`]).
 //!
 //! For each input we run the id pass at a covered pixel and write its id into the id texture. The
-//! resolve then shades that pixel from the draw's buffers. The original shades it from what a
-//! rasteriser gives it ([`super::quad`]). Each comparison is made twice:
+//! resolve then shades that pixel from the draw's buffers. The original shades it from the inputs
+//! that a rasteriser would provide ([`super::quad`]). Each comparison is made twice:
 //!
 //! - in `f32`, by the step's budget, on the values that the target stores;
 //! - in `f64`, where the two may differ by rounding only. The resolve is the same function as the
 //!   original, whatever its budget, so a larger difference is a fault.
 //!
-//! If `f32` exceeds the budget and `f64` agrees, the two are rounded apart, which is counted and
+//! If `f32` exceeds the budget and `f64` agrees, the two differ by rounding, which is counted and
 //! reported.
 
 use std::collections::BTreeMap;

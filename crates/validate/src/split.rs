@@ -146,7 +146,7 @@ impl<'a> Split<'a> {
         let run = |corner| {
             let input = |io: &_| drawn.attribute(module, io, corner).map(|v| exactly(&v));
             let mut ran = self.run(inputs, &resources, stage, &input)?;
-            // Kept vertices are stored in 32 bits.
+            // The buffer of vertices holds 32 bits a number.
             if self.kept.is_some() {
                 for value in ran.outputs.values_mut() {
                     *value = value.map(&mut |scalar| {
@@ -164,7 +164,6 @@ impl<'a> Split<'a> {
         Ok([run(0)?, run(1)?, run(2)?])
     }
 
-    /// The author's resources.
     fn resources<F: Float>(&self, inputs: &Inputs) -> Resources<F> {
         let all = inputs.resources.iter();
         all.map(|(at, value)| (*at, exactly(value))).collect()
@@ -323,7 +322,7 @@ impl<'a> Split<'a> {
         self.run(inputs, &resources, stage, &input)
     }
 
-    /// The buffer of kept vertices, after the three of the triangle were stored.
+    /// The buffer of vertices after the compute pass stored the three of the triangle.
     fn stored<F: Float>(
         &self,
         (inputs, drawn): (&Inputs, &Drawn<'_>),
@@ -416,7 +415,7 @@ pub(super) fn positions<F: Float>(corners: &[Ran<F>; 3]) -> Result<[[f64; 4]; 3]
     Ok(all)
 }
 
-/// The binding of kept vertices.
+/// The binding of the buffer of vertices.
 fn vertices_at(bindings: &[BindingUse]) -> Option<(u32, u32)> {
     let is_it = |b: &&BindingUse| {
         let part = match &b.source {

@@ -57,9 +57,8 @@ pub struct Stage<'p> {
 #[derive(Clone, Debug)]
 pub struct Ran<F = f32> {
     pub outputs: BTreeMap<Slot, Value<F>>,
-    /// Whether it was discarded.
     pub discarded: bool,
-    /// Final buffer contents.
+    /// Final contents of buffers, by group and binding.
     pub stored: BTreeMap<(u32, u32), Value<F>>,
     /// As [`RunResult::flips`].
     pub flips: u64,
@@ -80,7 +79,6 @@ impl<'p> Stage<'p> {
         self.program.module()
     }
 
-    /// Its entry point's function.
     pub fn function(self) -> &'p naga::Function {
         &self.module().entry_points[self.entry].function
     }

@@ -1,12 +1,12 @@
-//! Auxiliary pictures at rest: what a host alone knows, as an input has it.
+//! Auxiliary pictures at rest: values that only a host knows, set as an input would be.
 
 use naga::{AddressSpace, Expression, Function, GlobalVariable, Handle, Module};
 
 use preshade_plan::plan::{BindingSource, GpuPass};
 use preshade_plan::program::Program;
 
-/// The program of a pass, with the current buffers in place of the previous frame's, and zeros for
-/// what the host alone fills. Positions and discards depend on neither.
+/// The program of a pass, with the current buffers in place of the previous frame's, and zeros in
+/// buffers that only the host fills. Positions and discards depend on neither.
 pub(super) fn at_rest(program: &Program, pass: &GpuPass) -> Program {
     let mut module = program.module().clone();
     for binding in &pass.bindings {

@@ -200,7 +200,7 @@ impl Number for Symbolic {
         }
     }
 
-    /// [`Number::holds`] requires less.
+    /// Orders constants only. [`Number::holds`] decides more.
     fn compare(self, other: Self) -> Option<Option<Ordering>> {
         ARENA.with_borrow(|arena| {
             let (a, b) = (arena.constant(self)?, arena.constant(other)?);

@@ -265,7 +265,8 @@ pub(super) fn color_rule(colors: Colors, inputs: &Inputs) -> Colors {
     }
 }
 
-/// Whether an input compared everything promised, including the colours of a kept fragment.
+/// Whether an input compared everything promised, including the colours of a fragment that
+/// survives.
 pub(super) fn is_whole(promised: Colors, asked: Colors, is_kept: bool) -> bool {
     promised == Colors::Ignored || (asked != Colors::Ignored && is_kept)
 }

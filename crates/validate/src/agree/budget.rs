@@ -1,5 +1,5 @@
-//! What a pair may cost. It is counted in steps of the interpreter, so that a result does not depend
-//! on the machine.
+//! The cost limit of a pair of programs, in steps of the interpreter, so that a result does not
+//! depend on the machine.
 
 use std::cell::{Cell, OnceCell, RefCell};
 use std::collections::BTreeMap;
@@ -47,7 +47,7 @@ impl Budget {
         self.run.saturating_mul(RUNS_OF_TERMS)
     }
 
-    /// What may be left after a search. Half of the steps of the first one are for others.
+    /// Steps that a search must leave. The first search leaves half of them to the others.
     pub(super) fn allowed(&self, is_first: bool) -> u64 {
         if is_first { self.left.get() / 2 } else { 0 }
     }
@@ -62,7 +62,6 @@ impl Budget {
         self.left.get()
     }
 
-    /// Counts a run.
     pub(super) fn spend(&self, steps: u64) {
         self.left.set(self.left.get().saturating_sub(steps));
     }
@@ -85,7 +84,7 @@ pub(super) struct Draw<'i> {
     pub(super) inputs: &'i Inputs,
     stages: [PassStages<'i>; 2],
     budget: &'i Budget,
-    /// What the vertex stages made of its corners, which all fragments share.
+    /// Results of the vertex stages at its corners. All fragments share them.
     corners: [OnceCell<Result<[Ran; 3], Stuck>>; 2],
 }
 

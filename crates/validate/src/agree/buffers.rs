@@ -67,7 +67,7 @@ pub(super) fn biases(module: &Module) -> Vec<((u32, u32), Vec<usize>)> {
 }
 
 impl Matcher<'_> {
-    /// A buffer.
+    /// Finds the partner of a buffer, or of its parts.
     pub(super) fn data(&mut self, global: Handle<GlobalVariable>) {
         let variable = &self.theirs.global_variables[global];
         let ty = variable.ty;
@@ -90,7 +90,8 @@ impl Matcher<'_> {
                 .then(|| cast_by(a, b, is_by_offset))
                 .flatten()
         };
-        // What the last frame had is no partner of the same name: it was another value of this frame's.
+        // A value of the last frame has no partner of the same name: that one holds this frame's
+        // value.
         let name = mapping::name_of(self.theirs, global, &[]);
         let is_split = self.is_of_two_frames(ty)
             || self.relation == Relation::Velocity && is_previous_path(&name);
@@ -323,7 +324,7 @@ fn offset(module: &Module, ty: Handle<Type>, steps: &[usize]) -> u32 {
     at
 }
 
-/// The words by which a name says that it holds the last frame's value.
+/// Parts of names of values from the last frame.
 const PREVIOUS: [&str; 6] = ["prev", "previous", "last", "old", "history", "before"];
 
 /// A name without such words: `prevViewProj` and `view_proj_last` are `view_proj`. Empty if it has no
@@ -347,7 +348,7 @@ fn without_previous(name: &str) -> String {
     words.join("_")
 }
 
-/// Whether a name says that it holds the last frame's value.
+/// Whether a name is one of a value from the last frame.
 fn is_previous(name: &str) -> bool {
     let bare = without_previous(name);
     plain(&bare) != plain(name)
@@ -360,7 +361,7 @@ pub(super) fn last_name(path: &mapping::Path) -> &str {
     members.find(|n| !is_number(n)).unwrap_or(&path.variable)
 }
 
-/// Whether a path says that it holds the last frame's value of what has this name.
+/// Whether a path names the last frame's value of `name`.
 pub(super) fn is_previous_of(path: &mapping::Path, name: &str) -> bool {
     is_previous_path(path) && plain(&without_previous(last_name(path))) == plain(name)
 }

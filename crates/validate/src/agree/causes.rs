@@ -31,7 +31,8 @@ const COVERS: &str = "the alpha that covers samples";
 const COVERED: f32 = 0.125;
 
 impl Two<'_> {
-    /// What the whole programs say of a difference, and whether it is one of huge numbers or of rounding.
+    /// The difference between the whole programs, if they differ too. Huge numbers and rounding get
+    /// a class of their own.
     pub(super) fn confirmed(
         &self,
         (what, sliced): (What, &[Sliced; 2]),

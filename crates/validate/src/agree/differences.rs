@@ -1,4 +1,4 @@
-//! What two runs differ in, and whether that is rounding alone.
+//! Differences between two runs, and whether they are rounding alone.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -20,7 +20,6 @@ use preshade_plan::state::DepthDirection;
 const FRAG_DEPTH: Slot = Slot::BuiltIn(BuiltIn::FragDepth);
 const SAMPLE_MASK: Slot = Slot::BuiltIn(BuiltIn::SampleMask);
 
-/// The output of [`Class::DepthBias`].
 pub(super) const BIASED: &str = "z of the position";
 
 impl Two<'_> {
@@ -48,7 +47,7 @@ impl Two<'_> {
                 own.filter(move |d| d.is_of_rounding() && !d.is_shared(decisions[other]))
             })
             .collect();
-        // What `f64` absorbs, too.
+        // `f64` rounds this, too.
         if rounded.iter().any(|d| d.is_of_rounded_truths()) {
             return true;
         }
@@ -81,7 +80,7 @@ impl Two<'_> {
     fn is_near(&self, what: What, mut first: Ran<f64>, mut second: Ran<f64>) -> bool {
         self.narrow(&mut first);
         self.narrow(&mut second);
-        // What is close counts as equal.
+        // Close values count as equal.
         let snap = |ours: Option<&Value<f64>>, theirs: Option<&mut Value<f64>>| {
             if let (Some(ours), Some(theirs)) = (ours, theirs)
                 && compare::is_close(ours, theirs, 1e-9)
@@ -117,7 +116,7 @@ impl Two<'_> {
     /// The samples that a fragment covers, as bits.
     pub(super) fn covered<F: Number>(&self, ran: &Ran<F>) -> u32 {
         let all = match self.samples {
-            // Four is what WebGPU has otherwise.
+            // WebGPU's other sample count is four.
             0 | 1 => 0b1111,
             n => u32::MAX >> 32_u32.saturating_sub(n),
         };
@@ -215,7 +214,7 @@ impl Two<'_> {
         match (ours, theirs) {
             (0, 0) => return self.stored(what, first, second),
             (a, b) if a == b => {}
-            // `Colors` has been told already by the coverage.
+            // The promise about coverage reports this difference.
             _ if what != What::Coverage => return None,
             (a, b) => {
                 let class = if b & !a != 0 {
@@ -324,8 +323,8 @@ pub(super) fn components(programs: [&Program; 2]) -> BTreeMap<u32, u32> {
     all
 }
 
-/// A written depth as it is stored: within 0 and 1. A compiler may clamp it already. No API says what
-/// NaN becomes; clamping makes it 0.
+/// A written depth as the target stores it: within 0 and 1. A compiler may clamp it already. No API
+/// defines the depth for NaN; clamping makes it 0.
 pub(super) fn clamp_depth(ran: &mut Ran) {
     if let Some(Value::Scalar(Scalar::F32(depth))) = ran.outputs.get_mut(&FRAG_DEPTH) {
         *depth = match depth.is_nan() {
@@ -345,7 +344,7 @@ pub(super) enum Bias {
     Farther,
     /// The first one's vertex is out of view.
     Unseen,
-    /// It is another depth.
+    /// The second depth is no biased form of the first.
     None,
 }
 
@@ -385,7 +384,7 @@ pub(super) fn bias(first: &Ran, second: &Ran, direction: DepthDirection) -> Bias
     }
 }
 
-/// What differs from the velocity at rest on other inputs.
+/// The difference from the velocity at rest of earlier inputs.
 pub(super) fn moving(
     second: &Ran,
     slot: Slot,

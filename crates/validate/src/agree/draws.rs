@@ -48,7 +48,6 @@ impl Two<'_> {
         None
     }
 
-    /// What both programs read.
     pub(super) fn read(&self, rules: &[Rule]) -> Read {
         read_by([self.first, self.second], rules)
     }
@@ -135,7 +134,7 @@ fn shrink(value: &mut Value) {
 /// Buffers by group and binding, and their members by index, or `None` for the whole.
 pub(super) type Read = BTreeMap<(u32, u32), Option<BTreeSet<usize>>>;
 
-/// What the stages of two programs read, and what feeds it.
+/// The parts that the stages of two programs read, and those that rules feed them from.
 pub(super) fn read_by(two: [PassStages<'_>; 2], rules: &[Rule]) -> Read {
     let stages = two.into_iter().flat_map(|s| [Some(s.vertex), s.fragment]);
     let read = stages

@@ -6,7 +6,8 @@ use preshade_passes::analysis::coverage;
 use preshade_plan::plan::GpuPass;
 use preshade_plan::program::Program;
 
-/// A program that forces the test writes the depth of what it discards, and none of its own.
+/// The finding if exactly one program forces the early test: it writes the depth of discarded
+/// fragments, and ignores the depth that the stage writes.
 pub(super) fn finding(sides: [(&GpuPass, &Program); 2], relation: Relation) -> Option<Finding> {
     if relation == Relation::Position {
         return None;

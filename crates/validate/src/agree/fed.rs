@@ -17,7 +17,7 @@ pub(super) enum Cast {
     Elements(Box<Cast>),
     /// Theirs is a block with one member, as languages without loose uniforms have it.
     Wrapped(Box<Cast>),
-    /// Ours is.
+    /// Ours is a block with one member.
     Unwrapped(Box<Cast>),
     /// Each scalar from the one at its byte: their steps, our steps.
     Bytes(Vec<(Vec<usize>, Vec<usize>)>),
@@ -29,12 +29,11 @@ pub(super) struct Rule {
     /// Their buffer's group and binding in the renamed program.
     pub(super) to: (u32, u32),
     pub(super) to_steps: Vec<usize>,
-    /// Our buffer.
+    /// Our buffer's group and binding.
     pub(super) from: (u32, u32),
     pub(super) from_steps: Vec<usize>,
     /// Matrices that it is multiplied by, from left to right.
     pub(super) times: Vec<((u32, u32), Vec<usize>)>,
-    /// How ours becomes theirs.
     pub(super) cast: Cast,
     /// The two have other names: in a frame, each view has its own value.
     pub(super) is_of_view: bool,
@@ -66,7 +65,8 @@ pub(super) fn cast(theirs: (&Module, Handle<Type>), ours: (&Module, Handle<Type>
     cast_by(theirs, ours, false)
 }
 
-/// The same; if so told, members are partners by their offset, as one host fills them.
+/// Like [`cast`]. With `is_by_offset`, members at one offset are partners, because one host fills
+/// both.
 pub(super) fn cast_by(
     (theirs, their): (&Module, Handle<Type>),
     (ours, our): (&Module, Handle<Type>),
@@ -259,7 +259,7 @@ pub(super) fn plain(name: &str) -> String {
     bare.unwrap_or(&lower).replace('_', "")
 }
 
-/// Writes what the rules say into the resources of a world.
+/// Writes the values that the rules feed into the resources of a world.
 pub(super) fn feed<F: Number>(rules: &[Rule], resources: &mut BTreeMap<(u32, u32), Value<F>>) {
     for rule in rules {
         let value = |(at, steps): (&(u32, u32), &[usize])| part(resources.get(at)?, steps).cloned();

@@ -1,4 +1,4 @@
-//! Finds which resource and attribute of the second program is which of the first, and renames the
+//! Finds the partner of each resource and attribute of the second program in the first. Renames the
 //! second program's accordingly: group, binding and location become the first's.
 //!
 //! A buffer with another layout keeps a binding of its own and is fed by [`Rule`]s.
@@ -90,22 +90,20 @@ pub(super) struct Matching {
     pub(super) previous_inputs: Vec<(u32, u32)>,
     /// Members of both programs with `bias` in their names, by group and binding.
     pub(super) biases: Vec<((u32, u32), Vec<usize>)>,
-    /// What the matching took for granted, a sentence each.
+    /// Assumptions of the matching, a sentence each.
     pub(super) notes: Vec<String>,
 }
 
-/// How a variable of ours fits, by its number if so told.
+/// How a variable of ours fits; by its number if the flag is set.
 pub(super) type Fits<'a, T> = dyn Fn(&GlobalVariable, bool) -> Option<T> + 'a;
 
-/// The search.
 pub(super) struct Matcher<'a> {
     pub(super) ours: &'a Module,
     pub(super) theirs: &'a Module,
-    /// Both programs, for what the IR can't say.
+    /// Both programs, for facts that the IR does not hold.
     pub(super) programs: [&'a Program; 2],
     pub(super) relation: Relation,
     pub(super) maps: &'a [Mapping],
-    /// Products that mappings give.
     pub(super) products: Vec<Product>,
     /// Named parts of our buffers.
     pub(super) leaves: Vec<Leaf>,
@@ -307,7 +305,8 @@ impl Matcher<'_> {
     }
 
     /// Whether a variable and its next version are bound by number, whatever their names: both
-    /// authors gave the numbers, and in one language. OpenGL counts textures and buffers apart.
+    /// authors gave the numbers, and in one language. OpenGL numbers textures and buffers
+    /// separately.
     pub(super) fn is_bound_by_number(
         &self,
         theirs: &GlobalVariable,
@@ -572,7 +571,8 @@ impl Matcher<'_> {
         });
     }
 
-    /// Names what each part without a partner may hold: what nothing else of theirs has.
+    /// Lists candidates for each part without a partner: parts of ours of the same type that have
+    /// no partner either.
     fn suggest(&mut self, first: PassStages<'_>) {
         let products = self.suggested(first);
         for i in 0..self.lost.len() {

@@ -1,5 +1,5 @@
-//! Holds two programs against each other, whoever wrote them: a material's main pass, and a depth,
-//! shadow or velocity pass that somebody wrote by hand; or a shader before and after an edit.
+//! Compares two programs, whoever wrote them: a material's main pass, and a depth, shadow or
+//! velocity pass that somebody wrote by hand; or a shader before and after an edit.
 //!
 //! `matching` renames the second program's resources and attributes to the first's, so that both
 //! read one set of inputs. Each relation is a list of promises. A promise is proved as in
@@ -80,7 +80,7 @@ impl Relation {
         Self::Normal,
     ];
 
-    /// Its word in options.
+    /// The value of `--as`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Same => "same",
@@ -93,7 +93,7 @@ impl Relation {
         }
     }
 
-    /// What it compares, in a few words.
+    /// The promises of the relation, in a few words.
     pub fn meaning(self) -> &'static str {
         match self {
             Self::Same => "Positions, discards, depths and colours",
@@ -108,7 +108,7 @@ impl Relation {
         }
     }
 
-    /// What to call the two programs.
+    /// Names of the two programs in messages.
     pub fn names(self) -> [&'static str; 2] {
         let second = match self {
             Self::Same => return ["the first", "the second"],
@@ -200,8 +200,8 @@ impl Class {
         }
     }
 
-    /// Whether such a finding breaks a relation unless the caller says otherwise. Another rounding
-    /// matters where depths are compared for equality, or a picture must not change.
+    /// Whether such a finding breaks a relation by default. Another rounding matters where depths
+    /// are compared for equality, or a picture must not change.
     pub fn breaks(self, relation: Relation) -> bool {
         match self {
             Self::ViewDependent | Self::Extreme | Self::Variant => false,
@@ -305,16 +305,15 @@ pub struct Held {
     pub outcome: Outcome,
 }
 
-/// How two programs agree.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Agreement {
     pub relation: Relation,
     /// Which resource and attribute is which.
     pub partners: Vec<Partner>,
     pub promises: Vec<Held>,
-    /// The findings, worst first.
+    /// Worst first.
     pub findings: Vec<Finding>,
-    /// What was assumed, and what no input shows, a sentence each.
+    /// Assumptions, and differences that no input shows, a sentence each.
     #[serde(skip)]
     pub notes: Vec<String>,
 }
@@ -322,7 +321,6 @@ pub struct Agreement {
 /// Two programs that cannot be held against each other.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Mismatch {
-    /// A stage is missing.
     #[error("{side} program has no {stage} stage")]
     Stage {
         /// `the first` or `the second`.
@@ -333,14 +331,12 @@ pub enum Mismatch {
     /// A mapping names something that is not there.
     #[error("--map {map}: in the {side} program, {why}")]
     Map {
-        /// The mapping.
         map: String,
-        /// Whose name it is.
+        /// The program that lacks the name: `first` or `second`.
         side: &'static str,
-        /// The reason.
         why: String,
     },
-    /// Nothing has a partner.
+    /// No resource or attribute has a partner.
     #[error(
         "the two programs have no resource or attribute in common, by number, name or mapping: they \
          are not of one material"
@@ -351,10 +347,9 @@ pub enum Mismatch {
     Renamed(String),
 }
 
-/// What is asked about two programs.
+/// The relation to check, and the user's help.
 #[derive(Clone, Copy, Debug)]
 pub struct Question<'a> {
-    /// What they should have in common.
     pub relation: Relation,
     /// Names of the second and the first program that mean one thing.
     pub maps: &'a [Equation],
@@ -497,8 +492,7 @@ impl Agreement {
         self.findings.iter().all(is_note) && promises.all(is_held)
     }
 
-    /// Why a part of what was asked was neither proved nor tried, unless a finding in `accepted` says
-    /// so: its words.
+    /// The first reason why a promise was not evaluated, leaving out those listed in `accepted`.
     pub fn not_evaluated(&self, accepted: &[&str]) -> Option<&str> {
         let reasons = self.promises.iter().filter_map(|h| match &h.outcome {
             Outcome::NotEvaluated { why } => Some(why.as_str()),
@@ -508,8 +502,8 @@ impl Agreement {
         reasons.next()
     }
 
-    /// Whether nothing was proved or tried of what the relation is about: of normals and velocities,
-    /// if it is about these.
+    /// Whether no promise that defines the relation was proved or tried. For normals and
+    /// velocities, only the promises about them count.
     pub fn is_nothing(&self) -> bool {
         let own = |h: &&Held| match self.relation {
             Relation::Normal => h.promise == "normals",

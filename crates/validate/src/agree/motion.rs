@@ -1,6 +1,6 @@
-//! Whether a velocity follows what moves.
+//! Whether a velocity follows the motion.
 //!
-//! Between two frames, the main pass itself says how far a point moves: its position is evaluated
+//! The main pass itself gives the motion of a point between two frames: its position is evaluated
 //! with the values of both. A velocity may be scaled, flipped, clamped or encoded. But if a point
 //! moves further along an axis, its velocity must not fall there, or it must not rise.
 
@@ -20,7 +20,6 @@ use crate::levels::Reading;
 use crate::stage::{POSITION, Slot};
 use preshade_plan::mapping;
 
-/// Frames that are compared.
 const FRAMES: usize = 64;
 
 /// Frames that are tried: in about a quarter, a vertex is in front of the camera in both.
@@ -29,10 +28,11 @@ const TRIES: u64 = 320;
 /// Every sixth seed has ordinary numbers.
 const ORDINARY: u64 = 6;
 
-/// What makes a difference of velocities, and of motions, in shares of their largest difference.
+/// The least difference of velocities, and of motions, that counts, relative to their largest
+/// difference.
 const NOTABLE: f32 = 1e-3;
 
-/// Names of what differs between frames by itself.
+/// Parts of names of values that change with time by themselves.
 const TIME: [&str; 4] = ["time", "elapsed", "clock", "seconds"];
 
 /// How far a vertex moves on the screen, and its velocity.
@@ -40,12 +40,13 @@ const TIME: [&str; 4] = ["time", "elapsed", "clock", "seconds"];
 struct Sample {
     motion: [f32; 2],
     velocity: [f32; 2],
-    /// It is in view.
+    /// The vertex is in view.
     is_seen: bool,
 }
 
 impl Two<'_> {
-    /// Whether the velocity in a slot follows the motion of the main pass, and what it does not follow.
+    /// Whether the velocity in a slot follows the motion of the main pass, and findings where it
+    /// does not.
     pub(super) fn motion(
         &self,
         promise: &str,
@@ -116,8 +117,8 @@ impl Two<'_> {
         rules.filter(is_read).collect()
     }
 
-    /// What the main pass's position reads from buffers and has no previous value that the velocity
-    /// pass reads: its path, and its last name.
+    /// Values that the main pass's position reads from buffers, and whose previous value the
+    /// velocity pass does not read: path, and last name.
     fn unmoved(&self, previous: &[&Rule]) -> BTreeMap<String, String> {
         let position = Sliced::of(self.first, &[], true);
         let stage = position.stages(self.first).vertex;
@@ -140,8 +141,8 @@ impl Two<'_> {
         named.collect()
     }
 
-    /// What the position depends on and the velocity takes as it is now, though a previous value is
-    /// declared, or though it changes with time.
+    /// A finding for each value that moves the position, but not the velocity. Either a previous
+    /// value is declared and unread, or the name is one of a time.
     fn still(&self, promise: &str, previous: &[&Rule], sliced: &[Sliced; 2]) -> Vec<Finding> {
         let read = read_by(sliced[1].stages(self.second));
         let second = self.second.vertex.module();
@@ -182,7 +183,7 @@ impl Two<'_> {
         self.unmoved(previous).into_iter().filter_map(of).collect()
     }
 
-    /// What counts as unmoved because no previous value of it is declared, as a sentence.
+    /// The values that count as unmoved because no previous value is declared, as a sentence.
     pub(super) fn unmoved_note(&self) -> Option<String> {
         let Ok(What::Moving(slot)) = self.velocity().map(What::Moving) else {
             return None;
@@ -205,8 +206,8 @@ impl Two<'_> {
         })
     }
 
-    /// A vertex in two frames. What has no previous value stays the same in all samples, as a scale
-    /// would.
+    /// A vertex in two frames. A value without a previous one is constant in all samples, like a
+    /// scale.
     fn sample(&self, n: u64, slot: Slot, previous: &[&Rule], sliced: &Sliced) -> Option<Sample> {
         if self.budget.is_below(0) {
             return None;
@@ -301,7 +302,7 @@ fn moves(promise: &str, words: String) -> Finding {
     Finding::general(Class::Moves, promise, words)
 }
 
-/// What is wrong with the velocities, in words.
+/// The fault in the velocities, in words.
 fn wrong(samples: &[Sample]) -> Option<String> {
     let range = |of: &dyn Fn(&Sample) -> f32| {
         let all = samples.iter().map(of);

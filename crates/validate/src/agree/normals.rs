@@ -10,7 +10,7 @@ use preshade_plan::pass::{Facts, Pass, Refused};
 use preshade_plan::plan::{Plan, Role};
 use preshade_plan::program::Program;
 
-/// How far numbers of equal normals may be apart.
+/// The largest difference between the components of equal normals.
 const CLOSE: f32 = 1e-4;
 
 /// The material of `program` with a pass that writes its normal: the value of this name, or that of
@@ -50,7 +50,7 @@ pub(super) fn derived(
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Encoding {
     Plain,
-    /// From 0 to 1.
+    /// Scaled from -1..1 to 0..1.
     Halved,
 }
 

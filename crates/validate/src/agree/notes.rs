@@ -1,4 +1,4 @@
-//! What the inputs do not show: guesses, and what GPUs may round differently.
+//! Differences that no input shows: guesses, and operations that GPUs may round differently.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -45,7 +45,7 @@ pub(super) fn variant(two: &Two<'_>, promises: &[Held]) -> Option<Finding> {
     Some(Finding::general(Class::Variant, "positions", words))
 }
 
-/// A sentence on each.
+/// All notes, a sentence each.
 pub(super) fn all(two: &Two<'_>) -> Vec<String> {
     let mut notes = by_order(two);
     notes.extend(two.matching.notes.iter().cloned());
@@ -80,8 +80,8 @@ fn by_order(two: &Two<'_>) -> Vec<String> {
     said.collect()
 }
 
-/// Varyings that a GPU may take from another vertex, and positions that it may round otherwise: no input
-/// shows it. In a pre-pass, [`variant`] tells of the latter.
+/// Varyings that a GPU may take from another vertex, and positions that it may round differently:
+/// no input shows it. For a pre-pass, [`variant`] reports the positions.
 fn interfaces(two: &Two<'_>) -> Vec<String> {
     if two.relation != Relation::Same {
         return Vec::new();
@@ -129,7 +129,7 @@ fn interfaces(two: &Two<'_>) -> Vec<String> {
     notes
 }
 
-/// What the first program computes on inputs that were not compared.
+/// An undefined result of the first program, and that inputs with it were not compared.
 fn undefined(two: &Two<'_>) -> Option<String> {
     let (what, span) = two.undefined.get()?;
     let [first, _] = two.relation.names();

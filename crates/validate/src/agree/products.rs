@@ -1,9 +1,10 @@
-//! A matrix of one program that stands for a product of the other's: `light_space` for `proj * view`.
+//! A matrix of one program that stands for a product of the other's: `light_space` for `proj *
+//! view`.
 //!
-//! A mapping says so. Without one, the chains of factors before a vertex are laid side by side: where
-//! the same matrix follows, what stands before it in one stands for what stands before it in the other.
-//! Where a vertex follows, names must say that no factor is an object's: a pass that forgot the model
-//! matrix would agree otherwise.
+//! A mapping may give the product. Without one, we compare the chains of factors before a vertex.
+//! If the same matrix follows in both, the parts before it stand for each other. If the vertex
+//! itself follows, the names must show that no factor belongs to an object: a pass that forgot the
+//! model matrix would agree otherwise.
 
 use std::collections::BTreeMap;
 
@@ -44,7 +45,6 @@ impl Product {
     }
 }
 
-/// The products among mappings.
 pub(super) fn given(
     [ours, theirs]: [&Module; 2],
     maps: &[Equation],
@@ -158,8 +158,8 @@ impl Matcher<'_> {
         names::is_combined(&one) || factors.all(|f| names::is_of_view_alone(&f))
     }
 
-    /// The parts of two chains that stand for each other, if one is one matrix: none has a partner,
-    /// and the same stands before and behind both.
+    /// The parts of two chains that stand for each other, if one of them is a single matrix.
+    /// Neither has a partner, and equal factors are before and behind both.
     fn partners(&self, their: &Chain, our: &Chain) -> Option<[(usize, usize); 2]> {
         let is_lost = |leaf: &Option<Leaf>| {
             let place = leaf.as_ref().and_then(|leaf| self.their_place(leaf));
@@ -340,7 +340,7 @@ fn chains(stage: Stage<'_>) -> Vec<Chain> {
         };
         chains.block(&function.body);
     }
-    // A part of another one says less.
+    // A part of another chain adds nothing.
     let whole = all.clone();
     all.retain(|chain: &Chain| {
         let is_part = |other: &Chain| {

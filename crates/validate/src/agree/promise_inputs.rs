@@ -1,4 +1,4 @@
-//! What the inputs of a promise say.
+//! Results of a promise's inputs.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,6 @@ const LEVELS: usize = 8;
 /// After a class of difference was found, one in this many inputs more look for another.
 const LONGER: u64 = 4;
 
-/// Examples by class.
 #[derive(Default)]
 pub(super) struct ClassExamples {
     pub(super) examples: BTreeMap<Class, Example>,
@@ -25,7 +24,7 @@ pub(super) struct ClassExamples {
     /// The budget was spent before all inputs were tried.
     pub(super) is_cut: bool,
     pub(super) why: Option<String>,
-    /// On ordinary numbers.
+    /// Counts on ordinary numbers.
     pub(super) seen: Seen,
     /// Places that differ, by class.
     pub(super) hits: BTreeMap<Class, u64>,
@@ -35,12 +34,12 @@ pub(super) struct ClassExamples {
     pub(super) compared: u64,
     /// Inputs whose numbers were looked at.
     pub(super) traced: u64,
-    /// Number of inputs up to the last that showed a new class, extremes and rounding apart.
+    /// Inputs up to the last one with a new class. Extremes and rounding do not count.
     last_new: Option<u64>,
 }
 
-/// The number of fragments that a program kept, and that a program discarded; and of vertices that
-/// the second puts nearer and farther, and nowhere else.
+/// Counts: fragments that a program kept, fragments that a program discarded, and vertices that the
+/// second program moves in depth alone, nearer or farther.
 #[derive(Clone, Copy, Debug, Default)]
 pub(super) struct Seen {
     pub(super) kept: u64,
@@ -53,11 +52,11 @@ pub(super) struct Seen {
     pub(super) compared: u64,
 }
 
-/// What the inputs so far say together.
+/// Results that all inputs so far share.
 #[derive(Default)]
 pub(super) struct State {
     pub(super) seen: Seen,
-    /// The velocity of what rests.
+    /// The velocity at rest.
     pub(super) rest: Option<Value>,
     /// How normals may be encoded.
     pub(super) encodings: Encodings,
@@ -83,7 +82,7 @@ impl ClassExamples {
     /// Whether no more of `count` inputs are needed: all classes of `until` were found. If it names
     /// none, a class was, and others were looked for a while longer.
     pub(super) fn is_enough(&self, count: u64, until: &[Class]) -> bool {
-        // A tie is found at once, and says nothing of how rare the others are.
+        // A tie is found at once, so it does not show how rare the others are.
         let is_long_after = |at: u64| {
             let longer = at + count.div_ceil(LONGER);
             self.tried >= longer.max(count / 2)
@@ -96,7 +95,6 @@ impl ClassExamples {
         }
     }
 
-    /// Counts a difference.
     pub(super) fn count(
         &mut self,
         class: Class,

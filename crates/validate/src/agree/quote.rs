@@ -49,7 +49,7 @@ fn opened(text: &str, start: usize, end: usize) -> usize {
     if closed == 0 && !is_member {
         return start;
     }
-    // Back to what is open, and to its name.
+    // Back to the opening bracket, and to the name before it.
     let mut depth = closed;
     for (at, c) in text.get(..start).unwrap_or_default().char_indices().rev() {
         match c {
@@ -109,7 +109,7 @@ pub(super) fn short(value: &Value) -> String {
     }
 }
 
-/// Two texts of values, with as few digits of each number as tell them apart.
+/// Two texts of values, with the fewest digits of each number that still differ.
 pub(super) fn distinguished(texts: [&str; 2]) -> [String; 2] {
     let mut all = (3..9).map(|count| texts.map(|text| fewer(text, count)));
     let found = all.find(|[a, b]| a != b);
@@ -140,7 +140,7 @@ fn fewer(text: &str, count: i32) -> String {
     out
 }
 
-/// Three digits.
+/// A number with three digits.
 pub(super) fn digits(x: f32) -> String {
     first_digits(x, 3)
 }

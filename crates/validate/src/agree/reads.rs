@@ -1,4 +1,4 @@
-//! Which parts of which variables a program reads.
+//! The parts of variables that a program reads.
 
 use std::collections::BTreeSet;
 

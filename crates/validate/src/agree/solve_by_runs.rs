@@ -8,7 +8,7 @@ use super::ties;
 use crate::tape::{Decision, Kind, Plain, Source, Tape};
 use naga_interp::Scalar;
 
-/// Integers that were read last, of which one is solved for.
+/// The last integers read that are tried as unknowns.
 const LEAVES: usize = 8;
 
 /// Rounds of the secant method.
@@ -20,10 +20,10 @@ pub(super) type Solution = (Source, Scalar, bool);
 /// The search for one comparison.
 pub(super) struct Probed<'r> {
     tape: &'r Tape,
-    /// Its index.
+    /// Index of the comparison.
     at: usize,
     run: &'r dyn Fn(Source, Scalar) -> Option<Tape>,
-    /// The nearest value that decides otherwise so far, with how far apart the sides are there.
+    /// The nearest value so far that decides otherwise, and the distance of the sides there.
     nearest: Cell<Option<(Leaf, i64, f64)>>,
 }
 
@@ -142,8 +142,8 @@ impl<'r> Probed<'r> {
         Steps::Failed
     }
 
-    /// As a sum with one term for each bit, which masks, shifts, fields and inverted bits are: from the
-    /// least sum on, the largest terms that fit.
+    /// Solves a sum with one term for each bit, such as masks, shifts, fields and inverted bits:
+    /// from the least sum on, it adds the largest terms that fit.
     fn by_bits(&self, leaf: Leaf) -> Option<i64> {
         let own = self.own().sides;
         let mut least = (own[0] - own[1], leaf.now());

@@ -1,9 +1,9 @@
 //! Inputs at which a comparison of either program is a tie, and their neighbours.
 //!
 //! `<` and `<=` differ at a tie alone, and a condition behind an equality never holds on random
-//! numbers. So a few inputs are run on a tape; each comparison on it is solved for one of its inputs.
-//! From an input that decides a comparison otherwise, the next ones are solved, and what was solved for
-//! stays: so conjunctions hold.
+//! numbers. So a few inputs are run on a tape, and each comparison there is solved for one of its
+//! inputs. An input that decides a comparison otherwise is the start of the next search. Its solved
+//! values stay fixed, so conjunctions hold.
 
 use std::cell::Cell;
 use std::collections::{BTreeMap, VecDeque};
@@ -41,11 +41,10 @@ const FEW: u64 = 24;
 /// Integers that a conversion is solved for.
 const INTEGERS: usize = 8;
 
-/// What was solved, and what is to be tried.
+/// The comparisons that were solved, and the inputs to try.
 pub(super) struct Ties {
     /// How often each comparison was solved.
     tries: BTreeMap<u64, usize>,
-    /// Inputs to try.
     queue: VecDeque<Solved>,
     /// Those that were found last.
     found: Vec<Solved>,
@@ -63,7 +62,7 @@ pub(super) struct Solved {
     pub(super) point: Point,
     /// Comparisons that were solved for it, one after the other.
     pub(super) depth: usize,
-    /// The last of them.
+    /// The last comparison that was solved for it.
     site: u64,
     /// It may lead where no other input does.
     is_lead: bool,
@@ -155,7 +154,6 @@ impl Ties {
         self.probes = 0;
     }
 
-    /// The next input.
     pub(super) fn next(&mut self) -> Option<Solved> {
         self.queue.pop_front()
     }
@@ -192,7 +190,7 @@ impl Ties {
         }
     }
 
-    /// Queues what was found. What follows from a solved input is tried before all else, so that a long
+    /// Queues the found inputs. Those that follow from a solved input come first, so that a long
     /// conjunction comes to its end.
     fn queue(&mut self, depth: usize) {
         let found = std::mem::take(&mut self.found);
@@ -205,8 +203,9 @@ impl Ties {
         }
     }
 
-    /// How often a comparison was solved, if it is to be solved again. From a solved input, one that
-    /// is near is solved beside it, and of the others those that are new.
+    /// How often a comparison was solved, if it is to be solved again. From a solved input, a
+    /// comparison near the solved one counts separately for it; of the others, only new ones are
+    /// solved.
     fn turn(&mut self, site: u64, depth: usize, near: Option<u64>) -> Option<usize> {
         let site = near.map_or(site, |parent| both(parent, site));
         let tries = self.tries.entry(site).or_default();
@@ -290,7 +289,7 @@ impl Two<'_> {
         let tapes = stages.map(|stages| self.on_tape(stages, inputs, rules, place).1);
         let steps = [&tapes[0], &tapes[1]].map(Step::all);
         let probes = Cell::new((ties.probes, ties.steps));
-        // What decides for certain comes first.
+        // Comparisons decide for certain, so they come first.
         for kind in [Kind::Compared, Kind::Truncated, Kind::Bent] {
             for ((tape, steps), stages) in tapes.iter().zip(&steps).zip(stages) {
                 let near = from.map(|solved| Step::near(steps, tape, solved.site));

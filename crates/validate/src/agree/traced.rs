@@ -1,4 +1,4 @@
-//! What two traced runs compute differently: the values, and the comparisons that discard.
+//! Differences between two traced runs: the values, and the comparisons that discard.
 
 use std::collections::BTreeSet;
 
@@ -67,7 +67,8 @@ impl Run<'_> {
         found.or_else(|| self.data_beyond(others))
     }
 
-    /// What is read from a uniform or a buffer, and not by the other run. Of a path, the last is the most.
+    /// The last value that this run alone reads from a uniform or a buffer. In a path, the last
+    /// access is the longest.
     fn data_beyond(&self, others: &BTreeSet<u32>) -> Option<Spot> {
         let found = self
             .beyond(others)
@@ -188,7 +189,7 @@ impl Run<'_> {
     }
 }
 
-/// Where two runs begin to differ: in what both read, or else in what either computes.
+/// Where two runs begin to differ: in data that each reads, or else in values that either computes.
 pub(super) fn beginnings(first: &Run<'_>, second: &Run<'_>) -> [Option<Spot>; 2] {
     let (ours, theirs) = (first.numbers(), second.numbers());
     let data = [first.data_beyond(&theirs), second.data_beyond(&ours)];
@@ -201,10 +202,10 @@ pub(super) fn beginnings(first: &Run<'_>, second: &Run<'_>) -> [Option<Spot>; 2]
 /// The last comparisons of a run that may decide: a loop makes very many.
 const MOST_COMPARISONS: usize = 1000;
 
-/// What decides in a program that discards, and in one that keeps the fragment.
+/// The deciding comparison in a program that discards, and in one that keeps the fragment.
 pub(super) fn decisions(discards: &Run<'_>, keeps: &Run<'_>) -> [Option<Decision>; 2] {
     let discarding = discards.discards();
-    // A comparison that both make alike does not tell them apart.
+    // A comparison with the same operands in both explains nothing.
     let made = |run: &Run<'_>| -> Vec<(Decision, [u32; 2], String)> {
         let last = run.compared().into_iter().take(MOST_COMPARISONS);
         let all = last.filter_map(|traced| {
@@ -317,7 +318,7 @@ fn is_break(block: &naga::Block) -> bool {
     matches!(block.next(), Some(Statement::Break)) && block.next().is_none()
 }
 
-/// Adds what some conditions of a function consist of.
+/// Adds the operations that some conditions of a function consist of.
 fn comparisons(
     (handle, function): (Option<Handle<Function>>, &Function),
     mut pending: Vec<Handle<Expression>>,
@@ -360,7 +361,7 @@ fn floats(value: &Value, all: &mut BTreeSet<u32>) {
     }
 }
 
-/// What an operand is called: its name, or the author's text.
+/// The name of an operand, or the author's text.
 fn called(
     program: &Program,
     module: &Module,
@@ -388,13 +389,13 @@ pub(super) enum Pairing {
         kept: String,
         discarded: String,
     },
-    /// One threshold, two values.
+    /// They share the threshold, and compare different values.
     Values {
         kept: String,
         discarded: String,
         threshold: String,
     },
-    /// Neither.
+    /// They share neither.
     Apart,
 }
 

@@ -29,8 +29,8 @@ use preshade_dataflow::slice::{Criterion, OutputFilter};
 use preshade_plan::state::DepthDirection;
 use shader_text::source::Language;
 
-/// One in this many inputs is run on the whole programs, also beside a proof that depends on the slicer:
-/// by default as many as in [validation](crate).
+/// One in this many inputs is run on the whole programs, even where a slice is proved, because the
+/// proof depends on the slicer. It is the default share of [validation](crate).
 const BESIDE: u64 = 16;
 
 /// One in this many inputs should keep a fragment, and one discard it.
@@ -66,7 +66,7 @@ pub(super) struct Two<'a> {
     pub(super) samples: u32,
     /// Which way its depth grows.
     pub(super) direction: DepthDirection,
-    /// What both compare with.
+    /// The numbers that both programs compare with.
     pub(super) numbers: Arc<Numbers>,
     /// The components of outputs by location, where an author declares fewer than four.
     pub(super) components: BTreeMap<u32, u32>,
@@ -74,11 +74,10 @@ pub(super) struct Two<'a> {
     /// or why there is none.
     pub(super) normal: Option<Result<PassStages<'a>, String>>,
     pub(super) budget: &'a Budget,
-    /// What the first program computes on some input and GLSL leaves undefined.
+    /// A result of the first program on some input that GLSL leaves undefined.
     pub(super) undefined: &'a Cell<Option<(Undefined, naga::Span)>>,
 }
 
-/// What a promise compares.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(super) enum What {
     Positions,
@@ -199,7 +198,7 @@ impl<'a> Two<'a> {
     ) -> (Outcome, Vec<Finding>) {
         let mut classes = found.examples.keys();
         let is_equal = classes.all(|c| matches!(c, Class::Extreme | Class::Rounding));
-        // Too few inputs say nothing about a class.
+        // Too few inputs are no evidence about a class.
         let is_short = found.is_cut && found.ended * QUOTA < self.effort.inputs;
         if is_equal
             && !is_short
@@ -278,7 +277,7 @@ impl<'a> Two<'a> {
         if findings.iter().any(|f| f.class == Class::Position) {
             findings.retain(|f| f.class != Class::DepthBias);
         }
-        // Kept or lost at another level is one finding.
+        // A loss at another level is no second finding.
         let mut seen = std::collections::BTreeSet::new();
         findings.retain(|f| seen.insert(f.class));
         // A worse difference explains those of roundings and of huge numbers.
@@ -303,7 +302,7 @@ impl<'a> Two<'a> {
         })
     }
 
-    /// Why the inputs say nothing about fragments.
+    /// Why the inputs are no evidence about fragments.
     fn unseen(&self, what: What, seen: Seen) -> Option<&'static str> {
         match seen {
             _ if what == What::Positions => None,
@@ -357,7 +356,7 @@ impl<'a> Two<'a> {
         }
     }
 
-    /// What the second program's slice reads and the first does not have.
+    /// Parts that the second program's slice reads and the first program lacks.
     fn lost(&self, promise: &str, sliced: &Sliced) -> Vec<Finding> {
         let stages = sliced.stages(self.second);
         let all = [Some(stages.vertex), stages.fragment];
@@ -405,7 +404,7 @@ impl<'a> Two<'a> {
         lost.chain(inputs).collect()
     }
 
-    /// What decides a promise in the fragment stage.
+    /// Slicing criteria of a promise in the fragment stage.
     pub(super) fn criteria(&self, what: What) -> Vec<Criterion> {
         let output = |slot: Slot| match slot {
             Slot::Location(location, _) => Criterion::Output(OutputFilter::Location(location)),
@@ -462,7 +461,7 @@ impl<'a> Two<'a> {
                 None => Point::from(self.next_seed(seeds.next().unwrap_or_default(), is_expensive)),
             };
             let seed = point.seed;
-            // If fragments are rarely kept, or rarely discarded, more inputs follow.
+            // If few fragments survive, or few are discarded, more inputs follow.
             let Seen {
                 kept, discarded, ..
             } = state.seen;
@@ -627,8 +626,8 @@ impl<'a> Two<'a> {
         Ok(found)
     }
 
-    /// Whether an input says nothing, because GLSL leaves a result undefined that one of the two
-    /// computes; with the difference, if the first has a result.
+    /// Whether to skip an input, because GLSL leaves a result of either program undefined. `Some`
+    /// with the difference, if only the second's result is undefined.
     #[allow(clippy::type_complexity)]
     fn undefined(&self, ran: [&Ran; 2], inputs: &Inputs) -> Option<Option<(Class, [String; 3])>> {
         let programs = [self.first, self.second].map(|stages| stages.vertex.program);

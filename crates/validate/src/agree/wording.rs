@@ -1,4 +1,4 @@
-//! Says a difference in words, with the lines of both authors.
+//! Describes a difference in words, with the lines of both authors.
 
 use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
@@ -45,8 +45,8 @@ pub(super) struct Sliced {
 type SpanRange = (usize, usize);
 
 impl Sliced {
-    /// What decides the criteria in the fragment stage, and its inputs and the position in the vertex
-    /// stage; or the position alone.
+    /// Slices the fragment stage by the criteria, and the vertex stage by the varyings that it
+    /// reads and the position. With `is_of_positions`, slices the position alone.
     pub(super) fn of(
         stages: PassStages<'_>,
         criteria: &[Criterion],
@@ -97,7 +97,7 @@ impl Sliced {
         [two.first, two.second].map(|stages| Self::of(stages, criteria, is_of_positions))
     }
 
-    /// Whether what is at a place may decide the criteria.
+    /// Whether the expression at a place may decide the criteria.
     pub(super) fn decides(&self, span: Span) -> bool {
         let range = span.to_range();
         range.is_none_or(|r| !self.of_position.contains(&(r.start, r.end)))
@@ -232,7 +232,7 @@ fn of_components([output, ours, theirs]: &[String; 3]) -> Option<Vec<Criterion>>
     )
 }
 
-/// What a finding says.
+/// The parts of a finding's sentence.
 struct Sentence<'a> {
     two: &'a Two<'a>,
     class: Class,

@@ -8,7 +8,7 @@ use naga::{BinaryOperator, MathFunction};
 use super::{Computation, Decision, Source, Tape, Taped};
 use naga_interp::Number;
 
-/// Candidates of one search.
+/// The most candidates of one search.
 const MOST_CANDIDATES: usize = 12;
 
 impl Tape {
@@ -160,7 +160,7 @@ pub(crate) struct Along<'t> {
 }
 
 impl<'t> Along<'t> {
-    /// What the sides of a decision are along an input.
+    /// The sides of a decision as functions of an input.
     pub(crate) fn new(tape: &'t Tape, sides: [Taped; 2], source: Source) -> Self {
         let last = sides
             .iter()
@@ -313,7 +313,7 @@ mod tests {
 
     const A: Source = Source::Texel((0, 0), 0);
 
-    /// The values around the tie of what `compare` compares, for an input of this value.
+    /// The values around the tie of the comparison in `compare`, for an input of this value.
     fn around(value: f32, compare: impl Fn(Taped)) -> Vec<f32> {
         let ((), tape) = taped(|| compare(Taped::input(A, value)));
         let decision = tape.decisions[0];

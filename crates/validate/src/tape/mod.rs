@@ -1,9 +1,9 @@
-//! Numbers that keep how they were computed: a tape (Griewank and Walther 2008, section 3.2).
+//! Numbers that record how they were computed: a tape (Griewank and Walther 2008, section 3.2).
 //!
-//! After a run on them, the tape holds each operation that depends on an input, each comparison, and
-//! each lookup. An input that makes a comparison a tie is found backwards along it (`inverse`).
-//! Beside each number is its reference in `f64` along the same path, which tells a difference from
-//! rounding.
+//! After a run on them, the tape holds each operation that depends on an input, each comparison,
+//! and each lookup. An input that makes a comparison a tie is found backwards along it (`inverse`).
+//! Each number also has its reference in `f64` along the same path, to distinguish a difference
+//! from rounding.
 
 use std::cell::RefCell;
 use std::cmp::Ordering;
@@ -69,7 +69,7 @@ struct Node {
     hash: u64,
 }
 
-/// What decides between two ways to go on.
+/// The kind of a decision.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(super) enum Kind {
     /// A comparison of two numbers.
@@ -143,7 +143,7 @@ impl TextureAccess {
     }
 }
 
-/// What a run left.
+/// The record of a run.
 #[derive(Default)]
 pub(super) struct Tape {
     nodes: Vec<Node>,
@@ -203,7 +203,7 @@ impl Tape {
         }
     }
 
-    /// What a decision compares, whatever the numbers of its inputs.
+    /// A hash of the compared operations, independent of the numbers of inputs.
     pub(super) fn site(&self, decision: &Decision) -> u64 {
         let [a, b] = decision.sides.map(|side| self.hash(side));
         mixed(mixed(a.max(b), a.min(b)), decision.kind as u64)
@@ -237,7 +237,7 @@ impl Taped {
         }
     }
 
-    /// Notes a texture access.
+    /// Records a texture access.
     pub(super) fn looked_up(lookup: &Lookup<'_, Self>) {
         let bits = |all: &[Self]| all.iter().map(|x| x.value.to_bits()).collect();
         let seen = TextureAccess {
@@ -342,7 +342,7 @@ impl Decision {
             B::GreaterEqual => B::LessEqual,
             other => other,
         };
-        // `a < b` against `b >= a` says the opposite of the same.
+        // `a < b` and `b >= a` make the same comparison with opposite results.
         let is_upward = |op: B| matches!(op, B::Greater | B::GreaterEqual);
         let reaches = |op: B| matches!(op, B::LessEqual | B::GreaterEqual);
         others.iter().any(|other| {
@@ -380,7 +380,7 @@ fn is_rounded(op: BinaryOperator, [a, b]: [f64; 2], value: f32, truth: f64) -> b
     let is_inexact = match op {
         B::Add | B::Subtract => {
             let b = if op == B::Add { b } else { -b };
-            // What the sum lost (Knuth 1969).
+            // The error of the sum (Knuth 1969).
             let part = truth - a;
             (a - (truth - part)) + (b - part) != 0.0
         }
