@@ -1,5 +1,5 @@
-//! What buffers and textures hold at a command, as far as the CPU alone can say: what was there at the
-//! start and what the queue wrote. What shaders or passes wrote has to be replayed.
+//! Contents of buffers and textures at a command, as far as the CPU can compute them: the start and
+//! the writes of the queue. Results of shaders and passes need a replay.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -9,10 +9,10 @@ use super::file::{BufferType, Command, ComputeCommand, GroupLayout, Resource};
 use super::folder::{Capture, get};
 use super::pass::{self, PassDraw};
 
-/// Contents before a command.
+/// The contents before a command.
 #[derive(Debug, Default)]
 pub struct Contents {
-    /// Buffers that differ from the start.
+    /// Content of the buffers that the queue changed.
     buffers: BTreeMap<usize, Vec<u8>>,
     /// Buffers that the GPU wrote.
     computed_buffers: BTreeSet<usize>,
@@ -46,8 +46,10 @@ impl Contents {
         Ok(contents)
     }
 
-    /// The textures that a frame writes, before or after a draw. `setup` may hold passes of earlier frames, so what
-    /// they draw or compute counts. Its uploads and copies are work that is done once.
+    /// The textures that a frame writes, before or after a draw.
+    ///
+    /// Includes textures that `setup` draws to or computes, because it may hold passes of earlier
+    /// frames. Leaves out the uploads and copies of `setup`, because they happen once.
     ///
     /// # Errors
     /// A draw comes before its pipeline.
@@ -63,7 +65,7 @@ impl Contents {
         Ok(contents.changed_textures)
     }
 
-    /// Applies a command. `draws` are those of a render pass.
+    /// Applies a command. If it is a render pass, `draws` are its draws.
     pub fn apply(
         &mut self,
         capture: &Capture,
@@ -110,8 +112,8 @@ impl Contents {
         Ok(())
     }
 
-    /// Notes what the GPU may write by a command: textures, and buffers that shaders store to. `draws` are those of
-    /// a render pass.
+    /// Marks the textures that a command writes, and the buffers that its shaders may store to. If
+    /// it is a render pass, `draws` are its draws.
     pub fn writes_of_gpu(&mut self, capture: &Capture, command: &Command, draws: &[PassDraw]) {
         match command {
             Command::WriteTexture { destination, .. }
@@ -153,8 +155,8 @@ impl Contents {
         }
     }
 
-    /// Notes what shaders may store through a bind group. If its layout was derived from a pipeline,
-    /// all that the group holds counts.
+    /// Marks the resources that shaders may store to through a bind group. Without an explicit
+    /// layout, every binding counts.
     fn stored(&mut self, capture: &Capture, group: usize) {
         let Some(of) = capture.file.bind_groups.get(group) else {
             return;
@@ -230,7 +232,7 @@ impl Contents {
         Ok(())
     }
 
-    /// The bytes of a buffer. If a shader may have written it, they are those before.
+    /// The bytes of a buffer, without the stores of shaders.
     ///
     /// # Errors
     /// The capture lacks the buffer or its data.
@@ -246,13 +248,13 @@ impl Contents {
         self.computed_buffers.contains(&buffer)
     }
 
-    /// Whether a texture holds what it held at the start.
+    /// Whether a texture still has its content from the start.
     pub fn is_as_at_start(&self, texture: usize) -> bool {
         !self.changed_textures.contains(&texture)
     }
 }
 
-/// A part of a buffer, as far as the buffer reaches. Without a size it goes to the end.
+/// A part of a buffer, clipped to its end. Without a size, the part extends to the end.
 pub fn cut(bytes: &[u8], offset: u64, size: Option<u64>) -> &[u8] {
     let first = (offset as usize).min(bytes.len());
     let last = size.map_or(bytes.len(), |s| first.saturating_add(s as usize));
@@ -279,7 +281,8 @@ fn start(capture: &Capture, buffer: usize) -> Result<Arc<[u8]>, Error> {
     }
 }
 
-/// Refuses data that is shorter than the buffer. A recorder copies whole words, so up to three bytes may lack.
+/// Refuses data that is shorter than the buffer. Up to three bytes may be missing: a recorder
+/// copies whole words.
 pub fn whole(place: &str, bytes: &[u8], size: u64) -> Result<(), Error> {
     match (bytes.len() as u64) < size & !3 {
         true => Err(Error::broken(

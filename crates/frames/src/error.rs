@@ -3,7 +3,7 @@
 use shader_text::limits::Exceeded;
 use shader_text::regular::ReadError;
 
-/// A frame that cannot be read.
+/// Why a frame cannot be read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
@@ -12,18 +12,18 @@ pub enum Error {
     Read {
         /// Name in the folder.
         file: String,
-        /// Why.
+        /// Cause of the failure.
         error: ReadError,
     },
-    /// `frame.json` is no capture that this version reads.
+    /// `frame.json` is not in the format that this version reads.
     #[error("`frame.json`: {0}")]
     File(String),
-    /// The file names an object that it does not have, or one that does not fit.
+    /// The file refers to an object that it lacks or that does not fit.
     #[error("{place}: {message}")]
     Broken {
-        /// The command or object.
+        /// The command or object with the fault.
         place: String,
-        /// What is wrong.
+        /// Text of the fault.
         message: String,
     },
     /// A limit is exceeded.
@@ -32,7 +32,7 @@ pub enum Error {
 }
 
 impl Error {
-    /// A fault of the file at a place in it.
+    /// The error for a fault of the file at `place`.
     pub fn broken(place: impl Into<String>, message: impl Into<String>) -> Self {
         Self::Broken {
             place: place.into(),

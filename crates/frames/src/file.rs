@@ -6,7 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use shader_text::options::ClipSpace;
 
-/// Version of the file.
+/// Schema name and version of the file.
 pub(crate) const SCHEMA: &str = "preshade.frames.v1";
 
 /// A file in `data`: the hash of its content, 32 hexadecimal digits.
@@ -40,7 +40,7 @@ impl DataName {
     }
 }
 
-/// The whole file.
+/// The content of `frame.json`.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
@@ -80,7 +80,8 @@ pub struct CaptureFile {
 }
 
 impl CaptureFile {
-    /// Whether every command that draws, copies or computes was recorded. Queries only ask.
+    /// Whether the recorder left out no command that draws, copies or computes. Queries do not
+    /// count.
     pub fn is_complete(&self) -> bool {
         self.refused
             .iter()
@@ -88,7 +89,7 @@ impl CaptureFile {
     }
 }
 
-/// What was captured, and by whom.
+/// Who captured the frames, and from which page or app.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(default)]
 #[allow(missing_docs)]
@@ -113,7 +114,7 @@ pub enum Api {
 }
 
 impl Api {
-    /// Its word in `frame.json`.
+    /// The API's name in `frame.json`.
     pub fn name(self) -> &'static str {
         match self {
             Self::WebGpu => "webgpu",
@@ -123,13 +124,12 @@ impl Api {
         }
     }
 
-    /// Whether rows, depths and names are WebGL's.
+    /// Whether the capture follows WebGL's conventions for rows, depths and names.
     pub fn is_webgl(self) -> bool {
         matches!(self, Self::WebGl2 | Self::WebGl1)
     }
 }
 
-/// A buffer.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct Buffer {
@@ -140,7 +140,6 @@ pub struct Buffer {
     pub label: String,
 }
 
-/// A texture.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
@@ -232,7 +231,7 @@ impl From<Origin> for [u32; 3] {
 }
 
 impl Extent {
-    /// As wgpu has it.
+    /// Converts to wgpu's type.
     pub fn wgpu(self) -> wgpu::Extent3d {
         let [width, height, depth_or_array_layers] = self.0;
         wgpu::Extent3d {
@@ -244,14 +243,14 @@ impl Extent {
 }
 
 impl Origin {
-    /// As wgpu has it.
+    /// Converts to wgpu's type.
     pub fn wgpu(self) -> wgpu::Origin3d {
         let [x, y, z] = self.0;
         wgpu::Origin3d { x, y, z }
     }
 }
 
-/// A colour: four numbers, or by name.
+/// A colour, as four numbers or by channel names.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize, Serialize)]
 #[serde(untagged)]
 #[allow(missing_docs)]
@@ -261,7 +260,7 @@ pub enum Color {
 }
 
 impl Color {
-    /// The four numbers. JSON has no NaN: it is `null`.
+    /// The four channels. `null` reads as NaN, which JSON lacks.
     pub fn numbers(self) -> [f64; 4] {
         match self {
             Self::List(list) => list.map(|n| n.unwrap_or(f64::NAN)),
@@ -269,7 +268,7 @@ impl Color {
         }
     }
 
-    /// As wgpu has it.
+    /// Converts to wgpu's type.
     pub fn wgpu(self) -> wgpu::Color {
         let [r, g, b, a] = self.numbers();
         wgpu::Color { r, g, b, a }
@@ -312,7 +311,7 @@ impl Default for Sampler {
 }
 
 impl Sampler {
-    /// As wgpu has it, with the anisotropy that the filters allow.
+    /// Converts to wgpu's type, with the anisotropy clamped to 1 to 16.
     pub fn wgpu(&self) -> wgpu::SamplerDescriptor<'static> {
         wgpu::SamplerDescriptor {
             label: None,
@@ -331,7 +330,6 @@ impl Sampler {
     }
 }
 
-/// A shader's text.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct Shader {
@@ -398,7 +396,7 @@ pub enum BufferType {
 }
 
 impl BufferType {
-    /// As wgpu has it.
+    /// Converts to wgpu's type.
     pub fn wgpu(self) -> wgpu::BufferBindingType {
         match self {
             Self::Uniform => wgpu::BufferBindingType::Uniform,
@@ -444,7 +442,7 @@ pub enum SampleType {
 }
 
 impl SampleType {
-    /// As wgpu has it.
+    /// Converts to wgpu's type.
     pub fn wgpu(self) -> wgpu::TextureSampleType {
         match self {
             Self::Float => wgpu::TextureSampleType::Float { filterable: true },
@@ -491,20 +489,20 @@ pub struct BindGroup {
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(untagged, rename_all_fields = "camelCase")]
 pub enum GroupLayout {
-    /// One of the file's.
+    /// An entry of the file's `bindGroupLayouts`.
     Number(usize),
     /// The layout that WebGPU derived from a render pipeline.
     Render {
-        /// Render pipeline.
+        /// Number of the pipeline.
         pipeline: usize,
-        /// Group.
+        /// Index of the bind group.
         group: u32,
     },
     /// The layout that WebGPU derived from a compute pipeline.
     Compute {
-        /// Compute pipeline.
+        /// Number of the pipeline.
         compute_pipeline: usize,
-        /// Group.
+        /// Index of the bind group.
         group: u32,
     },
 }
@@ -518,7 +516,6 @@ pub struct GroupEntry {
     pub resource: Resource,
 }
 
-/// A bound resource.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(untagged)]
 #[allow(missing_docs)]
@@ -533,10 +530,10 @@ pub enum Resource {
 pub struct BufferRange {
     /// Number of the buffer.
     pub buffer: usize,
-    /// First byte.
+    /// Offset in bytes.
     #[serde(default)]
     pub offset: u64,
-    /// Bytes; `None`: to the end.
+    /// Size in bytes. `None`: to the buffer's end.
     #[serde(default)]
     pub size: Option<u64>,
 }
@@ -546,7 +543,7 @@ pub struct BufferRange {
 pub struct View {
     /// Number of the texture.
     pub texture: usize,
-    /// A `GPUTextureViewDescriptor`.
+    /// How the view reads the texture.
     #[serde(default)]
     pub view: ViewDescriptor,
 }
@@ -566,7 +563,7 @@ pub struct ViewDescriptor {
 }
 
 impl ViewDescriptor {
-    /// As wgpu has it.
+    /// Converts to wgpu's type.
     pub fn wgpu(&self) -> wgpu::TextureViewDescriptor<'static> {
         wgpu::TextureViewDescriptor {
             format: self.format,
@@ -585,12 +582,12 @@ impl ViewDescriptor {
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(untagged)]
 pub enum LayoutChoice {
-    /// One of the file's.
+    /// An entry of the file's `pipelineLayouts`.
     Number(usize),
-    /// `"auto"`: WebGPU derives it from the shaders. So do we from names, for WebGL.
+    /// `"auto"`: derived from the shaders, as WebGPU does. For WebGL, derived from names.
     #[default]
     Auto,
-    /// The text `auto`.
+    /// Always `auto`.
     Text(String),
 }
 
@@ -618,7 +615,7 @@ pub struct RenderPipeline {
     pub fragment: Option<FragmentState>,
     #[serde(default)]
     pub primitive: Primitive,
-    /// WebGL's clip space, if it is not OpenGL's.
+    /// WebGL's clip space, if it differs from OpenGL's.
     pub clip_space: Option<ClipSpace>,
     pub depth_stencil: Option<DepthStencil>,
     #[serde(default)]
@@ -644,12 +641,12 @@ pub struct VertexBufferLayout {
     #[serde(default)]
     pub step_mode: wgpu::VertexStepMode,
     pub attributes: Vec<VertexAttribute>,
-    /// WebGL: how many instances read one element.
+    /// WebGL: number of instances that share one element.
     #[serde(default = "one")]
     pub divisor: u32,
 }
 
-/// A `GPUVertexAttribute`. WebGL's have names in place of locations.
+/// A `GPUVertexAttribute`. WebGL's attributes have names instead of locations.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
@@ -658,28 +655,28 @@ pub struct VertexAttribute {
     pub offset: u64,
     pub shader_location: Option<u32>,
     pub name: Option<String>,
-    /// The column of a matrix.
+    /// Column of a matrix attribute.
     #[serde(default)]
     pub column: u32,
 }
 
-/// A `GPUVertexFormat`, or one of WebGL's that WebGPU lacks: integers that are read as floats
+/// A `GPUVertexFormat`, or a format that only WebGL has: integers that are read as floats
 /// (`uscaled8x4`), and three components of 8 or 16 bits (`unorm8x3`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(try_from = "String", into = "String")]
 pub enum AttributeFormat {
-    /// WebGPU's.
+    /// A format of WebGPU.
     Own(wgpu::VertexFormat),
-    /// WebGL's.
+    /// A format that only WebGL has.
     Other(Packed),
 }
 
-/// Components of integers.
+/// A vector of integers that a shader reads as floats.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[allow(missing_docs)]
 pub struct Packed {
     pub is_signed: bool,
-    /// Whether the largest integer is 1.
+    /// Whether the largest integer reads as 1.0.
     pub is_normalised: bool,
     pub bits: u32,
     pub components: u32,
@@ -738,7 +735,7 @@ impl From<AttributeFormat> for String {
 }
 
 impl AttributeFormat {
-    /// WebGPU's format, if it is one.
+    /// The WebGPU format, if WebGPU has it.
     pub fn own(self) -> Option<wgpu::VertexFormat> {
         match self {
             Self::Own(format) => Some(format),
@@ -746,7 +743,7 @@ impl AttributeFormat {
         }
     }
 
-    /// Bytes of all components.
+    /// Size of all components in bytes.
     pub fn size(self) -> u64 {
         match self {
             Self::Own(format) => format.size(),
@@ -848,7 +845,7 @@ pub enum Cull {
     Back,
 }
 
-/// A `GPUIndexFormat`, and WebGL's third.
+/// A `GPUIndexFormat`, or WebGL's indices of 8 bits.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "lowercase")]
 #[allow(missing_docs)]
@@ -859,7 +856,7 @@ pub enum IndexFormat {
 }
 
 impl IndexFormat {
-    /// Indices in a buffer of so many bytes.
+    /// How many indices fit into `bytes` bytes.
     pub fn count(self, bytes: usize) -> u64 {
         let size = match self {
             Self::Uint8 => 1,
@@ -869,7 +866,7 @@ impl IndexFormat {
         bytes as u64 / size
     }
 
-    /// The highest index.
+    /// The largest index value. WebGL restarts a strip at it.
     pub fn highest(self) -> u32 {
         match self {
             Self::Uint8 => u32::from(u8::MAX),
@@ -960,7 +957,7 @@ pub struct ComputePipeline {
     pub compute: Stage,
 }
 
-/// WebGL's resources of a draw, by name.
+/// Resources of a WebGL draw, by name.
 #[derive(Clone, Debug, Default, Deserialize, Serialize)]
 #[serde(default)]
 #[allow(missing_docs)]
@@ -973,7 +970,7 @@ pub struct Named {
     pub constants: BTreeMap<String, Vec<f64>>,
 }
 
-/// JSON has no NaN: it is `null`.
+/// Reads `null` as NaN, which JSON lacks.
 fn with_nan<'de, D: serde::Deserializer<'de>>(
     from: D,
 ) -> Result<BTreeMap<String, Vec<f64>>, D::Error> {
@@ -992,7 +989,7 @@ pub enum OneOrMore {
 }
 
 impl OneOrMore {
-    /// All of them.
+    /// One texture, or all of an array.
     pub fn all(&self) -> &[SampledTexture] {
         match self {
             Self::One(one) => std::slice::from_ref(one),
@@ -1019,7 +1016,6 @@ pub struct Start {
     pub textures: Vec<StartTexture>,
 }
 
-/// Content of a buffer.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct StartBuffer {
@@ -1041,7 +1037,7 @@ pub struct StartTexture {
     pub data: DataName,
 }
 
-/// Content that could not be read, or that the page computed and the replay does not.
+/// Content that could not be read, or that the page computed and a replay does not compute.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[serde(rename_all = "camelCase")]
 #[allow(missing_docs)]
@@ -1049,20 +1045,20 @@ pub struct Unknown {
     pub buffer: Option<usize>,
     pub texture: Option<usize>,
     pub aspect: Option<wgpu::TextureAspect>,
-    /// Whether the content is there, as the page computed it.
+    /// Whether the capture has the content that the page computed.
     #[serde(default)]
     pub as_captured: bool,
     pub why: String,
 }
 
 impl Unknown {
-    /// Whether it is a stencil alone.
+    /// Whether only the stencil is unknown.
     pub fn is_stencil(&self) -> bool {
         self.aspect == Some(wgpu::TextureAspect::StencilOnly)
     }
 }
 
-/// Something that the writer left out.
+/// A call or feature that the recorder left out.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct Refused {
@@ -1076,7 +1072,6 @@ fn once() -> u64 {
     1
 }
 
-/// One frame.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct CapturedFrame {
@@ -1090,19 +1085,19 @@ pub struct CapturedFrame {
     pub picture: Option<Picture>,
 }
 
-/// What the alpha of a canvas means to who shows it.
+/// How the alpha of a canvas affects the page's picture.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AlphaMode {
-    /// Nothing: it counts as 1.
+    /// Alpha is ignored, as if it were 1.
     Opaque,
-    /// Colours are multiplied by it.
+    /// Colours are already multiplied by alpha.
     Premultiplied,
-    /// Colours have to be multiplied by it.
+    /// The compositor multiplies colours by alpha.
     Postmultiplied,
 }
 
-/// What the page showed, upright.
+/// The picture that the page showed, top row first.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct Picture {
@@ -1136,7 +1131,7 @@ pub struct TexelLayout {
 }
 
 impl TexelLayout {
-    /// As wgpu has it.
+    /// Converts to wgpu's type.
     pub fn wgpu(self) -> wgpu::TexelCopyBufferLayout {
         wgpu::TexelCopyBufferLayout {
             offset: self.offset,
@@ -1197,7 +1192,8 @@ pub enum Command {
         destination: TexelPlace,
         size: Extent,
     },
-    /// WebGL's blit of depth alone, or from several samples: the first counts. A stencil stays as it is.
+    /// WebGL's blit of depth only, or of a multisampled texture: the first sample counts. The
+    /// stencil stays unchanged.
     CopyDepth {
         source: TexelPlace,
         destination: TexelPlace,
@@ -1232,7 +1228,7 @@ pub struct RenderPassDescriptor {
     pub depth_stencil_attachment: Option<DepthAttachment>,
 }
 
-/// What happens to an attachment first.
+/// How a pass initialises an attachment.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs)]
@@ -1242,7 +1238,7 @@ pub enum Load {
     Clear,
 }
 
-/// What happens to an attachment last.
+/// Whether a pass keeps an attachment's content at its end.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize, Serialize)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs)]
@@ -1253,7 +1249,7 @@ pub enum Store {
 }
 
 impl Store {
-    /// As wgpu has it.
+    /// Converts to wgpu's type.
     pub fn wgpu(self) -> wgpu::StoreOp {
         match self {
             Self::Store => wgpu::StoreOp::Store,
@@ -1382,12 +1378,12 @@ pub enum DrawCommand {
     Clear(Clear),
 }
 
-/// A clear that does not fill the target. What is left out is not cleared.
+/// A clear of a part of the targets. It leaves out each value that is `None`.
 #[derive(Clone, Debug, Deserialize, Serialize)]
 #[allow(missing_docs)]
 pub struct Clear {
     pub color: Option<[f64; 4]>,
-    /// Whether each target is cleared; all, if it is empty.
+    /// Per colour target, whether it is cleared. Empty: all of them.
     #[serde(default)]
     pub colors: Vec<bool>,
     pub depth: Option<f32>,

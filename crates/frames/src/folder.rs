@@ -1,5 +1,4 @@
-//! Reads a frame folder. It opens `frame.json` and files in `data` that are named by a hash, and
-//! nothing else.
+//! Reads a frame folder. Opens only `frame.json` and the files in `data` that are named by a hash.
 
 use std::cell::{OnceCell, RefCell};
 use std::collections::BTreeMap;
@@ -16,10 +15,9 @@ use shader_text::regular;
 /// The file that makes a folder a frame folder.
 pub(crate) const FILE: &str = "frame.json";
 
-/// The same file, compressed by gzip.
 pub(super) const PACKED: &str = "frame.json.gz";
 
-/// Content that is kept for the next call: buffers and shaders are read again and again, and textures once.
+/// Memory for data files that were read. Buffers and shaders are read repeatedly, textures once.
 const KEPT_BYTES: usize = 256 << 20;
 
 /// Whether a path is a frame folder.
@@ -27,7 +25,8 @@ pub fn is_folder(path: &Path) -> bool {
     file_of(path).is_file()
 }
 
-/// The file of a folder, compressed or not. If there are both, the readable one counts.
+/// Path of the folder's `frame.json` or `frame.json.gz`. If both exist, the uncompressed one
+/// counts.
 pub fn file_of(folder: &Path) -> PathBuf {
     let (plain, packed) = (folder.join(FILE), folder.join(PACKED));
     match !plain.is_file() && packed.is_file() {
@@ -36,30 +35,30 @@ pub fn file_of(folder: &Path) -> PathBuf {
     }
 }
 
-/// Whether a path names the file of a folder.
+/// Whether a path ends in `frame.json` or `frame.json.gz`.
 pub fn is_file(path: &Path) -> bool {
     path.file_name().is_some_and(|n| n == FILE || n == PACKED)
 }
 
-/// A frame folder that was read. Data is read when it is needed.
+/// An open frame folder. Reads data files on demand.
 #[derive(Debug)]
 pub struct Capture {
     folder: PathBuf,
     limits: Limits,
-    /// The hash of `frame.json`.
+    /// BLAKE3 of the text of `frame.json`, in hexadecimal.
     hash: String,
-    /// `frame.json`.
+    /// Content of `frame.json`.
     pub file: CaptureFile,
-    /// The files read so far. Content is kept up to [`KEPT_BYTES`].
+    /// Data files that were read. The contents stay in memory up to [`KEPT_BYTES`].
     data: RefCell<BTreeMap<DataName, Option<Arc<[u8]>>>>,
     has_whole_depth_range: OnceCell<bool>,
 }
 
 impl Capture {
-    /// Reads the folder.
+    /// Opens a frame folder.
     ///
     /// # Errors
-    /// `frame.json` is missing, is another version, is no JSON of this form, or exceeds a limit.
+    /// `frame.json` is missing, has another version, is no JSON of this form, or exceeds a limit.
     pub fn open(folder: &Path, limits: &Limits) -> Result<Self, Error> {
         let path = file_of(folder);
         let text = match path.ends_with(PACKED) {
@@ -86,7 +85,7 @@ impl Capture {
         })
     }
 
-    /// The folder's name, for messages and materials.
+    /// The folder's name, for messages and material names.
     pub fn name(&self) -> String {
         let whole = self.folder.canonicalize();
         let folder = whole.as_deref().unwrap_or(&self.folder);
@@ -94,17 +93,17 @@ impl Capture {
         name.unwrap_or_else(|| "frame".to_owned())
     }
 
-    /// The folder that it was read from.
+    /// Path of the folder.
     pub fn folder(&self) -> &Path {
         &self.folder
     }
 
-    /// The hash of `frame.json`.
+    /// BLAKE3 of the text of `frame.json`, in hexadecimal.
     pub fn hash(&self) -> &str {
         &self.hash
     }
 
-    /// The hashes of the data that was read so far.
+    /// BLAKE3 of each data file that was read so far, in hexadecimal.
     ///
     /// # Errors
     /// As [`Self::data`].
@@ -117,12 +116,12 @@ impl Capture {
         names.into_iter().map(hash).collect()
     }
 
-    /// The limits that it was opened with.
+    /// The limits that were given to [`Self::open`].
     pub fn limits(&self) -> &Limits {
         &self.limits
     }
 
-    /// The files that a command reads.
+    /// Paths of `frame.json` and of the data files that were read so far.
     pub fn files(&self) -> Vec<PathBuf> {
         let data = self.data.borrow();
         let data = data.keys().map(|name| self.path(name));
@@ -133,10 +132,10 @@ impl Capture {
         self.folder.join("data").join(name.file())
     }
 
-    /// The content of a file in `data`. Some of them are kept for the next call.
+    /// The content of a file in `data`. Caches up to 256 MiB.
     ///
     /// # Errors
-    /// It is missing or too large.
+    /// The file is missing or too large.
     pub fn data(&self, name: &DataName) -> Result<Arc<[u8]>, Error> {
         if let Some(Some(known)) = self.data.borrow().get(name) {
             return Ok(Arc::clone(known));
@@ -188,7 +187,7 @@ impl Capture {
     }
 }
 
-/// An entry of one of the file's lists.
+/// The entry `index` of one of the file's lists. The error names `what` and `place`.
 pub fn get<'a, T>(list: &'a [T], index: usize, what: &str, place: &str) -> Result<&'a T, Error> {
     list.get(index).ok_or_else(|| {
         Error::broken(
@@ -201,7 +200,7 @@ pub fn get<'a, T>(list: &'a [T], index: usize, what: &str, place: &str) -> Resul
     })
 }
 
-/// The version alone, to give its error before those of another version's keys.
+/// Only the version: it is checked before keys that another version may lack.
 #[derive(serde::Deserialize)]
 struct Version {
     schema: Option<String>,
@@ -219,7 +218,7 @@ fn read(text: &str) -> Result<CaptureFile, Error> {
     }
 }
 
-/// Checks sizes before anything of them is allocated.
+/// Checks sizes before anything is allocated for them.
 pub(super) fn check(file: &CaptureFile, limits: &Limits) -> Result<(), Error> {
     if file.frames.is_empty() {
         return Err(Error::File("it has no frame".to_owned()));
@@ -280,12 +279,12 @@ pub(super) fn check(file: &CaptureFile, limits: &Limits) -> Result<(), Error> {
     Ok(())
 }
 
-/// The most mip levels of a texture whose longest side has so many texels.
+/// The most mip levels of a texture whose longest side has `side` texels.
 fn levels(side: u64) -> u64 {
     u64::from(side.max(1).ilog2()) + 1
 }
 
-/// Refuses a mip level that the texture lacks. A texture that lacks is an error where it is used.
+/// Refuses a mip level that the texture lacks. A missing texture is an error where it is used.
 fn level(file: &CaptureFile, texture: usize, level: u32, what: &str) -> Result<(), Error> {
     match file.textures.get(texture) {
         Some(of) if level >= of.mip_level_count => Err(Error::broken(
@@ -299,7 +298,7 @@ fn level(file: &CaptureFile, texture: usize, level: u32, what: &str) -> Result<(
     }
 }
 
-/// What a file holds that gzip compressed. The limit holds for both sizes.
+/// Reads a file that gzip compressed. The limit holds for both sizes.
 ///
 /// # Errors
 /// [`ReadError`].

@@ -1,9 +1,9 @@
 //! Frames of pages and apps, as `docs/reference/frames.md` describes them: the format of their folders, and recorders.
 //!
-//! 1. [`mod@file`] is `frame.json` as data;
+//! 1. [`mod@file`] holds the data of `frame.json`;
 //! 2. [`folder`] reads it with the files that it names, and checks sizes;
 //! 3. [`pass`] finds the render passes and their draws;
-//! 4. [`contents`] is what buffers and textures hold at a command, as far as the queue alone decides.
+//! 4. [`contents`] computes the contents of buffers and textures at a command, as far as the queue alone decides.
 #![warn(missing_docs)]
 
 #[cfg(feature = "record")]

@@ -2,7 +2,7 @@
 
 /// The recorder as one script. It defines `preshadeCapture.start({frames, sink})`, which resolves to a summary.
 ///
-/// It sends base64 chunks of a tar stream to a global function `preshadeSink`, or offers a download where there is none.
+/// It sends base64 chunks of a tar stream to the global function `preshadeSink`. Without one, it offers a download.
 pub const RECORDER: &str = concat!(
     "(() => {\n'use strict';\n",
     include_str!("page/hash.js"),
@@ -28,7 +28,8 @@ pub const RECORDER: &str = concat!(
     "})();\n",
 );
 
-/// The recorder as a bookmarklet: it records one frame of the page where it is clicked, and offers it as `frame.tar`.
+/// The recorder as a bookmarklet. It records one frame of the current page and offers it as
+/// `frame.tar`.
 pub fn bookmarklet() -> String {
     let script = format!("{RECORDER}preshadeCapture.start().then(console.log,alert);");
     let mut text = "javascript:".to_owned();

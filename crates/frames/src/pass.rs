@@ -14,21 +14,22 @@ use super::folder::{Capture, get};
 /// A render pass of a frame.
 #[derive(Clone, Debug)]
 pub struct Pass<'c> {
-    /// Number of its command in the frame.
+    /// Index of the pass in the frame's commands.
     pub command: usize,
-    /// Its attachments.
+    /// The pass's attachments.
     pub descriptor: &'c RenderPassDescriptor,
-    /// What it is for.
+    /// The purpose of the pass.
     pub kind: Kind,
     /// The texture that the page shows.
     canvas: Option<usize>,
-    /// Its draws, in order.
+    /// The draws of the pass, in order.
     pub draws: Vec<PassDraw>,
-    /// The parts of its attachments that it clears before it draws, beside what its descriptor clears.
+    /// Clears of parts of the attachments before the first draw, in addition to those of the
+    /// descriptor.
     pub leading_clears: Vec<&'c Clear>,
-    /// Whether it clears a part of them after a draw.
+    /// Whether the pass clears a part of its attachments after a draw.
     pub clears_later: bool,
-    /// The number of draws before that clear: all of them without one.
+    /// The number of draws before that clear, or of all draws if there is none.
     pub before_clear: usize,
 }
 
@@ -40,25 +41,25 @@ impl Pass<'_> {
     }
 }
 
-/// What a pass is for, by its attachments and draws.
+/// The purpose of a pass, inferred from its attachments and draws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub enum Kind {
-    /// It draws materials to a colour target.
+    /// Draws materials to a colour target.
     Main,
-    /// Depth alone, which a later pass tests: the host's own pre-pass.
+    /// Writes only depth, which a later pass tests: the host's own pre-pass.
     Prepass,
-    /// Depth alone, which a later pass reads as a texture: a shadow map.
+    /// Writes only depth, which a later pass reads as a texture: a shadow map.
     Shadow,
-    /// Depth alone, which no later pass of the frame uses.
+    /// Writes only depth, which no later pass of the frame uses.
     Depth,
-    /// One or several triangles over the whole target, without depth: post-processing.
+    /// Draws a few triangles over the whole target, without depth: post-processing.
     FullScreen,
-    /// It draws nothing.
+    /// Draws nothing.
     Clear,
 }
 
 impl Kind {
-    /// Its word in reports.
+    /// The kind's name in reports.
     pub fn name(self) -> &'static str {
         match self {
             Self::Main => "main",
@@ -71,23 +72,23 @@ impl Kind {
     }
 }
 
-/// Part of a buffer.
+/// A part of a buffer: its number, the offset in bytes, and the size in bytes (`None`: to its end).
 pub type TexturePart = (usize, u64, Option<u64>);
 
 /// One draw with the state at its call.
 #[derive(Clone, Debug, Default)]
 pub struct PassDraw {
-    /// Render pipeline.
+    /// Number of the render pipeline.
     pub pipeline: usize,
-    /// Bind group and dynamic offsets, by group.
+    /// Bind group and dynamic offsets, by group index.
     pub groups: BTreeMap<u32, (usize, Vec<u32>)>,
-    /// WebGL's resources by name.
+    /// WebGL: number of the draw's named resources.
     pub named: Option<usize>,
     /// Vertex buffers by slot.
     pub vertices: BTreeMap<u32, TexturePart>,
     /// The index buffer.
     pub indices: Option<(TexturePart, IndexFormat)>,
-    /// The arguments.
+    /// Arguments of the draw call.
     pub call: Call,
     /// x, y, width, height, nearest and farthest depth; `None`: the whole target.
     pub viewport: Option<[f32; 6]>,
@@ -110,16 +111,17 @@ pub struct Call {
     pub base_vertex: i32,
     /// First instance.
     pub first_instance: u32,
-    /// Instances.
+    /// Number of instances.
     pub instances: u32,
-    /// Whether the arguments come from a buffer, which holds others than these.
+    /// Buffer and offset, if the arguments come from a buffer. The values here are then not the
+    /// real ones.
     pub indirect: Option<(usize, u64)>,
-    /// Whether it is indexed.
+    /// Whether the draw uses the index buffer.
     pub indexed: bool,
 }
 
 impl Call {
-    /// Vertices of all instances. Arguments that are in a buffer count as one.
+    /// Vertices of all instances. If the arguments come from a buffer, each counts as 1.
     pub fn vertices(&self) -> u64 {
         u64::from(self.count.max(1)) * u64::from(self.instances.max(1))
     }
@@ -160,7 +162,7 @@ pub fn passes(capture: &Capture, frame: usize) -> Result<Vec<Pass<'_>>, Error> {
             });
         }
     }
-    // From the end, so that what later commands read is known.
+    // In reverse, so that the reads of later commands are known.
     let mut later = Later::default();
     let mut of_command: BTreeMap<usize, usize> = BTreeMap::new();
     of_command.extend(
@@ -180,12 +182,12 @@ pub fn passes(capture: &Capture, frame: usize) -> Result<Vec<Pass<'_>>, Error> {
     Ok(found)
 }
 
-/// What the commands after a pass do with textures.
+/// How the commands after a pass use textures.
 #[derive(Default)]
 struct Later {
-    /// They read them.
+    /// Textures that a later command reads.
     read: BTreeSet<usize>,
-    /// Their passes test the depth that is in them.
+    /// Depth textures that a later pass tests without clearing them first.
     tested: BTreeSet<usize>,
 }
 
@@ -200,16 +202,16 @@ impl Later {
     }
 }
 
-/// A draw, or a clear between draws.
+/// One step of a pass.
 #[derive(Clone, Debug)]
 pub enum Step<'c> {
-    /// A draw.
+    /// A draw with its state.
     Draw(Box<PassDraw>),
-    /// A clear.
+    /// A clear between draws.
     Clear(&'c Clear),
 }
 
-/// The draws of a command: none, if it is no render pass.
+/// The draws of a command. Empty if it is no render pass.
 pub fn draws(command: &Command, place: &str) -> Result<Vec<PassDraw>, Error> {
     match command {
         Command::RenderPass { commands, .. } => Ok(only_draws(steps(commands, place)?)),
@@ -293,7 +295,7 @@ pub fn steps<'c>(commands: &'c [DrawCommand], place: &str) -> Result<Vec<Step<'c
 }
 
 impl PassDraw {
-    /// Applies a command that sets state.
+    /// Applies a command that sets state to this draw.
     fn set(&mut self, command: &DrawCommand) {
         match command {
             DrawCommand::SetBindGroup {
@@ -356,7 +358,7 @@ pub fn sampled(capture: &Capture, draw: &PassDraw) -> BTreeSet<usize> {
     bound.chain(named).collect()
 }
 
-/// The textures that a command reads other than by draws: copies, resolves and compute.
+/// The textures that a command reads without a draw: in copies, resolves and compute.
 pub fn read_otherwise(capture: &Capture, command: &Command) -> Vec<usize> {
     match command {
         Command::CopyTextureToBuffer { source, .. }
@@ -390,7 +392,8 @@ fn bound(capture: &Capture, group: usize) -> Vec<usize> {
         .collect()
 }
 
-/// Draws without vertex buffers or depth that cover the target with a triangle or two.
+/// Whether the pass only draws triangles that can cover the target: no depth, at most 6 vertices,
+/// one instance.
 fn is_full_screen(pass: &Pass<'_>) -> bool {
     pass.descriptor.depth_stencil_attachment.is_none()
         && pass
@@ -407,7 +410,7 @@ fn kind(pass: &Pass<'_>, later: &Later) -> Kind {
     let colors = pass.descriptor.color_attachments.iter().flatten();
     let shown = pass.canvas;
     let mut drawn = colors.flat_map(|c| std::iter::once(&c.view).chain(&c.resolve_target));
-    // three.js binds a colour to its shadow maps, which nobody reads.
+    // three.js binds a colour target to its shadow maps, which nobody reads.
     let has_color = drawn.any(|view| Some(view.texture) == shown || is_read(view.texture));
     let has_color = has_color || pass.descriptor.depth_stencil_attachment.is_none();
     if has_color {
@@ -423,7 +426,7 @@ fn kind(pass: &Pass<'_>, later: &Later) -> Kind {
     let has_color = !pass.descriptor.color_attachments.is_empty();
     match () {
         () if is_read(*texture) => Kind::Shadow,
-        // A later pass may draw on, or another frame read it.
+        // A later pass may draw on it, or another frame may read it.
         () if has_color => Kind::Main,
         () if later.tested.contains(texture) => Kind::Prepass,
         () => Kind::Depth,

@@ -1,19 +1,19 @@
-//! The parts of buffers that commands and bind groups name.
+//! Checks the parts of buffers that commands and bind groups name.
 
 use super::error::Error;
 use super::file::{CaptureFile, Command, ComputeCommand, DrawCommand, Resource};
 
-/// Bytes of the arguments of an indirect draw, of an indexed one, and of a dispatch.
+/// Bytes of the arguments of a draw, an indexed draw and a dispatch.
 const ARGUMENTS: [u64; 3] = [16, 20, 12];
 
-/// Refuses a part that its buffer lacks. A buffer that is missing is an error where it is used. WebGL's vertex and index
-/// buffers have no such parts: a draw of it reads what there is.
+/// Refuses a part beyond its buffer's end. A missing buffer is an error where it is used. WebGL's
+/// vertex and index buffers are not checked: a draw reads the part that exists.
 pub(super) fn check(file: &CaptureFile) -> Result<(), Error> {
     let part = |place: &str, what: String, buffer: usize, offset: u64, size: Option<u64>| {
         let Some(of) = file.buffers.get(buffer) else {
             return Ok(());
         };
-        // Buffers are made with whole words.
+        // Buffers are created with a whole number of words.
         let has = of.size.next_multiple_of(4);
         let end = offset.checked_add(size.unwrap_or(0));
         match end.is_some_and(|end| end <= has) {

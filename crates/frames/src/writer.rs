@@ -1,7 +1,8 @@
-//! Writes a frame folder. Until the new capture is whole, the folder holds the earlier one.
+//! Writes a frame folder. Until the new capture is complete, the folder holds the earlier one.
 //!
-//! Data files are named by their content, so new ones lie beside those of the earlier capture. The last step renames
-//! the new `frame.json` over the old one, and only then removes what no longer has a name in it.
+//! Data files are named by a hash of their content, so new ones never replace those of the earlier
+//! capture. The last step renames the new `frame.json` over the old one, and then removes the data
+//! files that it does not name.
 
 use std::collections::BTreeSet;
 use std::io::{self, Write as _};
@@ -13,17 +14,17 @@ use shader_text::files::File;
 use shader_text::limits::Limits;
 use shader_text::regular;
 
-/// The folder of data.
 pub(super) const DATA: &str = "data";
 
-/// A larger `frame.json` is compressed: commands repeat themselves, and a frame of 1,000 draws has more of them than
-/// data.
+/// From this size on, `frame.json` is compressed. Commands repeat themselves: with 1,000 draws they
+/// take more space than the data.
 const PACKED_FROM: usize = 64 << 10;
 
-/// A capture that is being written. Dropped before [`Self::finish`], it leaves the folder as it was.
+/// A capture that is being written. Dropped before [`Self::finish`], it leaves the earlier capture
+/// in place.
 pub(super) struct Writer {
     folder: PathBuf,
-    /// Whether the folder is ours to remove.
+    /// Whether this writer created the folder.
     is_new: bool,
     limits: Limits,
 }
@@ -39,12 +40,12 @@ impl Writer {
         })
     }
 
-    /// Writes a file of [`DATA`].
+    /// Writes a file into [`DATA`].
     pub fn data(&self, name: String, bytes: Vec<u8>) -> io::Result<()> {
         shader_text::files::write(&self.folder.join(DATA), &[File { name, bytes }]).map(drop)
     }
 
-    /// Puts `frame.json` in the place of the earlier one, compressed if it is large.
+    /// Replaces the earlier `frame.json`, compressed if it is large.
     pub fn finish(self, json: Vec<u8>) -> io::Result<()> {
         if json.len() <= PACKED_FROM {
             return self.finish_as(FILE, json);
@@ -54,14 +55,15 @@ impl Writer {
         self.finish_as(PACKED, packed.finish()?)
     }
 
-    /// The same, of a `frame.json` that is compressed or not as its name says.
+    /// As [`Self::finish`], for bytes that are already in the form that `name` says: compressed or
+    /// not.
     pub fn finish_as(self, name: &str, bytes: Vec<u8>) -> io::Result<()> {
         let file = File {
             name: name.to_owned(),
             bytes,
         };
         shader_text::files::write(&self.folder, &[file])?;
-        // The readable one counts where there are both.
+        // If both exist, the uncompressed one counts.
         let other = if name == FILE { PACKED } else { FILE };
         match fs::remove_file(self.folder.join(other)) {
             Err(e) if e.kind() != io::ErrorKind::NotFound => Err(e),
@@ -69,7 +71,7 @@ impl Writer {
         }
     }
 
-    /// Removes data that the folder's `frame.json` does not name: all, if there is none.
+    /// Removes data files that `frame.json` does not name, or all of them if there is none.
     fn sweep(&self) -> io::Result<()> {
         let named = match is_folder(&self.folder) {
             true => named(&self.folder, &self.limits)?,
@@ -88,7 +90,8 @@ impl Writer {
 
 impl Drop for Writer {
     fn drop(&mut self) {
-        // The capture is whole without it: files that stay take place on the disk, and the next capture removes them.
+        // The capture is complete even if this fails: such files waste disk space until the next
+        // capture.
         let _ = self.sweep();
         if mem::take(&mut self.is_new) && !is_folder(&self.folder) {
             let _ = fs::remove_dir(self.folder.join(DATA));
@@ -97,13 +100,13 @@ impl Drop for Writer {
     }
 }
 
-/// The digits of a data file's name.
+/// The hash in a data file's name.
 pub(super) fn digits(name: &str) -> Option<&str> {
     let digits = name.strip_suffix(".bin")?;
     is_hash(digits).then_some(digits)
 }
 
-/// A file that was being written when a program was killed.
+/// Whether a file was left half-written when a program was killed.
 pub(super) fn is_left_over(name: &str) -> bool {
     name.starts_with('.') && name.ends_with(".tmp")
 }
@@ -112,7 +115,7 @@ fn is_hash(text: &str) -> bool {
     text.len() == 32 && text.bytes().all(|b| b.is_ascii_hexdigit())
 }
 
-/// Every word of `frame.json` that may be the name of data.
+/// Every string in `frame.json` that has the form of a data name.
 fn named(folder: &Path, limits: &Limits) -> io::Result<BTreeSet<String>> {
     let file = file_of(folder);
     let bytes = match file.ends_with(PACKED) {

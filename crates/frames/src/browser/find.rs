@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use super::BrowserError;
 
-/// Names on `PATH`, the first preferred.
+/// Program names to look for on `PATH`, in order of preference.
 const NAMES: [&str; 7] = [
     "chromium",
     "chromium-browser",
@@ -16,7 +16,7 @@ const NAMES: [&str; 7] = [
     "msedge",
 ];
 
-/// Files where installers put it.
+/// Where installers for Linux and macOS put the browser.
 const PLACES: [&str; 6] = [
     "/usr/bin/chromium",
     "/snap/bin/chromium",
@@ -26,17 +26,17 @@ const PLACES: [&str; 6] = [
     "/usr/lib/chromium/chromium",
 ];
 
-/// Under the folders of programs of Windows.
+/// Where installers for Windows put the browser, relative to the folders for programs.
 const WINDOWS: [&str; 3] = [
     r"Google\Chrome\Application\chrome.exe",
     r"Chromium\Application\chrome.exe",
     r"Microsoft\Edge\Application\msedge.exe",
 ];
 
-/// The variable that names the program.
+/// The environment variable that names the browser's program.
 pub const VARIABLE: &str = "CHROMIUM";
 
-/// The browser: the one named, the variable's, or the first found.
+/// Finds the browser: the named program, else the one in the variable, else the first installed.
 pub fn find(named: Option<&Path>) -> Result<PathBuf, BrowserError> {
     let variable = env::var_os(VARIABLE).filter(|v| !v.is_empty());
     if let Some(path) = named.map(Path::to_path_buf).or(variable.map(PathBuf::from)) {

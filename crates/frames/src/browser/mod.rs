@@ -26,23 +26,23 @@ use process::Browser;
 use protocol::Client;
 use shader_text::limits::Limits;
 
-/// The page may load so long, and wait for its condition if the visit does not say how long.
+/// How long a page may take to load, and the default time to wait for its condition.
 const LOADING: Duration = Duration::from_secs(120);
-/// The browser may be silent so long.
+/// How long the browser may be silent.
 const SILENT: Duration = Duration::from_secs(120);
-/// A page may draw nothing so long.
+/// How long a page may draw nothing.
 pub(crate) const DRAWING: Duration = Duration::from_secs(30);
-/// A condition is asked so often.
+/// Time between two evaluations of a condition.
 const ASKING: Duration = Duration::from_millis(200);
 
-/// What to record.
+/// Which page to record, and how.
 #[derive(Clone, Debug)]
 pub struct Visit<'a> {
-    /// Its address.
+    /// The page's address.
     pub url: &'a str,
-    /// The program; `None`: found.
+    /// The browser's program. `None`: see [`find()`].
     pub program: Option<&'a Path>,
-    /// Frames.
+    /// How many frames to record.
     pub frames: u32,
     /// Width and height of the window, in pixels.
     pub size: [u32; 2],
@@ -50,76 +50,76 @@ pub struct Visit<'a> {
     pub scale: f64,
     /// Statements that run in the page once it is loaded.
     pub before: Option<&'a str>,
-    /// Then an element of each of these CSS selectors is clicked on, once it is there.
+    /// CSS selectors. After `before`, an element of each is clicked on as soon as it exists.
     pub clicks: &'a [String],
-    /// Then the page is ready when this expression is true.
+    /// A JavaScript expression. After the clicks, the page is ready once it is true.
     pub condition: Option<&'a str>,
     /// JavaScript that draws a frame of a page that draws on demand.
     pub draw: Option<&'a str>,
-    /// And then after so long.
+    /// Time to wait between the condition and the first frame.
     pub after: Duration,
-    /// Whether the machine's GPU draws, not SwiftShader.
+    /// Whether the machine's GPU draws instead of SwiftShader.
     pub is_hardware: bool,
-    /// More flags for the browser.
+    /// Additional flags for the browser.
     pub flags: &'a [String],
-    /// A page that draws nothing is given up after so long, or after [`DRAWING`] without it. The conditions wait so long,
-    /// or 120 s without it. The browser is given up after it was silent so long, or 120 s if that is more.
+    /// How long a page may draw nothing (default: 30 s) and how long to wait for conditions
+    /// (default: 120 s). The browser may be silent for the same time, but at least 120 s.
     pub patience: Option<Duration>,
 }
 
-/// The page was not recorded.
+/// Why a page was not recorded.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum BrowserError {
-    /// There is no browser.
+    /// No browser is installed.
     #[error(
         "there is no Chromium or Chrome: install one, or name its program by the variable {VARIABLE}"
     )]
     None,
-    /// The one that is named is no file.
+    /// The named browser is not a file.
     #[error("there is no program `{}`, which is named as the browser", .0.display())]
     Missing(PathBuf),
-    /// It does not start.
+    /// The browser does not start.
     #[error("`{}` does not start: {message}", program.display())]
     Start {
-        /// The program.
+        /// Path of the browser.
         program: PathBuf,
-        /// Why.
+        /// The system's error, or the browser's last line of output.
         message: String,
     },
-    /// The connection to it broke.
+    /// The connection to the browser broke.
     #[error("the browser ended: {0}")]
     Lost(String),
-    /// It does not answer.
+    /// The browser does not answer.
     #[error("the browser was silent for {} s", .0.as_secs())]
     Silent(Duration),
-    /// It refuses a call.
+    /// The browser refuses a call.
     #[error("{method}: {message}")]
     Protocol {
-        /// The call.
+        /// Method of DevTools' protocol.
         method: String,
-        /// Why.
+        /// The browser's message.
         message: String,
     },
     /// The page does not load.
     #[error("`{url}` does not load: {message}")]
     Load {
-        /// Its address.
+        /// The page's address.
         url: String,
-        /// Why.
+        /// The browser's message.
         message: String,
     },
-    /// A condition never holds.
+    /// A condition did not become true in time.
     #[error("{condition} was waited for in vain for {} s{}", .time.as_secs(), joined(.page))]
     Condition {
-        /// What was waited for.
+        /// The condition as the user wrote it, shortened.
         condition: String,
-        /// How long.
+        /// How long it was waited for.
         time: Duration,
         /// Errors of the page.
         page: Vec<String>,
     },
-    /// The recorder says why.
+    /// The recorder failed.
     #[error("{message}{}", joined(.page))]
     Page {
         /// The recorder's message.
@@ -127,7 +127,7 @@ pub enum BrowserError {
         /// Errors of the page.
         page: Vec<String>,
     },
-    /// The stream is no frame folder.
+    /// The recorder's stream is no frame folder.
     #[error(transparent)]
     Unpack(#[from] UnpackError),
 }
@@ -155,22 +155,22 @@ fn joined(errors: &[String]) -> String {
         .collect()
 }
 
-/// Errors of the page that are kept.
+/// How many errors of the page to report.
 const TOLD: usize = 5;
 
 const TOO_LARGE: &str = "it is larger than the limit `scene-bytes` allows";
 
-/// What the page sends: the stream, and errors of its own.
+/// State that the page's events build up: the stream, and the page's own errors.
 struct Heard {
     stream: std::fs::File,
     is_whole: bool,
     failed: Option<std::io::Error>,
-    /// The first errors of the page.
+    /// The first errors of the page, each once.
     errors: Vec<String>,
     /// Bytes that the stream may still grow by.
     room: u64,
     is_loaded: bool,
-    /// Where scripts of the page and of its frames run.
+    /// Execution contexts of the page and of its frames.
     contexts: BTreeSet<i64>,
 }
 
@@ -205,7 +205,7 @@ impl Heard {
         }
     }
 
-    /// Keeps a message, once.
+    /// Adds a message to the page's errors, unless it is there already.
     fn keep_message(&mut self, text: &str) {
         let text = shortened(text);
         if !text.is_empty() && self.errors.len() < TOLD && !self.errors.contains(&text) {
@@ -213,13 +213,13 @@ impl Heard {
         }
     }
 
-    /// A failure, with what the page said.
+    /// A failure of the recorder, with the page's errors.
     fn page_error(&mut self, message: String) -> BrowserError {
         let page = std::mem::take(&mut self.errors);
         BrowserError::Page { message, page }
     }
 
-    /// An empty chunk is the end.
+    /// Appends to the stream. An empty chunk ends it.
     fn chunk(&mut self, text: &str) {
         if text.is_empty() {
             self.is_whole = true;
@@ -240,8 +240,8 @@ impl Heard {
     }
 }
 
-/// What an object says, by the browser's preview of it: its message, or its members. `None`: its
-/// description says more, as an error's does.
+/// An object's message, or else its members, from the browser's preview of it. `None` if its
+/// description is more informative, as for an error.
 fn members(value: &Value) -> Option<String> {
     let preview = &value["preview"];
     let is_list = match preview["subtype"].as_str() {
@@ -287,7 +287,7 @@ fn shown(value: &Value) -> String {
     }
 }
 
-/// What the page threw: an error's own text, or any other value with the browser's `Uncaught`.
+/// Text of an exception: an error's own text, or another value after the browser's `Uncaught`.
 fn thrown(details: &Value) -> String {
     let exception = &details["exception"];
     let text = details["text"].as_str().unwrap_or_default();
@@ -298,7 +298,8 @@ fn thrown(details: &Value) -> String {
     }
 }
 
-/// A message without its stack: some lines, as a shader's log has, and not more than a screen holds.
+/// A message without its stack, cut to 8 lines and 1,000 characters. A shader's log has several
+/// lines.
 fn shortened(text: &str) -> String {
     let lines = text
         .lines()
@@ -309,8 +310,10 @@ fn shortened(text: &str) -> String {
     lines.join("\n    ").chars().take(1000).collect()
 }
 
-/// Records a page into `folder`, in place of an earlier capture. Returns the errors of the page. If it fails after some
-/// frames and the folder holds no earlier capture, it then holds these frames; the error is returned.
+/// Records a page into `folder`, in place of an earlier capture. Returns the errors of the page.
+///
+/// If recording fails after some frames, it returns the error. It still writes these frames if the folder holds no
+/// earlier capture.
 ///
 /// # Errors
 /// [`BrowserError`].
@@ -400,7 +403,7 @@ fn drive(client: &mut Client, visit: &Visit, heard: &mut Heard) -> Result<(), Br
     );
     let context = largest(client, heard)?;
     let result = evaluate(client, &start, context, heard)?;
-    // A page that is lost has said nothing.
+    // This call fails too if the page is lost.
     if let Ok(Ok(Value::Array(of_api))) =
         evaluate(client, "preshadeCapture.errors()", context, heard)
     {
@@ -441,7 +444,7 @@ fn load(client: &mut Client, visit: &Visit, heard: &mut Heard) -> Result<(), Bro
     }
 }
 
-/// Asks until the expression is neither false nor nothing. `what` is how the user wrote it.
+/// Evaluates `asked` until it is neither false nor null. Errors name `what`, the user's own text.
 fn wait_for(
     client: &mut Client,
     what: &str,
@@ -449,7 +452,7 @@ fn wait_for(
     patience: Duration,
     heard: &mut Heard,
 ) -> Result<Value, BrowserError> {
-    // A long one would hide the reason.
+    // A long text would hide the reason.
     let what = match what.char_indices().nth(80) {
         Some((end, _)) => format!("`{}..`", &what[..end]),
         None => format!("`{what}`"),
@@ -475,7 +478,8 @@ fn wait_for(
     }
 }
 
-/// Clicks on the middle of an element, as a user does: pages start sound and animations only then.
+/// Clicks on the middle of an element with real mouse events. Pages start sound and animations only
+/// after those.
 fn click(
     client: &mut Client,
     selector: &str,
@@ -502,14 +506,14 @@ fn click(
 const LARGEST: &str =
     "Math.max(0, ...Array.from(document.querySelectorAll('canvas'), c => c.width * c.height))";
 
-/// The frame of the page that has the largest canvas; `None`: the page itself.
+/// Execution context of the frame with the largest canvas. `None`: the page itself.
 fn largest(client: &mut Client, heard: &mut Heard) -> Result<Option<i64>, BrowserError> {
     let mut best = match evaluate(client, LARGEST, None, heard)? {
         Ok(pixels) => (pixels.as_f64().unwrap_or(0.0), None),
         Err(_) => (0.0, None),
     };
     for context in heard.contexts.clone() {
-        // A frame may be gone by now.
+        // The frame may be gone by now.
         let Ok(Ok(pixels)) = evaluate(client, LARGEST, Some(context), heard) else {
             continue;
         };
@@ -521,7 +525,8 @@ fn largest(client: &mut Client, heard: &mut Heard) -> Result<Option<i64>, Browse
     Ok(best.1)
 }
 
-/// The value of an expression of the page or of one of its frames, or the message of what it throws.
+/// Evaluates an expression in the page or in one of its frames. The inner error is the exception's
+/// text.
 fn evaluate(
     client: &mut Client,
     expression: &str,

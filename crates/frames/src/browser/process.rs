@@ -1,4 +1,4 @@
-//! The browser's process: headless, with a profile of its own that is removed with it.
+//! The browser's process: headless, with a temporary profile that is removed with it.
 
 use std::fs;
 use std::path::Path;
@@ -11,11 +11,11 @@ use tempfile::TempDir;
 use super::find::find;
 use super::{BrowserError, Visit};
 
-/// It may take so long to start.
+/// How long the browser may take to start.
 const STARTING: Duration = Duration::from_secs(60);
 const ASKING: Duration = Duration::from_millis(50);
 
-/// Nothing of the user's, nothing in the background, no throttling of a page that nobody sees.
+/// Keeps user data and background work out, and prevents throttling of a page that nobody sees.
 const FLAGS: &[&str] = &[
     "--headless=new",
     "--remote-debugging-port=0",
@@ -35,8 +35,8 @@ const FLAGS: &[&str] = &[
     "--disable-features=IsolateOrigins,site-per-process",
 ];
 
-/// SwiftShader, for WebGL and WebGPU alike: the same picture on every machine. Without Vulkan,
-/// `copyExternalImageToTexture` ends the process that draws.
+/// SwiftShader for WebGL and WebGPU: it draws the same picture on every machine. Without Vulkan,
+/// `copyExternalImageToTexture` ends the GPU process.
 const SOFTWARE: &[&str] = &[
     "--use-angle=swiftshader",
     "--enable-unsafe-swiftshader",
@@ -46,7 +46,8 @@ const SOFTWARE: &[&str] = &[
     "--disable-vulkan-surface",
 ];
 
-/// A running browser. It ends when this is dropped, and on Unix also when our program ends in any other way.
+/// A running browser. Dropping it ends the browser. On Unix, the browser also ends when this
+/// program dies.
 pub(crate) struct Browser {
     child: Child,
     group: Option<Group>,
@@ -54,16 +55,17 @@ pub(crate) struct Browser {
     program: std::path::PathBuf,
 }
 
-/// The group of the browser's processes. Leader and guard start first, so that no browser is without its guard.
+/// The process group of the browser. Leader and guard start before the browser, so that it never
+/// runs unguarded.
 struct Group {
-    /// Does nothing: a group has an id only while a process of it lives.
+    /// An idle process. It keeps the group's id valid.
     leader: Child,
-    /// Ends the browser.
+    /// Ends the browser when this program dies.
     guard: Child,
 }
 
-/// Waits until its input ends, which is when our program does. Then it ends the browser, whose processes are the group
-/// of its first argument, and removes the profile, its second, and the folder of the socket that the profile links to.
+/// Script of the guard. Its input ends when this program does. It then kills the group `$1`, and
+/// removes the profile `$2` and the folder of the socket that the profile links to.
 const GUARD: &str = r#"trap '' INT TERM HUP
 read -r _
 kill -9 "-$1"
@@ -81,7 +83,7 @@ impl Group {
                 .stdin(Stdio::piped())
                 .stdout(Stdio::null())
                 .stderr(Stdio::null());
-            // Ctrl-C in the terminal does not reach a group of its own.
+            // In a group of its own, Ctrl-C in the terminal does not reach it.
             std::os::unix::process::CommandExt::process_group(&mut shell, 0);
             shell.spawn()
         };
@@ -96,7 +98,7 @@ impl Group {
         Ok(None)
     }
 
-    /// Lets `command` start in the group.
+    /// Makes `command` start in this group.
     fn adopt(&self, command: &mut Command) {
         #[cfg(unix)]
         std::os::unix::process::CommandExt::process_group(command, self.leader.id() as i32);
@@ -107,14 +109,14 @@ impl Group {
 
 impl Drop for Group {
     fn drop(&mut self) {
-        // The input of each ends with the wait.
+        // `wait` closes the input of each, which ends it.
         let _ = self.guard.wait();
         let _ = self.leader.wait();
     }
 }
 
 impl Browser {
-    /// Starts it.
+    /// Starts the browser for a visit.
     pub fn start(visit: &Visit) -> Result<Self, BrowserError> {
         let program = find(visit.program)?;
         let failed = |e: std::io::Error| BrowserError::Start {
@@ -152,7 +154,7 @@ impl Browser {
         })
     }
 
-    /// The port and the path where DevTools' protocol is spoken.
+    /// The port and path of DevTools' protocol, once the browser has written them.
     pub fn address(&mut self) -> Result<(u16, String), BrowserError> {
         let file = self.profile.path().join("DevToolsActivePort");
         let end = Instant::now() + STARTING;
@@ -172,7 +174,7 @@ impl Browser {
         Err(self.not_started(&format!("it is silent for {} s", STARTING.as_secs())))
     }
 
-    /// With the last line that it wrote.
+    /// The error of a failed start, with the last line of the browser's output.
     fn not_started(&self, why: &str) -> BrowserError {
         let log = fs::read_to_string(self.profile.path().join("log")).unwrap_or_default();
         let last = log.lines().rfind(|line| !line.trim().is_empty());
@@ -185,14 +187,14 @@ impl Browser {
 
 impl Drop for Browser {
     fn drop(&mut self) {
-        // Each may have ended by itself.
+        // Either may have ended already.
         let _ = self.child.kill();
         let _ = self.child.wait();
         drop(self.group.take());
     }
 }
 
-/// Chromium runs as root only without its sandbox.
+/// Whether this program runs as root. Chromium then needs `--no-sandbox`.
 fn is_root() -> bool {
     #[cfg(target_os = "linux")]
     {

@@ -10,19 +10,19 @@ use tungstenite::{Message, client};
 
 use super::BrowserError;
 
-/// A silent browser is asked again after so long whether it has something to say.
+/// Timeout of one read from the socket.
 const STEP: Duration = Duration::from_millis(100);
 
-/// A connection to the browser, or with a session to one of its pages.
+/// A connection to the browser, with a session once a page is open.
 pub(crate) struct Client {
     socket: WebSocket<TcpStream>,
     calls: u64,
     session: Option<String>,
-    /// It is given up after it was silent so long.
+    /// A call fails after this time without a message.
     pub patience: Duration,
 }
 
-/// Takes the events of the page: a method's name and its parameters.
+/// Receives the page's events: method name and parameters.
 pub(crate) type Events<'a> = &'a mut dyn FnMut(&str, &Value);
 
 impl Client {
@@ -47,7 +47,7 @@ impl Client {
         })
     }
 
-    /// Opens a page. Later calls and events are the page's.
+    /// Opens a page. Later calls and events belong to it.
     pub fn open_page(&mut self) -> Result<(), BrowserError> {
         let nothing: Events = &mut |_, _| {};
         let target = self.call(
@@ -61,7 +61,7 @@ impl Client {
         Ok(())
     }
 
-    /// Calls a method and waits for its result.
+    /// Calls a method and waits for its result. Passes events to `events` meanwhile.
     pub fn call(
         &mut self,
         method: &str,
@@ -100,7 +100,7 @@ impl Client {
         }
     }
 
-    /// Takes events until `is_over` or for `time`.
+    /// Receives events until `events` returns true (result: true) or `time` is over.
     pub fn listen(
         &mut self,
         time: Duration,
@@ -118,7 +118,7 @@ impl Client {
         Ok(false)
     }
 
-    /// The next message, if one comes soon.
+    /// The next message, if one arrives within [`STEP`].
     fn read(&mut self) -> Result<Option<Value>, BrowserError> {
         match self.socket.read() {
             Ok(Message::Text(text)) => serde_json::from_str(&text)

@@ -1,5 +1,5 @@
-//! A folder of this machine as a site. A page of a `file://` address may read every file of the user's; a page of this
-//! site reads what is below the folder.
+//! Serves a local folder over HTTP. A page from a `file://` address could read every file of the
+//! user. A page of this site can read only files below the folder.
 
 use std::collections::BTreeSet;
 use std::fs::File;
@@ -11,10 +11,10 @@ use std::thread::JoinHandle;
 
 use tiny_http::{Header, Response, Server};
 
-/// Paths that are told.
+/// How many missing paths to report.
 const TOLD: usize = 5;
 
-/// A server on this machine's own address. It ends when this is dropped.
+/// A server on the loopback address. Dropping it stops it.
 pub struct Site {
     server: Arc<Server>,
     thread: Option<JoinHandle<()>>,
@@ -24,10 +24,10 @@ pub struct Site {
 }
 
 impl Site {
-    /// Serves what is below a folder.
+    /// Starts to serve the files below a folder.
     ///
     /// # Errors
-    /// There is no such folder, or no free port.
+    /// The folder does not exist, or no port is free.
     pub fn open(root: &Path) -> io::Result<Self> {
         let root = root.canonicalize()?;
         let server = Arc::new(Server::http(("127.0.0.1", 0)).map_err(io::Error::other)?);
@@ -38,7 +38,7 @@ impl Site {
         let thread = std::thread::spawn(move || {
             for request in requests.incoming_requests() {
                 let path = path(request.url());
-                // The browser may have gone.
+                // The browser may be gone.
                 let _ = match file(&folder, &path) {
                     Some((file, kind)) => {
                         let mut response = Response::from_file(file);
@@ -47,7 +47,7 @@ impl Site {
                     }
                     None => {
                         let mut missing = lacks.lock().unwrap_or_else(PoisonError::into_inner);
-                        // Browsers ask for it by themselves.
+                        // Browsers request this one on their own.
                         if path != "favicon.ico" && missing.len() < TOLD {
                             missing.insert(path);
                         }
@@ -65,7 +65,7 @@ impl Site {
         })
     }
 
-    /// The address of a file below the folder. `None`: it is elsewhere.
+    /// The URL of a file. `None` if the file is not below the folder.
     pub fn address(&self, file: &Path) -> Option<String> {
         let file = file.canonicalize().ok()?;
         let below = file.strip_prefix(&self.root).ok()?;
@@ -78,7 +78,7 @@ impl Site {
         Some(format!("http://{}/{}", self.address, parts.join("/")))
     }
 
-    /// Files that the page asked for and that are not below the folder: the first of them.
+    /// The first paths that the page requested and that are not below the folder.
     pub fn missing(&self) -> Vec<String> {
         let missing = self.missing.lock().unwrap_or_else(PoisonError::into_inner);
         missing.iter().cloned().collect()
@@ -89,20 +89,20 @@ impl Drop for Site {
     fn drop(&mut self) {
         self.server.unblock();
         if let Some(thread) = self.thread.take() {
-            // A panic of it was printed.
+            // The panic has already been printed.
             let _ = thread.join();
         }
     }
 }
 
-/// The path of a request, decoded, without its query.
+/// The path of a request: decoded, without query and fragment.
 fn path(url: &str) -> String {
     let path = url.split(['?', '#']).next().unwrap_or_default();
     let path = urlencoding::decode(path).unwrap_or_default();
     path.trim_start_matches('/').to_owned()
 }
 
-/// A file below the folder, and its type. Links may not lead out of it.
+/// Opens a file below the folder, with its content type. Refuses links that lead out of it.
 fn file(root: &Path, path: &str) -> Option<(File, Header)> {
     let mut whole = root.join(path).canonicalize().ok()?;
     if whole.is_dir() {
@@ -121,7 +121,8 @@ fn file(root: &Path, path: &str) -> Option<(File, Header)> {
     Some((File::open(whole).ok()?, header))
 }
 
-/// The type of a file: a browser takes scripts and modules only as what they are, and sees itself what pictures are.
+/// The content type of a file. Browsers refuse scripts and modules of a wrong type, and detect
+/// pictures themselves.
 fn kind(ending: &str) -> &'static str {
     match ending {
         "html" | "htm" => "text/html; charset=utf-8",

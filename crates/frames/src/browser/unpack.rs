@@ -1,4 +1,4 @@
-//! A frame folder from a tar stream, which a page wrote: names and sizes are checked.
+//! Unpacks the tar stream that a page wrote into a frame folder. Checks names and sizes.
 
 use std::fs;
 use std::io::{self, Read};
@@ -11,17 +11,17 @@ use crate::folder::{FILE, PACKED};
 use crate::writer::{DATA, Writer, digits, is_left_over};
 use shader_text::limits::{Exceeded, Limits};
 
-/// The stream or the folder is none.
+/// Why a stream was not unpacked.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum UnpackError {
-    /// It holds what a frame folder does not.
+    /// The stream holds a file that no frame folder has.
     #[error("the capture holds `{0}`, which no frame folder has")]
     Name(String),
-    /// It is larger than allowed.
+    /// The stream exceeds a limit.
     #[error(transparent)]
     Limit(#[from] Exceeded),
-    /// It ends before the first frame.
+    /// The stream ends before the first frame.
     #[error("the capture holds no whole frame")]
     Empty,
     /// It is no tar stream.
@@ -30,7 +30,7 @@ pub enum UnpackError {
     /// A file cannot be written.
     #[error("cannot write the capture: {0}")]
     Write(io::Error),
-    /// The folder holds something else.
+    /// The folder holds files that belong to no capture.
     #[error("`{0}` holds other files than a capture: name a new folder")]
     Occupied(String),
 }
@@ -42,7 +42,7 @@ impl UnpackError {
     }
 }
 
-/// Checks that a folder may take a capture: it is new, empty, or holds an older one, and nothing else.
+/// Checks that a folder may take a capture: it is new, empty, or holds only an earlier capture.
 ///
 /// # Errors
 /// [`UnpackError`].
@@ -68,8 +68,9 @@ fn holds_only(folder: &Path, is_ours: &dyn Fn(&str) -> bool) -> Result<(), Unpac
     Ok(())
 }
 
-/// Writes the files of a stream into a folder, in place of an earlier capture. Where the stream is cut short, the last
-/// `frame.json` that is whole counts. If there is none, the folder stays as it was.
+/// Writes the files of a stream into a folder, in place of an earlier capture.
+///
+/// If the stream is cut short, its last whole `frame.json` counts. If it has none, the folder stays unchanged.
 ///
 /// # Errors
 /// [`UnpackError`].
@@ -79,9 +80,9 @@ pub fn unpack(stream: &mut dyn Read, folder: &Path, limits: &Limits) -> Result<(
     let mut bytes = 0;
     let mut file = None;
     for entry in archive.entries().map_err(UnpackError::Read)? {
-        // The rest is cut off.
+        // The stream is cut short here.
         let Ok(mut entry) = entry else { break };
-        // Files make their folders.
+        // Writing a file creates its folder.
         if entry.header().entry_type() == EntryType::Directory {
             continue;
         }
@@ -98,7 +99,7 @@ pub fn unpack(stream: &mut dyn Read, folder: &Path, limits: &Limits) -> Result<(
         )?;
         bytes += entry.size();
         limits.check("scene-bytes", bytes, "the bytes of the capture")?;
-        // Larger than what the stream still holds: cut off.
+        // An entry that is longer than the rest of the stream is cut off.
         let mut content = Vec::new();
         let read = entry.read_to_end(&mut content).map_err(UnpackError::Read)?;
         if read as u64 != entry.size() {

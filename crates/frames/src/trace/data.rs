@@ -1,4 +1,4 @@
-//! Data of a trace. Until the folder is written, commands name it by its number in the trace.
+//! Data of a trace. Until the folder is written, a data name is an index into [`Store`].
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -10,7 +10,7 @@ use crate::file::DataName;
 use shader_text::limits::Limits;
 use shader_text::regular;
 
-/// What is known of the trace's data files.
+/// The data of a trace: files and bytes, read on demand.
 pub struct Store {
     folder: PathBuf,
     limits: Limits,
@@ -19,7 +19,7 @@ pub struct Store {
 
 #[derive(Clone)]
 enum BytesSource {
-    /// A file, and how many of its bytes count.
+    /// A file, and how many of its bytes count (`None`: all).
     File(String, Option<u64>),
     Bytes(Arc<[u8]>),
 }
@@ -33,7 +33,7 @@ impl Store {
         }
     }
 
-    /// Data that an action names. Its file is read when it is needed.
+    /// Adds the data of an action. Reads a file only when its content is needed.
     pub fn add(&mut self, data: Data, size: Option<u64>) -> Result<DataName, TraceError> {
         let source = match data {
             Data::File(name) => {
@@ -49,7 +49,7 @@ impl Store {
         Ok(self.push(source))
     }
 
-    /// Data that the reader made.
+    /// Adds data that this reader generated.
     pub fn add_bytes(&mut self, bytes: Vec<u8>) -> DataName {
         self.push(BytesSource::Bytes(bytes.into()))
     }
@@ -64,7 +64,7 @@ impl Store {
         number.ok().and_then(|n| self.all.get(n))
     }
 
-    /// How many bytes a write to a buffer has.
+    /// Bytes of a write to a buffer.
     pub fn size(&self, name: &DataName) -> u64 {
         match self.source(name) {
             Some(BytesSource::File(_, size)) => size.unwrap_or(0),
@@ -73,7 +73,6 @@ impl Store {
         }
     }
 
-    /// The content.
     pub fn bytes(&self, name: &DataName) -> Result<Arc<[u8]>, TraceError> {
         match self.source(name) {
             Some(BytesSource::File(name, size)) => self.file(name, *size),
@@ -88,7 +87,7 @@ impl Store {
             error,
         };
         let path = self.folder.join(name);
-        // A link may lead out of the folder.
+        // A link could lead out of the folder.
         let about = std::fs::symlink_metadata(&path).map_err(|e| wrong(e.into()))?;
         if about.is_symlink() {
             return Err(TraceError::DataName(name.to_owned()));
@@ -108,7 +107,7 @@ impl Store {
     }
 }
 
-/// A name of 32 hexadecimal digits.
+/// A data name from 32 hexadecimal digits.
 pub(super) fn name(digits: &str) -> DataName {
     match DataName::try_from(digits.to_owned()) {
         Ok(name) => name,

@@ -1,28 +1,27 @@
-//! Splits a trace into its actions without reading it whole.
+//! Splits a trace into actions without reading it whole.
 
 use std::io::BufRead;
 
 use super::TraceError;
 use shader_text::limits::Limits;
 
-/// One action as text.
 pub(super) struct Element {
     pub text: String,
     /// Its first line in the file, from 1.
     pub line: usize,
 }
 
-/// The elements of a list in RON, one after the other.
+/// Iterates over the elements of a RON list.
 pub(super) struct Elements<R> {
     input: R,
     limits: Limits,
     line: usize,
     has_begun: bool,
-    /// The list was closed. A trace that was cut short has no end.
+    /// Whether the list was closed. A trace that was cut short lacks its end.
     pub is_closed: bool,
 }
 
-/// What the bytes so far say of the next one.
+/// State of the scan between two bytes.
 #[derive(Default)]
 struct TextState {
     depth: usize,
@@ -66,7 +65,7 @@ impl<R: BufRead> Elements<R> {
         }
     }
 
-    /// The next element. What is cut off at the end of the file is none.
+    /// The next element. An element that is cut off at the end of the file does not count.
     pub fn next(&mut self) -> Result<Option<Element>, TraceError> {
         let mut bytes = Vec::new();
         let mut place = TextState::default();

@@ -1,4 +1,4 @@
-//! Writes a frame folder: what its frames refer to, and no more.
+//! Writes a frame folder with only the objects that its frames refer to.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -14,7 +14,7 @@ use crate::file::{
 use crate::writer;
 use shader_text::limits::Limits;
 
-/// A list of the file.
+/// An object list of `frame.json`.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum List {
     Buffers,
@@ -44,7 +44,8 @@ impl Numbers {
         });
     }
 
-    /// The entries of a list that are referred to. Their own references get new numbers too.
+    /// The entries of a list that are referred to, in their new order. Renumbers their own
+    /// references too.
     fn entries<T: Clone>(
         &mut self,
         list: List,
@@ -162,7 +163,7 @@ impl Numbers {
     }
 }
 
-/// A file of commands, with the objects that they refer to.
+/// A file with the given commands and only the objects that they refer to.
 pub(super) fn compact(
     all: &CaptureFile,
     mut setup: Vec<Command>,
@@ -178,7 +179,7 @@ pub(super) fn compact(
     }
     let buffers = unknown.iter_mut().flat_map(|u| &mut u.buffer);
     buffers.for_each(|buffer| n.set(List::Buffers, buffer));
-    // Each list before those that its entries refer to.
+    // Lists come before the lists that their entries refer to.
     let bind_groups = n.entries(List::Groups, &all.bind_groups, |n, group| {
         match &mut group.layout {
             GroupLayout::Number(layout) => n.set(List::GroupLayouts, layout),
@@ -236,7 +237,7 @@ pub(super) fn compact(
     }
 }
 
-/// Writes data and then `frame.json`, so that a folder with a `frame.json` is whole.
+/// Writes the data before `frame.json`, so that a folder with a `frame.json` is complete.
 pub(super) fn write(
     file: &mut CaptureFile,
     store: &Store,
@@ -283,7 +284,7 @@ struct Writer<'w> {
 }
 
 impl Writer<'_> {
-    /// Writes data under the hash of its content, once.
+    /// Writes data once, under the hash of its content.
     fn put(&mut self, name: &mut DataName) -> Result<(), TraceError> {
         if let Some(known) = self.known.get(name) {
             *name = known.clone();
@@ -305,7 +306,7 @@ impl Writer<'_> {
     }
 }
 
-/// A key without a value means the default.
+/// Removes keys whose value is null: a missing key means the default.
 fn without_nulls(json: &mut Value) {
     match json {
         Value::Object(entries) => {

@@ -1,4 +1,4 @@
-//! Objects by the address that a trace names them with. An address may be used again: what was made last counts.
+//! Objects by their address in the trace. If an address is used again, the latest object counts.
 
 use std::collections::BTreeMap;
 use std::rc::Rc;
@@ -9,7 +9,7 @@ use wgpu_core::id::{Marker, PointerId, markers};
 use super::{Made, Refusal, refusal};
 use crate::file::{DataName, DrawCommand, GroupLayout, View};
 
-/// Commands, and why others were left out.
+/// Commands, and the reasons why others were left out.
 #[derive(Clone, Debug)]
 pub(super) struct Kept<C> {
     pub commands: Vec<C>,
@@ -25,14 +25,14 @@ impl<C> Default for Kept<C> {
     }
 }
 
-/// What was made at an address.
+/// Objects by address, or why they were left out.
 pub(super) struct Map<M, T> {
     what: &'static str,
     made: BTreeMap<usize, Made<T>>,
     marker: std::marker::PhantomData<fn(M)>,
 }
 
-/// The address as a number.
+/// The id's address as a number.
 pub(super) fn address<M: Marker>(id: PointerId<M>) -> usize {
     let PointerId::PointerId(address, _) = id;
     address.get()
@@ -57,17 +57,17 @@ impl<M: Marker, T: Clone> Map<M, T> {
     }
 }
 
-/// A shader before a pipeline needs it.
+/// A shader whose text may not have been read yet.
 #[derive(Clone)]
 pub(super) struct Module {
     pub data: DataName,
     pub kind: DataKind,
     pub label: String,
-    /// Its number, once it was read.
+    /// Number in the file's list, once it was read.
     pub number: Option<Made<usize>>,
 }
 
-/// A window's surface.
+/// The surface of a window.
 #[derive(Clone)]
 pub(super) struct Surface {
     pub texture: crate::file::Texture,
@@ -77,7 +77,7 @@ pub(super) struct Surface {
     pub acquired: Option<usize>,
 }
 
-/// All that commands can name. Numbers are those of the file's lists.
+/// Every object that commands can name. Numbers are indices into the lists of the file.
 pub(super) struct Ids {
     pub buffers: Map<markers::Buffer, usize>,
     pub textures: Map<markers::Texture, usize>,

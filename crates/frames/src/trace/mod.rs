@@ -1,12 +1,12 @@
-//! A frame folder from the trace that wgpu writes itself: the folder of `wgpu::Trace::Directory`.
+//! A frame folder from a trace that wgpu wrote: the folder of `wgpu::Trace::Directory`.
 //!
-//! 1. `elements` splits `trace.ron` into actions; `version` tells which wgpu wrote them;
-//! 2. `recorder` executes them on paper with `objects`, `shaders`, `submit` and `passes`: objects get
-//!    numbers, commands are those of a frame folder, and data stays in its files (`data`);
+//! 1. `elements` splits `trace.ron` into actions; `version` finds which wgpu wrote them;
+//! 2. `recorder` simulates them with `objects`, `shaders`, `submit` and `passes`. Objects get numbers, commands become
+//!    those of a frame folder, and data stays in its files (`data`);
 //! 3. `slice` finds the commands before the frames that decide what the frames read;
-//! 4. `start` turns the first writes among them into contents, and `folder` writes what is left.
+//! 4. `start` turns the first writes among them into contents, and `folder` writes the rest.
 //!
-//! No GPU is needed. Nothing is executed, and no file outside of the trace is opened.
+//! This needs no GPU, executes nothing, and opens no file outside of the trace.
 
 mod data;
 mod elements;
@@ -40,74 +40,74 @@ use shader_text::regular::ReadError;
 /// The file that makes a folder a trace.
 pub const TRACE: &str = "trace.ron";
 
-/// What the reader wants of an app that records a trace.
+/// How to record a trace that this reader accepts.
 const REMEDY: &str = "record it with wgpu 29 or 30 (docs/guides/capture-wgpu.md)";
 
-/// Why a buffer that nothing wrote is not just zero.
+/// Why the content of a buffer without writes is unknown and not zero.
 const UNWRITTEN: &str = "nothing in the trace writes the buffer: wgpu's traces lack `Queue::write_buffer_with` \
                          (docs/guides/capture-wgpu.md)";
 
-/// A trace that is not read.
+/// Why a trace was not converted.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum TraceError {
-    /// It cannot be opened or read.
+    /// The trace cannot be opened or read.
     #[error("cannot read `{TRACE}`: {0}")]
     Io(io::Error),
-    /// It cannot be opened.
+    /// A file of the trace cannot be opened.
     #[error("cannot read `{}`: {error}", file.display())]
     Open {
-        /// The file.
+        /// Path of the file.
         file: PathBuf,
-        /// Why.
+        /// The system's error.
         error: io::Error,
     },
-    /// It is something else.
+    /// The folder holds no trace.
     #[error("no trace of wgpu: {0}; {REMEDY}")]
     NoTrace(&'static str),
-    /// Another version wrote it.
+    /// Another version of wgpu wrote it.
     #[error("the trace is of another wgpu than 29 and 30, which this version reads: {0}; {REMEDY}")]
     Version(String),
-    /// An action is none of the version.
+    /// The action is unknown to this version of wgpu.
     #[error(
         "{TRACE}:{line}: the action `{action}` is none of wgpu 29 or 30, which this version reads: {why}; {REMEDY}"
     )]
     Action {
-        /// Its name.
+        /// The action's name.
         action: String,
         /// Line in the file, from 1.
         line: usize,
-        /// The reader's message.
+        /// The parser's message.
         why: String,
     },
     /// A data file is missing or too large.
     #[error("cannot read the trace's `{name}`: {error}")]
     Data {
-        /// Its name in the folder.
+        /// Name in the folder.
         name: String,
-        /// Why.
+        /// Cause of the failure.
         error: ReadError,
     },
-    /// A data file is shorter than the action that names it says.
+    /// A data file is shorter than the size that the action gives.
     #[error("the trace's `{name}` has {has} bytes, and {needed} are written from it")]
     Short {
-        /// Its name in the folder.
+        /// Name in the folder.
         name: String,
-        /// Bytes of the file.
+        /// Bytes in the file.
         has: u64,
-        /// Bytes that are written.
+        /// Bytes that the action writes.
         needed: u64,
     },
     /// A data file is outside of the folder.
     #[error("the trace names the data `{0}`, which is no file of its folder")]
     DataName(String),
-    /// It contradicts itself.
+    /// The trace contradicts itself.
     #[error("the trace is broken: {0}")]
     Broken(String),
     /// A limit is exceeded.
     #[error(transparent)]
     Limit(#[from] Exceeded),
-    /// It holds no frame, or not the one that was asked for.
+    /// The trace holds no frame, or not the requested one.
     #[error("{0}")]
     NoFrame(String),
     /// The folder cannot be written.
@@ -115,54 +115,54 @@ pub enum TraceError {
     Write(io::Error),
 }
 
-/// An object of the trace, or why it is left out.
+/// An object of the trace, or why it was left out.
 type Made<T> = Result<T, Refusal>;
 
-/// What is left out, and why.
+/// The name of a part that was left out, and why.
 type Refusal = Rc<(String, String)>;
 
 fn refusal(what: &str, why: &str) -> Refusal {
     Rc::new((what.to_owned(), paths::stripped(why)))
 }
 
-/// What ends a frame.
+/// The event that ends a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FramesBy {
-    /// The app shows a texture in a window.
+    /// The app presents a texture to a window.
     Present,
-    /// The app submits a render pass. What it submits without one belongs to the next frame.
+    /// The app submits a render pass. A submission without one belongs to the next frame.
     Submit,
 }
 
 /// Which frames of a trace to write.
 #[derive(Clone, Copy, Debug)]
 pub struct Wanted {
-    /// How many, one after the other.
+    /// How many consecutive frames.
     pub frames: usize,
-    /// The first one, from 0. `None`: the last ones of the trace.
+    /// The first one, from 0. `None`: the last `frames` of the trace.
     pub from: Option<usize>,
-    /// What ends a frame. `None`: presents, or submissions if the app has no window.
+    /// The event that ends a frame. `None`: presents, or submissions if the app has no window.
     pub by: Option<FramesBy>,
 }
 
-/// What was found in a trace.
+/// Summary of a converted trace.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct TraceSummary {
-    /// The wgpu that wrote it.
+    /// Version of wgpu that wrote the trace.
     pub version: Version,
-    /// Whole frames in it.
+    /// Whole frames in the trace.
     pub frames: usize,
-    /// The first one that was written, from 0.
+    /// The first frame that was written, from 0.
     pub first: usize,
-    /// How many were written.
+    /// How many frames were written.
     pub written: usize,
-    /// What ends a frame.
+    /// The event that ends a frame.
     pub by: FramesBy,
-    /// The app did not end its device: it was still running, or was stopped.
+    /// Whether the app did not end its device, because it was still running or was stopped.
     pub is_cut: bool,
 }
 
-/// Writes frames of a trace to a folder that [`super::browser::prepare`] takes, in place of an earlier capture.
+/// Writes frames of a trace to a folder that [`super::browser::prepare`] accepts, in place of an earlier capture.
 ///
 /// # Errors
 /// [`TraceError`].
@@ -210,7 +210,7 @@ pub fn convert(
     })
 }
 
-/// Reads an action. What is dropped or destroyed needs none.
+/// Parses an action. `None` for drops and destructions, which need no work.
 fn action(
     element: &elements::Element,
     version: Version,
@@ -239,7 +239,7 @@ fn action(
             std::borrow::Cow::Owned(version::as_30(&text))
         }
     };
-    // In wgpu 29, less is optional.
+    // wgpu 29 has fewer optional fields: the reader takes a plain value for `Some`.
     let options = ron::Options::default();
     let options = options.with_default_extension(ron::extensions::Extensions::IMPLICIT_SOME);
     let read = options.from_str(&text).map_err(|e| TraceError::Action {
@@ -250,7 +250,7 @@ fn action(
     read.map(Some)
 }
 
-/// The backend that the app drew with.
+/// The backend that the app used. Empty if it is not found.
 fn backend(init: &str) -> String {
     let (_, rest) = init.rsplit_once("backend:").unwrap_or_default();
     let name = rest.trim().trim_end_matches([')', ',', '\n', ' ']);
@@ -262,7 +262,7 @@ fn backend(init: &str) -> String {
     }
 }
 
-/// The frames of the trace.
+/// The ends of all frames in the trace, and the event that ends them.
 fn frames(all: &[Mark], wanted: &Wanted) -> Result<(FramesBy, Vec<Mark>), TraceError> {
     let of = |by: FramesBy| -> Vec<Mark> { all.iter().copied().filter(|m| m.by == by).collect() };
     let by = wanted.by.unwrap_or(match of(FramesBy::Present).is_empty() {
@@ -358,7 +358,7 @@ fn write(
     });
     let mut made = folder::compact(&file, setup, frames, unknown.collect());
     made.refused = refused;
-    // Before anything of that size is allocated.
+    // Checked before anything of that size is allocated.
     super::folder::check(&made, limits).map_err(|error| match error {
         super::error::Error::Limit(exceeded) => TraceError::Limit(exceeded),
         other => TraceError::Broken(other.to_string()),

@@ -1,4 +1,5 @@
-//! Objects of wgpu as a frame folder has them. What the folder has no words for is refused.
+//! Converts objects of wgpu to those of a frame folder. Refuses features that a frame folder cannot
+//! express.
 
 use wgpu_core::binding_model::BindGroupLayoutDescriptor;
 use wgpu_core::pipeline::{ProgrammableStageDescriptor, VertexBufferLayout as CoreVertexBuffer};
@@ -15,9 +16,9 @@ use crate::file::{
     TextureLayout, Topology, VertexAttribute, VertexBufferLayout, ViewDescriptor,
 };
 
-/// Usages of buffers that WebGPU has.
+/// Bits of the buffer usages that WebGPU has.
 const BUFFER_USAGES: u32 = 0x3ff;
-/// Usages of textures that WebGPU has.
+/// Bits of the texture usages that WebGPU has.
 const TEXTURE_USAGES: u32 = 0x1f;
 
 pub(super) fn label(of: Option<&str>) -> String {
@@ -162,7 +163,7 @@ fn layout_entry(of: &wgpu::BindGroupLayoutEntry) -> Made<LayoutEntry> {
     Ok(entry)
 }
 
-/// A stage with its module's number.
+/// A shader stage that names its module by number.
 pub(super) fn stage<M>(of: &ProgrammableStageDescriptor<'_, M>, module: usize) -> Stage {
     let constants = of.constants.iter();
     Stage {

@@ -1,5 +1,5 @@
-//! Commands of render and compute passes, with numbers for objects. Draws with an object that was refused are
-//! left out and counted; bundles are written out.
+//! Converts commands of render and compute passes, with numbers for objects. Draws that use a
+//! refused object are left out and counted. Bundles are expanded.
 
 use std::collections::BTreeMap;
 use std::convert::Infallible;
@@ -14,7 +14,7 @@ use super::objects::index_format;
 use super::{Made, Refusal, refusal};
 use crate::file::{Color, ComputeCommand, DrawCommand};
 
-/// What is missing for the next draws or dispatches.
+/// Bound objects that were refused: the next draws or dispatches cannot be written.
 #[derive(Default)]
 struct Missing {
     pipeline: Option<Refusal>,
@@ -25,7 +25,7 @@ struct Missing {
 
 const INDICES: u32 = u32::MAX;
 
-/// Draws of one indirect command.
+/// Limit on the draws of one indirect command.
 const MOST_INDIRECT: u64 = 1 << 20;
 
 impl Missing {
@@ -39,7 +39,7 @@ impl Missing {
     }
 }
 
-/// A pass or a bundle while it is read.
+/// State of a pass or bundle that is being converted.
 struct Pass<'i, C> {
     ids: &'i Ids,
     kept: Kept<C>,
@@ -49,7 +49,7 @@ struct Pass<'i, C> {
 
 type CorePass<C> = BasePass<C, Infallible>;
 
-/// The commands of a render pass or a bundle.
+/// The commands of a render pass or bundle.
 pub(super) fn drawn(
     ids: &Ids,
     pass: &CorePass<RenderCommand<PointerReferences>>,
@@ -75,7 +75,7 @@ impl<C> Pass<'_, C> {
         self.kept.refused.push(refusal(what, why));
     }
 
-    /// A draw or a dispatch, if nothing is missing.
+    /// Adds a draw or dispatch, unless an object that it needs was refused.
     fn act(&mut self, made: Made<C>) {
         match (self.missing.first(), made) {
             (Some(missing), _) => self.kept.refused.push(missing.clone()),
@@ -173,7 +173,7 @@ impl Pass<'_, DrawCommand> {
                 self.refuse("a statistics query", "its result")
             }
             R::WriteTimestamp { .. } => self.refuse("a timestamp", "its result"),
-            // Of pipelines that are refused.
+            // Immediates belong to pipelines that are refused.
             R::SetImmediate { .. }
             | R::EndOcclusionQuery
             | R::EndPipelineStatisticsQuery
@@ -279,7 +279,7 @@ impl Pass<'_, DrawCommand> {
         }
     }
 
-    /// A bundle leaves no pipeline, groups and buffers behind.
+    /// Expands a bundle. Afterwards no pipeline, group or buffer is bound.
     fn bundle(&mut self, id: wgpu_core::id::PointerId<wgpu_core::id::markers::RenderBundle>) {
         self.missing = Missing::default();
         match self.ids.bundles.get(id) {
@@ -292,7 +292,7 @@ impl Pass<'_, DrawCommand> {
     }
 }
 
-/// One of several indirect draws, whose arguments lie one after the other.
+/// One draw of a multi-draw: its arguments follow those of the draws before it.
 fn indirect(
     buffer: usize,
     offset: u64,

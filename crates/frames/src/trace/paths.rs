@@ -1,15 +1,15 @@
-//! Strips paths of the recording machine from labels and from comments of shaders.
+//! Removes the recording machine's paths from labels and from shader comments.
 
 use std::borrow::Cow;
 
-/// A text whose absolute paths are cut to the last name.
+/// Cuts each absolute path in a text to its last name.
 pub(super) fn stripped(text: &str) -> String {
     let is_end = |c: char| c.is_whitespace() || matches!(c, '"' | '\'' | '(' | ')' | '<' | '>');
     let words = text.split_inclusive(is_end);
     words.map(|word| last_name(word, is_end)).collect()
 }
 
-/// The last name of an absolute path; any other word as it is.
+/// The last name of an absolute path. Any other word stays unchanged.
 fn last_name(word: &str, is_end: impl Fn(char) -> bool) -> &str {
     let bytes = word.as_bytes();
     let is_unix = bytes.first() == Some(&b'/') && word[1..].contains('/');
@@ -25,7 +25,7 @@ fn last_name(word: &str, is_end: impl Fn(char) -> bool) -> &str {
     &word[start..]
 }
 
-/// A shader of WGSL without paths in its comments. Its code is left alone: `/` divides there.
+/// Cuts the paths in a WGSL shader's comments. Leaves the code alone, because `/` divides there.
 pub(super) fn in_comments(source: &str) -> Cow<'_, str> {
     if !source.contains("//") && !source.contains("/*") {
         return source.into();
@@ -48,7 +48,7 @@ pub(super) fn in_comments(source: &str) -> Cow<'_, str> {
     out.into()
 }
 
-/// Bytes of a block comment, with those in it.
+/// Length of a block comment in bytes, including nested ones.
 fn block(text: &str) -> usize {
     let (mut at, mut depth) = (2, 1);
     while depth > 0 {

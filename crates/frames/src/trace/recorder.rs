@@ -1,4 +1,4 @@
-//! Executes a trace's actions on paper: objects get numbers, and commands become those of a frame folder.
+//! Simulates a trace's actions: objects get numbers, and commands become those of a frame folder.
 
 use std::rc::Rc;
 
@@ -21,7 +21,8 @@ use crate::file::{
     Resource, Shader, TexelLayout, TexelPlace, Texture, VertexState, View,
 };
 
-/// A command of the queue, and what was left out of it or in its place.
+/// A command of the queue, and the parts of it that were refused. `command` is `None` if all of it
+/// was.
 pub(super) struct Step {
     pub command: Option<Command>,
     pub refused: Vec<Refusal>,
@@ -30,15 +31,15 @@ pub(super) struct Step {
 /// The end of a frame.
 #[derive(Clone, Copy)]
 pub(super) struct Mark {
-    /// Steps up to it.
+    /// Number of steps before it.
     pub end: usize,
-    /// What the app shows.
+    /// The texture that the app shows.
     pub canvas: Option<usize>,
     pub alpha_mode: Option<AlphaMode>,
     pub by: FramesBy,
 }
 
-/// The trace as far as it was read.
+/// State after the actions so far.
 pub(super) struct Recorder {
     /// All objects of the trace.
     pub file: CaptureFile,
@@ -63,7 +64,6 @@ impl Recorder {
         }
     }
 
-    /// Takes the next action.
     pub fn act(&mut self, action: TraceAction) -> Result<(), TraceError> {
         match action {
             Action::ConfigureSurface(id, config) => {
@@ -136,7 +136,6 @@ impl Recorder {
         Ok(())
     }
 
-    /// Makes an object.
     fn create(&mut self, action: TraceAction) -> Result<(), TraceError> {
         let ids = &mut self.ids;
         match action {
@@ -218,8 +217,8 @@ impl Recorder {
                 let bundle = passes::drawn(ids, &base);
                 ids.bundles.set(id, Ok(Rc::new(bundle)));
             }
-            // What is dropped is not used again. Queries, external textures and what rays need are refused where they
-            // are used.
+            // Dropped objects are not used again. Queries, external textures and ray tracing
+            // objects are refused where they are used.
             _ => {}
         }
         Ok(())
@@ -352,7 +351,7 @@ impl Recorder {
         Ok(())
     }
 
-    /// The number of a shader. Its text is read when a pipeline first needs it.
+    /// The number of a shader. Reads its text when a pipeline first needs it.
     fn shader(&mut self, id: PointerId<markers::ShaderModule>) -> Result<Made<usize>, TraceError> {
         let mut module = match self.ids.modules.get(id) {
             Ok(module) => module,
@@ -449,13 +448,13 @@ impl Recorder {
     }
 }
 
-/// Appends, and returns the number.
+/// Appends an entry, and returns its number.
 fn push<T>(list: &mut Vec<T>, entry: T) -> usize {
     list.push(entry);
     list.len() - 1
 }
 
-/// `None` if the app left it to the system.
+/// Converts an alpha mode. `None` if the app left it to the system.
 fn alpha_mode(of: wgpu::CompositeAlphaMode) -> Option<AlphaMode> {
     match of {
         wgpu::CompositeAlphaMode::Opaque => Some(AlphaMode::Opaque),

@@ -1,4 +1,4 @@
-//! Shaders of a trace: WGSL and SPIR-V as they are, naga's IR written back as WGSL.
+//! Shaders of a trace. WGSL and SPIR-V stay as they are; naga IR is written back as WGSL.
 
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 use wgpu_core::device::trace::{Data, DataKind};
@@ -9,7 +9,7 @@ use crate::file::ShaderLanguage;
 
 const WHAT: &str = "a shader";
 
-/// The language of a shader's data. wgpu's own function panics on a name that it does not know.
+/// The language of a shader's data. wgpu's own function panics on an unknown name.
 pub(super) fn kind(data: &Data) -> Option<DataKind> {
     let name = match data {
         Data::File(name) => name,
@@ -20,7 +20,7 @@ pub(super) fn kind(data: &Data) -> Option<DataKind> {
     known.into_iter().find(|kind| kind.to_string() == ending)
 }
 
-/// A shader's language and bytes in a frame folder.
+/// The language and bytes that a frame folder stores for a shader.
 pub(super) fn read(
     bytes: &[u8],
     kind: DataKind,
@@ -45,7 +45,7 @@ pub(super) fn read(
     }
 }
 
-/// A module in RON as WGSL.
+/// WGSL for a naga module in RON.
 fn wgsl(text: &str) -> Result<String, String> {
     let module: naga::Module = ron::from_str(text).map_err(|e| e.to_string())?;
     let mut validator = Validator::new(ValidationFlags::all(), Capabilities::all());

@@ -1,4 +1,5 @@
-//! What commands read and write, and which earlier ones decide what the frames read.
+//! Finds the reads and writes of commands, and the earlier commands that decide what the frames
+//! read.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -17,7 +18,7 @@ pub(super) enum ResourcePart {
         first: u64,
         end: u64,
     },
-    /// A layer of a level. A texture of three dimensions has one.
+    /// One layer of a mip level. A 3D texture counts as one layer.
     Texels {
         texture: usize,
         level: u32,
@@ -25,13 +26,13 @@ pub(super) enum ResourcePart {
     },
 }
 
-/// What a command does to resources.
+/// The parts of resources that a command reads and writes.
 #[derive(Debug, Default)]
 pub(super) struct Access {
     pub reads: Vec<ResourcePart>,
-    /// Nothing of what was there before is left.
+    /// Parts of which no earlier content remains.
     pub overwrites: Vec<ResourcePart>,
-    /// It may change some of it.
+    /// Parts of which some earlier content may remain.
     pub changes: Vec<ResourcePart>,
 }
 
@@ -42,10 +43,10 @@ impl Access {
     }
 }
 
-/// What has to have its content.
+/// The parts whose content later commands read.
 #[derive(Default)]
 struct Needed {
-    /// Bytes by buffer: disjoint ranges.
+    /// Disjoint byte ranges, by buffer.
     bytes: BTreeMap<usize, Vec<[u64; 2]>>,
     texels: BTreeSet<(usize, u32, u32)>,
 }
@@ -101,22 +102,22 @@ impl Needed {
         }
     }
 
-    /// What is needed before a command, from what is needed after it.
+    /// Moves from after a command to before it.
     fn before(&mut self, access: &Access) {
         access.overwrites.iter().for_each(|part| self.remove(*part));
         access.reads.iter().for_each(|part| self.add(*part));
     }
 }
 
-/// What the frames need of what was before them.
+/// Earlier state that the captured frames read.
 pub(super) struct Before {
     /// The steps that decide what the frames read, in order.
     pub kept: Vec<usize>,
-    /// Buffers that the frames read, that could be written, and that no step wrote.
+    /// Buffers that the frames read and that the app may write, but that no step writes.
     pub unwritten: Vec<usize>,
 }
 
-/// Goes through all steps up to the last frame, backwards.
+/// Walks backwards over the frames and the steps before them.
 pub(super) fn before(
     file: &CaptureFile,
     store: &Store,
@@ -140,7 +141,7 @@ pub(super) fn before(
     let mut kept = Vec::new();
     for (index, step) in earlier.iter().enumerate().rev() {
         let Some(command) = &step.command else {
-            // What was refused would have written what is not known, so it counts.
+            // A refused command would have written unknown content, so it counts.
             if !step.refused.is_empty() {
                 kept.push(index);
             }
@@ -167,7 +168,7 @@ pub(super) fn before(
     }
 }
 
-/// What a command reads and writes.
+/// The reads and writes of a command.
 pub(super) fn access(file: &CaptureFile, store: &Store, command: &Command) -> Access {
     let mut found = AccessSearch {
         file,
@@ -276,7 +277,7 @@ impl AccessSearch<'_> {
         }
     }
 
-    /// The layers that a copy reads or writes, and whether it covers them.
+    /// The layers that a copy reads or writes, and whether it covers them completely.
     fn place(&self, place: &TexelPlace, size: Extent) -> (Vec<ResourcePart>, bool) {
         let Some(texture) = self.file.textures.get(place.texture) else {
             return (Vec::new(), false);
@@ -417,8 +418,8 @@ impl AccessSearch<'_> {
         }
     }
 
-    /// What shaders may do with a bind group. If its layout was derived from a pipeline, they may store to all that
-    /// can be stored to.
+    /// Adds the accesses that shaders may make through a bind group. If its layout was derived from
+    /// a pipeline, they may store to everything with a storage usage.
     fn group(&mut self, group: usize, is_dynamic: bool) {
         let file = self.file;
         let is_new = self.groups.insert((group, is_dynamic));

@@ -1,4 +1,4 @@
-//! Writes before the first command of the GPU become contents at the start.
+//! Turns writes before the first GPU command into contents at the start.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,10 +9,10 @@ use crate::file::{
     CaptureFile, Command, DataName, Extent, StartBuffer, StartTexture, TexelLayout, TexelPlace,
 };
 
-/// Moves writes from `setup` to `start`, as far as no command that stays was there before them.
+/// Moves writes from `setup` to `start`, unless an earlier command that stays uses the same resource.
 ///
 /// # Errors
-/// Data is missing or shorter than what is written, or a write reaches beyond its resource.
+/// Data is missing or too short, or a write reaches beyond its resource.
 pub(super) fn fold(file: &mut CaptureFile, store: &mut Store) -> Result<(), TraceError> {
     let mut begun = Begun::default();
     let mut setup = Vec::new();
@@ -44,7 +44,7 @@ pub(super) fn fold(file: &mut CaptureFile, store: &mut Store) -> Result<(), Trac
 #[derive(Default)]
 struct Begun {
     buffers: BTreeMap<usize, Vec<u8>>,
-    /// Levels of textures, with all layers.
+    /// Content by texture and mip level, with all layers.
     levels: BTreeMap<(usize, u32), Vec<u8>>,
     touched: BTreeSet<Touched>,
 }
@@ -63,7 +63,7 @@ fn resource(part: ResourcePart) -> Touched {
 }
 
 impl Begun {
-    /// Whether the command is part of the start now.
+    /// Adds a write to the start. False if the command has to stay in `setup`.
     fn takes(
         &mut self,
         file: &CaptureFile,
@@ -121,7 +121,7 @@ impl Begun {
         let level = level.physical_size(format);
         let (across, down) = format.block_dimensions();
         let [block, across, down] = [block, across, down].map(|n| n as usize);
-        // In blocks from here on.
+        // Counted in blocks from here on.
         let [x, y, z] = to.origin.0.map(|n| n as usize);
         let (x, y) = (x / across, y / down);
         let [width, height, layers] = size.0.map(|n| n as usize);

@@ -1,4 +1,4 @@
-//! What the queue executes: copies, clears and passes.
+//! Converts the work of the queue: copies, clears and passes.
 
 use wgpu_core::command::{
     Command as CoreCommand, LoadOp, PointerReferences, RenderPassColorAttachment,
@@ -16,7 +16,8 @@ use crate::file::{
 type View = PointerId<markers::TextureView>;
 
 impl Recorder {
-    /// Takes the commands of a submission. In an app without a window it is a frame if it draws.
+    /// Converts the commands of a submission. If it draws, it ends a frame of an app without a
+    /// window.
     pub(super) fn submit(&mut self, commands: Vec<CoreCommand<PointerReferences>>) {
         let first = self.steps.len();
         for command in commands {
@@ -186,14 +187,14 @@ impl Recorder {
     }
 }
 
-/// The first colour target, resolved: what an app without a window shows.
+/// The resolved first colour target, which stands for the picture of an app without a window.
 fn shown(pass: &RenderPassDescriptor) -> Option<usize> {
     let first = pass.color_attachments.iter().flatten().next()?;
     let view = first.resolve_target.as_ref().unwrap_or(&first.view);
     Some(view.texture)
 }
 
-/// Content that an app does not care about is cleared.
+/// Converts a load operation. Content that the app does not care about is cleared.
 fn load<V>(of: LoadOp<V>) -> (Load, Option<V>) {
     match of {
         LoadOp::Clear(value) => (Load::Clear, Some(value)),
@@ -209,7 +210,7 @@ fn store(of: wgpu::StoreOp) -> Store {
     }
 }
 
-/// How a channel is loaded, stored and cleared; nothing if it is only read.
+/// The load, store and clear of a channel. All `None` if the channel is read-only.
 fn channel<V: Copy>(of: &ResolvedPassChannel<V>) -> (Option<Load>, Option<Store>, Option<V>) {
     match of {
         ResolvedPassChannel::ReadOnly => (None, None, None),

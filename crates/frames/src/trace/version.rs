@@ -1,22 +1,22 @@
-//! The versions of wgpu whose traces are read. A trace names no version, so the limits of its device
-//! tell: each version has its own.
+//! The versions of wgpu whose traces are read. A trace names no version, but each version has its
+//! own set of device limits.
 
 use std::borrow::Cow;
 use std::collections::BTreeSet;
 
 use super::TraceError;
 
-/// A version of wgpu.
+/// A version of wgpu whose traces are read.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Version {
-    /// wgpu 29, which Bevy 0.19 has.
+    /// wgpu 29, which Bevy 0.19 uses.
     V29,
     /// wgpu 30.
     V30,
 }
 
 impl Version {
-    /// The number.
+    /// The major version.
     pub fn number(self) -> u32 {
         match self {
             Self::V29 => 29,
@@ -25,13 +25,13 @@ impl Version {
     }
 }
 
-/// Limits that wgpu 29 has and 30 has not.
+/// Device limits that only wgpu 29 has.
 const ONLY_29: [&str; 2] = [
     "maxTaskMeshWorkgroupTotalCount",
     "maxTaskMeshWorkgroupsPerDimension",
 ];
 
-/// Limits that wgpu 30 has and 29 has not.
+/// Device limits that only wgpu 30 has.
 const ONLY_30: [&str; 8] = [
     "maxBindGroupsPlusVertexBuffers",
     "maxTaskWorkgroupTotalCount",
@@ -43,10 +43,10 @@ const ONLY_30: [&str; 8] = [
     "maxRayRecursionDepth",
 ];
 
-/// The version that wrote a trace, by its first action.
+/// The version that wrote a trace, inferred from its first action.
 ///
 /// # Errors
-/// The action is not `Init`, or its limits are those of another version.
+/// The action is not `Init`, or its limits belong to another version.
 pub(super) fn of(init: &str) -> Result<Version, TraceError> {
     let limits = init
         .strip_prefix("Init")
@@ -82,23 +82,23 @@ pub(super) fn of(init: &str) -> Result<Version, TraceError> {
     }))
 }
 
-/// Words of wgpu 29, and what wgpu 30 writes in their place. Where 30 has one field more, it comes before
-/// the field that is named here.
+/// Words of wgpu 29, and the words of wgpu 30 that replace them. Where 30 has one more field, it
+/// precedes the named field.
 const WORDS: [(&str, &str); 6] = [
     ("Dispatch", "DispatchWorkgroups"),
     ("DispatchIndirect", "DispatchWorkgroupsIndirect"),
     ("present_mode", "color_space: Auto, present_mode"),
     ("bounds_checks", "int_div_checks: true, bounds_checks"),
     ("num_workgroups", "entry_points: [], num_workgroups"),
-    // Of naga.
+    // A type of naga.
     ("ClipDistance", "ClipDistances"),
 ];
 
-/// A flag of textures that has another name.
+/// A texture flag that was renamed.
 const FLAG: (&str, &str) = ("TRANSIENT", "TRANSIENT_ATTACHMENT");
 
-/// An action or a module of wgpu 29 as wgpu 30 writes it. Options that are none in 29 need no change: the
-/// reader takes a value for `Some`.
+/// Rewrites an action or a module of wgpu 29 in the form of wgpu 30. Fields that became optional
+/// need no change: the reader takes a value for `Some`.
 pub(super) fn as_30(text: &str) -> String {
     let mut out = String::with_capacity(text.len() + 64);
     let mut rest = text;
@@ -134,7 +134,7 @@ fn is_word(c: char) -> bool {
     c.is_alphanumeric() || c == '_'
 }
 
-/// Bytes of a string with its quotes.
+/// Length of a string in bytes, with its quotes.
 fn string(text: &str) -> usize {
     let mut is_escaped = false;
     for (at, c) in text.char_indices().skip(1) {
@@ -148,7 +148,8 @@ fn string(text: &str) -> usize {
     text.len()
 }
 
-/// The number of a pipeline, which is an option in wgpu 29. `None` for a pipeline that failed.
+/// Unwraps the number of a pipeline, which is optional in wgpu 29. `None` for a pipeline that
+/// failed.
 pub(super) fn with_number(text: &str) -> Option<Cow<'_, str>> {
     let Some(start) = text.find("id: ") else {
         return Some(text.into());
