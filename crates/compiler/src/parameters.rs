@@ -8,7 +8,6 @@ use serde_json::Value;
 pub struct Parameter {
     /// Name, as in `--pass PASS:NAME=VALUE`.
     pub name: String,
-    /// Description.
     pub what: String,
     /// Type, unless it is a choice: `number`, `integer` and so on.
     #[serde(rename = "type", skip_serializing_if = "Option::is_none")]
@@ -19,7 +18,7 @@ pub struct Parameter {
     /// The allowed words, if it is a choice.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub choices: Vec<Choice>,
-    /// Default value. `None`: the pass derives it, and the description says how.
+    /// `None`: the pass derives it, as the description explains.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub default: Option<Value>,
     /// Whether it is for tests and unusual devices alone. Recipes accept it, and listings only
@@ -43,12 +42,12 @@ impl Parameter {
 /// The allowed numbers of a parameter, from its JSON schema.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Serialize)]
 pub struct Range {
-    /// The least.
+    /// Inclusive.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub minimum: Option<f64>,
     #[serde(rename = "exclusiveMinimum", skip_serializing_if = "Option::is_none")]
     pub above: Option<f64>,
-    /// The greatest.
+    /// Inclusive.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub maximum: Option<f64>,
 }
@@ -93,7 +92,6 @@ impl std::fmt::Display for Range {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 pub struct Choice {
     pub value: String,
-    /// What it means.
     pub what: String,
 }
 
@@ -122,7 +120,7 @@ fn description(node: &Value) -> String {
     text.unwrap_or_default().replace('\n', " ")
 }
 
-/// The type of a property, `null` (not given) apart.
+/// The type of a property, ignoring `null` for a property that is not given.
 fn kind(property: &Value) -> Option<String> {
     match property.get("type")? {
         Value::String(one) => Some(one.clone()),
@@ -135,7 +133,7 @@ fn kind(property: &Value) -> Option<String> {
     }
 }
 
-/// The words of an enumeration, through references and the `anyOf` of what is optional.
+/// The words of an enumeration. Follows references and the `anyOf` of optional properties.
 fn choices(schema: &Value, node: &Value) -> Vec<Choice> {
     if let Some(target) = node
         .get("$ref")

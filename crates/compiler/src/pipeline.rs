@@ -23,18 +23,15 @@ pub struct Shader<'a> {
     pub name: &'a str,
     /// One WGSL file, or a vertex and a fragment file.
     pub sources: &'a [front::Source],
-    /// Entry points, definitions, limits.
     pub options: &'a options::Options,
     /// The pipeline state that the material is drawn with.
     pub state: &'a MaterialState,
 }
 
-/// The result of [`rewrite`].
 #[derive(Debug)]
 pub struct Output {
     /// The variant. `plan.steps` lists the applied steps; without any, it is the original.
     pub plan: Plan,
-    /// The skipped steps.
     pub skipped: Vec<Skipped>,
     /// The emitted shaders and `plan.json`.
     pub files: Vec<File>,
@@ -71,26 +68,24 @@ impl Parsed {
     }
 }
 
-/// A skipped step.
 #[derive(Clone, Debug)]
 pub struct Skipped {
     /// Name of the material that refused it.
     pub material: String,
     pub step: Step,
-    /// Why, and what would lift the refusal.
+    /// The reason, with its remedy.
     pub refusal: Box<Refusal>,
 }
 
 /// Materials to rewrite, and the frame that they are drawn in.
 #[derive(Clone, Copy, Debug)]
 pub struct Frame<'a> {
-    /// The originals to rewrite.
     pub materials: &'a [Plan],
     /// The originals of the whole frame, `materials` among them.
     pub neighbours: &'a [Plan],
 }
 
-/// What a step makes of a plan.
+/// The plan after a step, or its refusal.
 pub type Applied = Result<Plan, Box<Refusal>>;
 
 /// Sees each result, with the step and the plan before it. Returns whether a new plan is taken: a
@@ -195,8 +190,8 @@ pub fn apply_in(
     (plans, skipped)
 }
 
-/// The refusal of a step that other steps stand in the way of: what the material itself refuses, if it
-/// does, for then no order helps.
+/// The refusal of a step that earlier steps prevent. If the material refuses it on its own too,
+/// this is the material's refusal, for then no other order helps.
 fn of_material(refused: Refused, alone: impl FnOnce() -> Result<Outcome, Refused>) -> Refused {
     let is_order = |r: &Refusal| ORDERS.iter().any(|info| info.code == r.code);
     match refused.refusals.first().is_some_and(is_order) {
@@ -242,8 +237,8 @@ pub fn emit(plan: &Plan, targets: &[Target]) -> (Vec<File>, Vec<emit::EmitError>
 /// Files, a sentence on each that was not compared, and the errors of targets.
 type Compared = (Vec<File>, Vec<String>, Vec<emit::EmitError>);
 
-/// As [`emit()`], byte for byte, and compares what each text means with its program: a few milliseconds
-/// each.
+/// As [`emit()`], byte for byte, and compares the meaning of each text with its program: a few
+/// milliseconds each.
 pub fn emit_compared(plan: &Plan, targets: &[Target]) -> Compared {
     let options = emit::Options::default();
     emit_by(targets, |targets| {

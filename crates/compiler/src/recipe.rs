@@ -1,4 +1,5 @@
-//! A recipe: passes with their parameters, in order. It is the schedule, apart from the algorithm.
+//! A recipe: passes with their parameters, in order. It is the schedule, separate from the
+//! algorithm.
 
 use std::fmt;
 
@@ -48,15 +49,13 @@ pub enum RecipeError {
     #[error("{pass}: {message}{}", suggestion(.nearest))]
     Misnamed {
         pass: String,
-        /// What is wrong.
         message: String,
         nearest: Option<String>,
     },
-    /// `key=value` was expected.
+    /// The text after the colon is not `key=value`.
     #[error("in `{text}`: expected `key=value` after the colon, found \
              `{found}`{}", several(.word_of, .found))]
     Syntax {
-        /// The whole step.
         text: String,
         /// The part that does not fit.
         found: String,
@@ -78,7 +77,6 @@ pub enum RecipeError {
              {pass}`)", suggestion(.nearest))]
     UnknownValue {
         pass: &'static str,
-        /// Name of the parameter.
         name: String,
         value: String,
         nearest: Option<String>,
@@ -89,7 +87,6 @@ pub enum RecipeError {
     #[error("{pass}: `{name}` is {kind}, which `{value}` is not (see `preshade passes {pass}`)")]
     NotNumber {
         pass: &'static str,
-        /// Name of the parameter.
         name: String,
         /// `a number` or `a whole number`.
         kind: &'static str,
@@ -99,20 +96,14 @@ pub enum RecipeError {
     #[error("{pass}: `{name}` is {range}, which {value} is not (see `preshade passes {pass}`)")]
     OutOfRange {
         pass: &'static str,
-        /// Name of the parameter.
         name: String,
-        /// The bounds, in words.
+        /// The allowed numbers, in words.
         range: String,
         value: String,
     },
     /// A parameter is given twice.
     #[error("in `{text}`: `{name}` is given twice")]
-    Twice {
-        /// The whole step.
-        text: String,
-        /// Name of the parameter.
-        name: String,
-    },
+    Twice { text: String, name: String },
     /// The values have the wrong type, or are out of range.
     #[error(transparent)]
     Params(#[from] ParamError),
@@ -125,7 +116,7 @@ fn suggestion(nearest: &Option<impl fmt::Display>) -> String {
         .unwrap_or_default()
 }
 
-/// What an unknown pass may mean: several passes in one, or another spelling.
+/// The suggestion for an unknown pass: several passes written as one, or another spelling.
 fn several_or(name: &str, nearest: &Option<&'static str>) -> String {
     let steps: Vec<&str> = name.split([',', '+']).map(str::trim).collect();
     match steps.len() > 1 && steps.iter().all(|s| pass_named(s).is_some()) {

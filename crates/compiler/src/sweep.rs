@@ -13,10 +13,9 @@ use crate::recipe::{self, Recipe, RecipeError};
 /// Most recipes one sweep may stand for.
 pub(crate) const MOST: usize = 256;
 
-/// A recipe with ranges.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Sweep {
-    /// Source text.
+    /// As the user wrote it.
     pub text: String,
     /// The parameters that vary, in the order of the text.
     pub axes: Vec<Axis>,
@@ -24,7 +23,6 @@ pub struct Sweep {
     pub points: Vec<Point>,
 }
 
-/// A parameter that varies.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Axis {
     pub pass: String,
@@ -40,7 +38,6 @@ pub enum AxisKind {
     Words,
 }
 
-/// One combination.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Point {
     /// The value on each axis.
@@ -61,16 +58,12 @@ pub enum SweepError {
     /// `8..1`, or an end that is not a number.
     #[error("`{text}` is not a range: write `1..8`, the smaller end first")]
     Range { text: String },
-    /// Too many combinations.
+    /// It has more than [`MOST`] combinations.
     #[error(
         "`{text}` stands for {count} recipes; the most is {MOST}: shorten a range, or name one \
          word of a choice (form=shared)"
     )]
-    TooMany {
-        text: String,
-        /// How many.
-        count: usize,
-    },
+    TooMany { text: String, count: usize },
 }
 
 impl Sweep {
@@ -144,7 +137,6 @@ impl Sweep {
         Ok(Self { text, axes, points })
     }
 
-    /// Whether anything varies.
     pub fn varies(&self) -> bool {
         !self.axes.is_empty()
     }

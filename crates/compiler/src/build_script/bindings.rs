@@ -69,7 +69,7 @@ pub(super) struct Shared<'s> {
 
 struct Resource {
     name: String,
-    /// `wgpu::BindingType`, as Rust.
+    /// A Rust expression of type `wgpu::BindingType`.
     ty: String,
     stages: StageUse,
 }

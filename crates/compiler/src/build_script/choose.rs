@@ -28,7 +28,7 @@ pub(super) const BY_DEFAULT: [(&str, &str); 3] = [
 /// A lock file, as far as it can be read.
 pub(super) enum Keeping {
     Nothing,
-    /// This version's.
+    /// This version of preshade wrote it.
     Own(Lock),
     /// Another version's. Only entry points and pipeline state are used, if they can be read.
     Foreign(LockError, Option<Left>),
@@ -218,7 +218,7 @@ fn parse(
     front::parse(sources, options).map_err(BuildError::Shader)
 }
 
-/// What a build may depend on.
+/// The inputs of a build.
 struct BuildInputs<'s> {
     /// Facts about the scene, from a lock that matches.
     facts: &'s Facts,

@@ -62,7 +62,7 @@ impl EmittedPlan {
 pub(super) struct Override {
     /// Its number, or its name if it has none.
     pub key: String,
-    /// It has no default.
+    /// It has no default, so the host must set it.
     pub is_needed: bool,
 }
 

@@ -15,7 +15,6 @@ pub enum BuildError {
     /// A file cannot be read.
     #[error("{}: {error}", path.display())]
     Read {
-        /// The file.
         path: PathBuf,
         #[source]
         error: io::Error,
@@ -26,7 +25,6 @@ pub enum BuildError {
     /// The generated module cannot express something that the shader or the state needs.
     #[error("{file}: {why}")]
     Module {
-        /// The shader.
         file: String,
         /// The feature that cannot be expressed.
         why: String,
@@ -71,7 +69,6 @@ pub enum BuildError {
          files: the module of one would take the other's place; give one of them another `name`"
     )]
     Taken {
-        /// The material's name.
         name: String,
         /// Files of the first material.
         first: String,

@@ -115,7 +115,6 @@ fn from_within(path: &str) -> String {
 pub(super) struct Wordless {
     /// Index of the plan that needs it. `None`: it concerns no single plan.
     pub of: Option<usize>,
-    /// Description.
     pub why: String,
 }
 

@@ -119,7 +119,7 @@ pub struct Built {
     pub read: Vec<PathBuf>,
     /// Requested things that the module lacks, one a line.
     pub warnings: Vec<String>,
-    /// Files with changed bytes.
+    /// Files whose bytes changed.
     pub written: Vec<PathBuf>,
 }
 
@@ -194,8 +194,8 @@ impl BuildConfig {
         self
     }
 
-    /// Writes this target too, beside WGSL, into `FILES`. If it cannot express a material, the
-    /// build warns.
+    /// Also writes this target, in addition to WGSL, into `FILES`. If it cannot express a material,
+    /// the build warns.
     #[must_use]
     pub fn emit(mut self, target: Target) -> Self {
         self.targets.push(target);
@@ -472,11 +472,9 @@ impl BuildConfig {
     }
 }
 
-/// The requested recipes.
 struct Asked {
     /// The material's own variant, if there is one.
     own: Option<Recipe>,
-    /// The named variants.
     named: Vec<(String, Recipe)>,
     /// Nothing was requested: these are the defaults.
     is_default: bool,

@@ -218,7 +218,6 @@ impl<'p> Constants<'p> {
     }
 }
 
-/// Refuses binding arrays.
 fn no_arrays(program: Option<&Program>, bindings: &[BindingUse]) -> Result<(), String> {
     let array = |b: &&BindingUse| program.is_some_and(|p| reflect::is_array(p.module(), b));
     match bindings.iter().find(array) {

@@ -18,7 +18,7 @@ const FILE: &str = "preshade.stamp";
 struct Stamp {
     key: String,
     warnings: Vec<String>,
-    /// Included files, with BLAKE3.
+    /// Included files with the BLAKE3 of their text.
     included: Vec<(PathBuf, String)>,
     /// Files that did not exist when includes were searched for.
     absent: Vec<PathBuf>,
@@ -28,10 +28,10 @@ struct Stamp {
     files: Vec<(String, String)>,
 }
 
-/// The inputs of a build beside the given files, and its warnings.
+/// The inputs of a build other than the given files, and its warnings.
 #[derive(Default)]
 pub(super) struct Trace {
-    /// Warnings, one a line.
+    /// One a line.
     pub warnings: Vec<String>,
     /// Included files with their text.
     pub included: Vec<(PathBuf, String)>,

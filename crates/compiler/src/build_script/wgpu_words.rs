@@ -29,7 +29,6 @@ pub(super) fn primitive(p: &PrimitiveState) -> String {
     )
 }
 
-/// `wgpu::MultisampleState`.
 pub(super) fn multisample(m: &Multisample) -> String {
     format!(
         "wgpu::MultisampleState {{ count: {}, mask: {}, alpha_to_coverage_enabled: {} }}",
@@ -37,7 +36,6 @@ pub(super) fn multisample(m: &Multisample) -> String {
     )
 }
 
-/// `wgpu::DepthStencilState`.
 pub(super) fn depth_stencil(
     format: DepthFormat,
     depth: &DepthState,
@@ -90,7 +88,6 @@ fn depth_format(format: DepthFormat) -> &'static str {
     }
 }
 
-/// `wgpu::TextureFormat`.
 pub(super) fn attachment_format(format: &AttachmentFormat) -> String {
     match format {
         AttachmentFormat::Depth(format) => depth_format(*format).to_owned(),
@@ -176,7 +173,6 @@ fn capital(word: &str) -> String {
     first.into_iter().chain(letters).collect()
 }
 
-/// `wgpu::ColorTargetState`.
 pub(super) fn color_target(target: &ColorTarget) -> String {
     let blend = target
         .blend

@@ -12,16 +12,14 @@ use shader_text::nearest::unknown;
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum FailOn {
-    /// Every finding.
     All,
     Nothing,
     Class(Class),
 }
 
-/// Reads `all`, `none`, or a class by its name or by what people call it.
+/// Reads `all`, `none`, or a class by its name or a common synonym.
 ///
-/// # Errors
-/// There is no such class, as a message with the names.
+/// # Errors There is no such class, as a message with the names.
 pub fn parse_class(text: &str) -> Result<FailOn, String> {
     match text {
         "all" => return Ok(FailOn::All),
@@ -96,11 +94,10 @@ impl Cost {
 /// A program that was read again.
 pub struct Side {
     pub plan: Plan,
-    /// Its files, for messages.
+    /// The names of its files, for messages.
     pub name: String,
 }
 
-/// How two programs agree.
 pub struct Compared {
     pub agreement: Agreement,
     /// The programs that were compared.
@@ -111,12 +108,11 @@ pub struct Compared {
     pub as_written: Option<usize>,
 }
 
-/// Compares two programs. If the positions differ and only one program was taken for OpenGL's without
-/// its author saying so, `again` reads that one with depths as written. `is_given` says whose clip
-/// space the author gave.
+/// Compares two programs. If the positions differ and only one program counts as OpenGL's by its
+/// language's rule, `again` reads that one with depths as written. `is_given` is true for a program
+/// whose clip space the author gave.
 ///
-/// # Errors
-/// The two do not fit together, as `told`, or one cannot be read again.
+/// # Errors The two do not fit together (`told` makes the error), or one cannot be read again.
 pub fn compare<E>(
     mut plans: [Plan; 2],
     question: Question<'_>,
@@ -157,8 +153,8 @@ fn is_elsewhere(agreement: &Agreement) -> bool {
     findings.any(|f| f.class == Class::Position)
 }
 
-/// The side that was taken for OpenGL's, if only the other was not. The host's matrices decide, and a
-/// text does not say which they are.
+/// The side that counts as OpenGL's by its language's rule, if the other does not. The host's
+/// matrices decide, and a text does not show which they are.
 fn of_another_clip_space(plans: &[Plan; 2], is_given: [bool; 2]) -> Option<usize> {
     let is_open_gl = |plan: &Plan| {
         let program = plan.main().and_then(|p| plan.program(p));

@@ -9,16 +9,16 @@ use serde::Serialize;
 use super::agree::Cost;
 use shader_text::nearest::unknown;
 
-/// What a scene showed of both programs.
+/// The result of drawing both programs in a scene.
 pub trait Drawn: Serialize {
     /// The comparison, a line each.
     fn lines(&self, relation: Relation) -> Vec<String>;
 
-    /// What breaks the relation, in words.
+    /// The difference that breaks the relation, in words.
     fn differs(&self, relation: Relation) -> Option<String>;
 }
 
-/// Without a scene.
+/// No scene was drawn.
 #[derive(Serialize)]
 pub enum Undrawn {}
 
@@ -32,17 +32,16 @@ impl Drawn for Undrawn {
     }
 }
 
-/// A finding to accept.
+/// A finding that the user accepts.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Waiver {
     pub pair: String,
     /// The class of the finding.
     pub class: Class,
-    /// Why it is accepted.
     pub reason: String,
 }
 
-/// A finding, and what the caller makes of it.
+/// A finding, and the caller's judgement of it.
 #[derive(Serialize)]
 struct Judged {
     #[serde(flatten)]
@@ -183,7 +182,7 @@ impl<D: Drawn> Pair<D> {
         }
     }
 
-    /// Whether a part of what was asked was not evaluated, and no waiver accepts that.
+    /// Whether a promise was not evaluated, and no waiver accepts that.
     fn is_partial(&self) -> bool {
         let waived = self.findings.iter().filter(|j| j.waived.is_some());
         let waived: Vec<&str> = waived.map(|j| j.finding.words.as_str()).collect();
@@ -238,13 +237,13 @@ impl<D: Drawn> Report<D> {
         findings.any(|j| j.breaks)
     }
 
-    /// Whether a part of what was asked was not evaluated.
+    /// Whether a promise was not evaluated.
     pub fn is_partial(&self) -> bool {
         let is_all_unread = self.pairs.is_empty() && self.unchanged == 0;
         is_all_unread || self.pairs.iter().any(Pair::is_partial)
     }
 
-    /// The report for people.
+    /// The report as text.
     pub fn human(&self, verbose: bool) -> String {
         let mut out = String::new();
         for pair in &self.pairs {

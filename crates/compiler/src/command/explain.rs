@@ -17,7 +17,6 @@ use crate::parameters::parameters;
 use crate::pipeline;
 use crate::recipe::{Recipe, RecipeError, Step};
 
-/// The explanation of materials.
 #[derive(Serialize)]
 pub struct Explanation {
     schema: &'static str,
@@ -43,7 +42,6 @@ pub struct EffectUse {
     pub stage: String,
     /// Static cost of the code behind its conditions, in one run of the stage.
     pub cost: f64,
-    /// Draws of the material.
     pub draws: usize,
     /// Number of draws that use it.
     pub called_for: usize,
@@ -85,7 +83,7 @@ impl EffectUse {
     }
 }
 
-/// A material and what each pass does to it.
+/// A material, and the effect of each pass on it.
 #[derive(Serialize)]
 pub struct Explained {
     pub material: String,
@@ -109,33 +107,34 @@ pub struct StageCost {
     /// `vertex` or `fragment`.
     pub stage: &'static str,
     pub entry_point: String,
-    /// Operations.
+    /// In operations.
     pub cost: f64,
     /// Expressions of the entry point.
     pub expressions: usize,
-    /// What it does besides computing.
+    /// Effects other than computing, such as a discard.
     pub effects: Vec<String>,
 }
 
-/// What a pass does to a material.
+/// The effect of a pass on a material.
 #[derive(Serialize)]
 pub struct PassExplained {
-    /// The recipe step.
+    /// The recipe step, with its parameters.
     pub pass: String,
-    /// What the pass does, in a line.
+    /// The description of the pass in one line.
     pub summary: &'static str,
     /// When it costs more than it saves.
     pub hurts: &'static str,
     pub source: &'static str,
     /// The change that it makes; at most one.
     pub sites: Vec<Change>,
-    /// What the change saves. `None`: it does not apply, or it saves no operations but fragments.
+    /// `None`: it does not apply, or it saves no operations but fragments.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub saved: Option<Saved>,
-    /// What it does within a budget, if it is refused without one.
+    /// The change within a budget, if the pass is refused without one.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub within_budget: Option<WithinBudget>,
-    /// What it does to each group of the material's draws, if it is refused for all draws together.
+    /// The change for each group of the material's draws, if the pass is refused for all draws
+    /// together.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub versions: Vec<VersionExplained>,
     /// Why it does not apply.
@@ -148,22 +147,20 @@ pub struct PassExplained {
 /// A pass for one group of a material's draws.
 #[derive(Serialize)]
 pub struct VersionExplained {
-    /// Name of the group, as in what `rewrite` writes.
+    /// Name of the group, as in the output of `rewrite`.
     pub material: String,
     /// The change that it makes.
     pub change: Change,
-    /// What the change saves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub saved: Option<Saved>,
 }
 
 #[derive(Serialize)]
 pub struct WithinBudget {
-    /// The recipe step.
+    /// The recipe step, with its budget.
     pub step: String,
     /// The change that it makes.
     pub change: Change,
-    /// What the change saves.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub saved: Option<Saved>,
 }
@@ -172,9 +169,8 @@ pub struct WithinBudget {
 #[derive(Serialize)]
 pub struct Saved {
     stage: &'static str,
-    /// Operations saved.
     ops: f64,
-    /// Operations before.
+    /// Operations before the change.
     of: f64,
 }
 
@@ -185,7 +181,8 @@ pub const WORTH_A_LOOK: f64 = 0.05;
 const BUDGET: f64 = 0.02;
 
 impl Saved {
-    /// `None`: `after` has more passes, so that its stages alone say little, or no stage costs less.
+    /// `None`: no stage costs less, or `after` has more passes, so that its stages alone do not
+    /// show its cost.
     fn between(before: &Plan, after: &Plan, facts: &Facts) -> Option<Self> {
         let passes = |plan: &Plan| (plan.passes.len(), plan.compute.len());
         if passes(before) != passes(after) {
@@ -201,7 +198,8 @@ impl Saved {
         best.filter(|s| s.ops > 0.0)
     }
 
-    /// What a pass saves. Of `hoist`, the fragments pay for the interpolation.
+    /// The saved cost of a pass. For `hoist` it is that of the moved code, because the fragments
+    /// pay for the interpolation.
     fn of(before: &Plan, done: &Outcome, facts: &Facts) -> Option<Self> {
         let saved = Self::between(before, &done.plan, facts)?;
         let is_hoist = done
@@ -281,7 +279,8 @@ pub fn explain(
         .filter(|f| f.material == plan.material)
         .cloned()
         .collect();
-    // One name at one place is one line, that with the least error for what it saves.
+    // Of several values with one name at one place, the list has the one with the least error for
+    // its saved cost.
     frequencies.sort_by(|a, b| {
         let key = |f: &Frequency| f.flip_mean / f.cost.max(1.0);
         key(a).total_cmp(&key(b)).then(b.cost.total_cmp(&a.cost))
@@ -372,7 +371,8 @@ impl Explained {
         self.passes.iter().any(is_general)
     }
 
-    /// Tells what `specialize` does to each group of the material's draws, where it is refused for all of them together.
+    /// Adds the result of `specialize` for each group of the material's draws, if it is refused for
+    /// all of them together.
     pub fn with_groups(mut self, groups: &[&Plan], frame: &[Plan], facts: &Facts) -> Self {
         for pass in self.passes.iter_mut().filter(|p| is_general(p)) {
             let Ok(step) = Step::parse(&pass.pass) else {
@@ -411,7 +411,7 @@ fn with_budget(step: &Step) -> Option<Step> {
     Some(step)
 }
 
-/// Where a step is refused with a budget too, `still` says what helps, and a budget alone does not.
+/// If a step is refused with a budget too, its budget is no remedy. Takes the remedy of `still`.
 fn still_refused(refusals: &mut [Refusal], still: &Refusal) {
     for refusal in refusals.iter_mut().filter(|r| r.remedy.contains("budget=")) {
         refusal.remedy.clone_from(&still.remedy);

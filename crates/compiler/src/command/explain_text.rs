@@ -1,4 +1,4 @@
-//! What `explain` found, in ten lines or in full.
+//! The report of `explain`, in ten lines or in full.
 
 use preshade_plan::pass::{Bound, Frequency, Left, Refusal};
 use preshade_plan::plan::{Plan, SiteCost};
@@ -10,14 +10,15 @@ const MOST_PASSES: usize = 4;
 /// Most effects, and most values, on their lines.
 const MOST_NAMED: usize = 3;
 
-/// What a pass offers: the recipe step, the description of the change, and what it saves.
+/// A possible change: the recipe step, its description, and the saved cost.
 struct Offer<'e> {
     step: &'e str,
     what: &'e str,
     saved: Option<&'e Saved>,
     /// Whether nothing is known yet about its error.
     is_approximate: bool,
-    /// The number of versions, one for each group of draws, of which this is the one that saves most. 0: it is for all draws.
+    /// The number of versions, one for each group of draws. This offer is the version that saves
+    /// most. 0: the change is for all draws.
     versions: usize,
 }
 
@@ -65,8 +66,8 @@ impl<'e> Offer<'e> {
     }
 }
 
-/// The step that saves most of a stage and is none of the passes in `drawn`, with what it saves and
-/// the share. `None`: none saves enough to be worth a look.
+/// The step that saves the largest share of a stage, leaving out the passes in `drawn`; with the
+/// saved cost and the share. `None`: none saves enough to be worth a look.
 pub fn largest(explained: &Explained, drawn: &[&str]) -> Option<(String, f64)> {
     let passes = explained.passes.iter();
     let offers = passes.filter(|p| !drawn.contains(&p.pass.as_str()));
@@ -76,7 +77,7 @@ pub fn largest(explained: &Explained, drawn: &[&str]) -> Option<(String, f64)> {
     Some((format!("{}, which {saved}", best.step), saved.share()))
 }
 
-/// At most ten lines: what applies, and what it saves.
+/// At most ten lines: the steps that apply, and the cost that they save.
 pub fn brief(explained: &Explained) -> String {
     let stages: Vec<String> = explained
         .stages
@@ -166,7 +167,7 @@ fn cost(of: SiteCost) -> String {
     format!("{:.0} {between} {:.0} ops", of.slice, of.whole)
 }
 
-/// Everything about every pass.
+/// The report in full.
 pub fn all(explained: &Explained, plan: &Plan) -> String {
     let mut lines = vec![format!("material {}", explained.material)];
     for s in &explained.stages {

@@ -46,23 +46,20 @@ pub fn with_suggestion(message: &str) -> String {
     }
 }
 
-/// Common blend states.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum BlendFlag {
-    /// Opaque.
     None,
-    /// Source over.
+    /// Source over destination.
     Alpha,
     /// Additive.
     Add,
 }
 
-/// What a user changes of a state.
+/// The states that a user changes.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "camelCase")]
 pub struct StateFlags {
-    /// Depth comparison.
     pub depth_compare: Option<CompareFunction>,
     pub depth_format: Option<DepthFormat>,
     /// Depth is 1 at the near plane and 0 at the far one.
@@ -71,18 +68,15 @@ pub struct StateFlags {
     pub no_depth_write: bool,
     /// Blending of the first colour target.
     pub blend: Option<BlendFlag>,
-    /// Faces to cull.
     pub cull: Option<CullMode>,
-    /// Primitive topology.
     pub topology: Option<Topology>,
-    /// Samples a pixel.
     pub samples: Option<u32>,
     /// Coverage from the alpha of the first target.
     pub alpha_to_coverage: bool,
 }
 
 impl StateFlags {
-    /// Changes a state.
+    /// Writes the given states into `state`.
     pub fn apply(self, state: &mut MaterialState) {
         if let Some(compare) = self.depth_compare {
             state.depth_compare = Some(compare);
@@ -122,7 +116,7 @@ impl StateFlags {
     }
 }
 
-/// Whether the fragment stage reads which side it draws, so that its back is meant to be seen.
+/// Whether the fragment stage reads which side it draws, so that its back is meant to be visible.
 pub fn reads_facing(parsed: &Parsed) -> bool {
     let module = parsed.program.module();
     let fragment = parsed.fragment.as_deref();

@@ -13,7 +13,7 @@ use shader_text::nearest::unknown;
 pub struct Listing {
     schema: &'static str,
     passes: Vec<Listed>,
-    /// Whether one pass was asked for, and is described in full.
+    /// Whether the user named one pass, which is then described in full.
     #[serde(skip)]
     is_one: bool,
 }
@@ -61,7 +61,7 @@ pub fn list(name: Option<&str>) -> Result<Listing, String> {
 }
 
 impl Listing {
-    /// The list for people.
+    /// The list as text.
     pub fn text(&self) -> String {
         if self.is_one {
             return self.passes.iter().map(details).collect();

@@ -7,7 +7,7 @@ use preshade_plan::plan::Plan;
 
 use shader_text::excerpt::Excerpts;
 
-/// What makes a refused step legal. `None`: nothing, since there is nothing for it to do.
+/// The remedy for a refused step. `None`: the step had nothing to do.
 pub fn remedy(refusal: &Refusal) -> Option<&str> {
     Some(refusal.remedy.as_str()).filter(|remedy| *remedy != "nothing to do")
 }

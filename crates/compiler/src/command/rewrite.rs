@@ -1,4 +1,4 @@
-//! What `rewrite` tells of a material.
+//! The report of `rewrite`.
 
 use std::path::{Path, PathBuf};
 
@@ -19,13 +19,11 @@ use shader_text::files::File;
 #[derive(Serialize)]
 pub struct Rewritten {
     pub material: String,
-    /// The applied steps.
     pub recipe: String,
-    /// What the variant promises.
     pub contract: Contract,
-    /// Why steps were skipped.
+    /// Reasons of the skipped steps.
     pub refusals: Vec<Refusal>,
-    /// What a host should know.
+    /// Sentences for the host's author.
     pub notes: Vec<String>,
     /// Results of validation by proof and interpreter, if requested.
     #[serde(skip_serializing_if = "Option::is_none")]
@@ -91,7 +89,6 @@ pub struct Written {
 #[derive(Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Content {
-    /// In this file.
     Path(PathBuf),
     Text(String),
 }
@@ -101,7 +98,7 @@ pub enum Content {
 pub struct Report {
     schema: &'static str,
     pub materials: Vec<Rewritten>,
-    /// What could not be read, expressed or written.
+    /// One for each material that could not be read, expressed or written.
     pub errors: Vec<String>,
 }
 
@@ -141,8 +138,8 @@ pub fn read_layouts(
     Ok(())
 }
 
-/// What to tell of a variant: what its budget leaves open, and its notes. Of several materials, each has
-/// a part of the values that a recipe names.
+/// Messages about a variant: the unmeasured part of its budget, and its notes. Of several
+/// materials, each has a part of the values that a recipe names.
 pub fn messages(plan: &Plan, is_alone: bool) -> Vec<String> {
     let mut messages: Vec<String> = unmeasured(plan).into_iter().collect();
     for note in &plan.notes {

@@ -56,7 +56,7 @@ impl Combined {
 #[derive(Clone, Debug, Default)]
 pub(super) struct CombinedSamplers {
     pub(super) all: Vec<Combined>,
-    /// What stays a texture and a sampler, a sentence each.
+    /// A sentence on each texture and sampler that stay separate.
     pub(super) notes: Vec<String>,
 }
 
@@ -101,7 +101,7 @@ fn bound(module: &Module) -> impl Iterator<Item = BindingPlace> {
 }
 
 /// All combined samplers with their places. An author's place goes to the first resource that has
-/// it: OpenGL numbers textures and blocks apart, Vulkan does not.
+/// it: OpenGL numbers textures and blocks separately, Vulkan does not.
 fn placed(plan: &Plan, declared: &Declared) -> Vec<Combined> {
     let plans = plan.original.as_deref().into_iter().chain([plan]);
     let modules = plans.flat_map(|p| p.programs.values().map(Program::module));
@@ -159,7 +159,7 @@ fn placed(plan: &Plan, declared: &Declared) -> Vec<Combined> {
     out
 }
 
-/// Index and length of `maps[2]`. `None` for what is no element of an array, or one of an array of
+/// Index and length of `maps[2]`. `None` if it is not an element of an array, or one of an array of
 /// arrays or structs.
 pub(super) fn element(declared: &Declared, path: &str) -> Option<(u32, u32)> {
     let (root, index) = path.strip_suffix(']')?.split_once('[')?;

@@ -409,8 +409,8 @@ pub(super) fn without_fine_derivatives(plan: &Plan) -> Option<WeakerPromise> {
 }
 
 /// Assigns `layout(binding = ..)`. OpenGL numbers uniform blocks, storage blocks, textures and
-/// images separately, each from 0. An author's number is kept, by the first resource that has it.
-/// Others get free numbers in the order of group and binding. All stages of a program share them.
+/// images separately, each from 0. The first resource with an author's number keeps it. Others get
+/// free numbers in the order of group and binding. All stages of a program share them.
 fn binding_map(program: &Program) -> BindingMap {
     let module = program.module();
     let stage_file = &program.declared().numbers;

@@ -1,8 +1,8 @@
-//! Holds what a written text means against its program: the text is read as a program, and both are
-//! [agreed](agree) on, as `preshade agree --as same` does.
+//! Compares the meaning of a written text with its program. The text is read as a program, and the
+//! two are [compared](agree) as by `preshade agree --as same`.
 //!
-//! A text that is not compared is never called the same: the caller gets a sentence with the reason.
-//! `plan.json` has none, since a host that only writes has the same bytes.
+//! A text without a comparison does not count as the same: the caller gets a sentence with the
+//! reason. `plan.json` has none, since a host that only writes has the same bytes.
 
 use std::borrow::Cow;
 
@@ -46,7 +46,7 @@ impl Meaning {
 /// The files of one program in a target, and its passes.
 pub(super) struct Texts<'a> {
     pub(super) plan: &'a Plan,
-    /// The program's key.
+    /// The program's key in the plan.
     pub(super) key: &'a str,
     pub(super) program: &'a Program,
     pub(super) target: Target,
@@ -89,7 +89,7 @@ impl Texts<'_> {
         Ok(uncompared)
     }
 
-    /// The files of a pass. `None` if it is said already that one was not read.
+    /// The files of a pass. `None` if one is listed as not read.
     fn files(&self, pass: &GpuPass) -> Option<Vec<usize>> {
         let at = |(stage, name): (ShaderStage, &str)| {
             let key = written_key(stage, name);
@@ -226,7 +226,7 @@ impl Texts<'_> {
     }
 }
 
-/// Why a text is not known to mean what its program means.
+/// Why a text may mean something else than its program.
 enum Failed {
     Uncompared(Cow<'static, str>),
     Differs(String),

@@ -71,7 +71,6 @@ pub enum ClipSpace {
     OpenGl,
 }
 
-/// Options of [`emit`].
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Options {
     /// Clip space of GLSL targets.
@@ -87,7 +86,6 @@ pub enum EmitError {
     Inexpressible {
         file: String,
         target: Target,
-        /// The unsupported feature.
         what: String,
         remedy: String,
     },
@@ -96,7 +94,6 @@ pub enum EmitError {
     Writer {
         file: String,
         target: Target,
-        /// naga's message.
         message: String,
     },
     /// The written text differs from its program when read back.
@@ -107,7 +104,6 @@ pub enum EmitError {
     Differs {
         file: String,
         target: Target,
-        /// The first difference.
         difference: String,
     },
     /// The plan names a missing program or entry point.
@@ -115,22 +111,17 @@ pub enum EmitError {
         "the plan of `{material}` is broken: {what}; this is a bug, please report it with the \
          shader"
     )]
-    BrokenPlan {
-        material: String,
-        /// The missing item.
-        what: String,
-    },
+    BrokenPlan { material: String, what: String },
     /// The Cargo feature for the target is off.
     #[error("this build cannot write {target}: build preshade with the feature `{feature}`")]
     NotBuilt {
         target: Target,
-        /// Cargo feature.
         feature: &'static str,
     },
 }
 
 impl EmitError {
-    /// The stable error code.
+    /// The error code, which is stable.
     pub fn code(&self) -> &'static str {
         match self {
             Self::Inexpressible { .. } => codes::INEXPRESSIBLE.code,
@@ -152,11 +143,10 @@ pub fn emit(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<Fi
     emit_guarded(plan, targets, Writing { options, compare })
 }
 
-/// As [`emit`], with the same bytes, and compares what each text means with its program. Returns also
-/// a sentence on each text that was not compared, with the reason.
+/// As [`emit`], with the same bytes, and compares the meaning of each text with its program. Also
+/// returns a sentence on each text that was not compared, with the reason.
 ///
-/// # Errors
-/// As [`emit`]; a text that means something else is [`EmitError::Differs`].
+/// # Errors As [`emit`]; a text that means something else is [`EmitError::Differs`].
 pub fn emit_compared(
     plan: &Plan,
     targets: &[Target],
@@ -173,8 +163,8 @@ pub fn emit_compared(
     Ok((files, uncompared.into_inner()))
 }
 
-/// How texts are written, and what compares those of a program: a build that never calls it has no
-/// interpreter.
+/// The options, and the function that compares the texts of a program. A build that never passes a
+/// comparison has no interpreter.
 #[derive(Clone, Copy)]
 struct Writing<'a> {
     options: &'a Options,
@@ -506,13 +496,13 @@ enum ReadBack {
     Same,
     /// The reader lacks this, so only the names or numbers of the interface were compared.
     Unread(String),
-    /// The first difference.
+    /// The first difference, as text.
     Differs(String),
 }
 
 #[cfg(any(feature = "glsl", feature = "spirv"))]
 impl ReadBack {
-    /// For [`StageFile::unread`].
+    /// The value of [`StageFile::unread`].
     fn unread(self, file: &str, target: Target) -> Result<Option<String>, EmitError> {
         match self {
             Self::Same => Ok(None),

@@ -24,7 +24,6 @@ use super::{EmitError, reduce};
 use crate::wgsl::constants;
 use preshade_plan::plan_file::{SpecConstant, StageFile, Target};
 
-/// A module without overrides.
 pub(super) struct Settled {
     pub(super) module: Module,
     pub(super) info: ModuleInfo,
@@ -58,7 +57,7 @@ fn settle_with(
         target,
         message: invalid.to_string(),
     };
-    // naga evaluates what depends on overrides alone, and refuses a value that is infinite.
+    // naga evaluates expressions of overrides alone, and refuses an infinite value.
     let hidden = match program.language() {
         Language::Wgsl => None,
         Language::Glsl | Language::SpirV => constants::hide(program),
@@ -311,7 +310,6 @@ impl<'p> Specialised<'p> {
         &self.program
     }
 
-    /// The module without overrides.
     #[cfg(feature = "spirv")]
     pub(super) fn module(&self) -> (&Module, &ModuleInfo) {
         match &self.settled {
@@ -320,7 +318,7 @@ impl<'p> Specialised<'p> {
         }
     }
 
-    /// What a host must know about the overrides.
+    /// The overrides, as the host must set them.
     pub(super) fn stage_file(&self, file: &str, entry: &str) -> StageFile {
         let constants = self.variables.iter();
         let note = |name: &String| {

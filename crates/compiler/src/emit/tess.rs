@@ -371,7 +371,6 @@ fn identifiers(text: &str) -> impl Iterator<Item = &str> {
     text.split(|c| !in_identifier(c)).filter(|w| !w.is_empty())
 }
 
-/// Replaces whole identifiers.
 fn renamed(text: &str, names: &BTreeMap<String, String>) -> String {
     let mut out = String::with_capacity(text.len());
     let mut rest = text;

@@ -10,10 +10,9 @@ use shader_text::error::{Code, Error};
 use shader_text::options::Options;
 use shader_text::tokens::without_comments;
 
-/// A dialect of WGSL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Dialect {
-    /// WGSL.
+    /// WGSL without extensions.
     Plain,
     /// Modules composed by the crate `naga_oil`.
     NagaOil,
@@ -61,7 +60,7 @@ impl Dialect {
     allow(dead_code, reason = "unused without both features")
 )]
 pub(super) struct Compiled {
-    /// WGSL.
+    /// Plain WGSL.
     pub text: String,
     pub origin: CompiledFrom,
 }

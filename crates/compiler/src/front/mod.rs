@@ -94,14 +94,12 @@ impl Source {
         Ok(Self::new(name, text?))
     }
 
-    /// Sets the language.
     #[must_use]
     pub fn with_language(mut self, language: Language) -> Self {
         self.language = Some(language);
         self
     }
 
-    /// Sets the stage.
     #[must_use]
     pub fn with_stage(mut self, stage: ShaderStage) -> Self {
         self.stage = Some(stage);

@@ -160,7 +160,7 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, CompiledFrom),
             }
         }
     })?;
-    // The composer reports what is used.
+    // The composer itself reports unknown modules that are used.
     if let Some(path) = unknown {
         return Err(no_module(source, path, options));
     }
@@ -174,7 +174,7 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, CompiledFrom),
     Ok((module, origin))
 }
 
-/// The error of modules each of which imports the next, and the last the first.
+/// The error for a cycle of imports.
 fn cycle(modules: &[String]) -> Error {
     let named: Vec<String> = modules.iter().map(|m| format!("`{m}`")).collect();
     let message = match named.as_slice() {

@@ -1,9 +1,9 @@
-//! Names what a file is that preshade cannot read: another language, or a part of a shader that an
-//! engine completes.
+//! Names the language of a file that preshade cannot read: another language, or a part of a shader
+//! that an engine completes.
 //!
-//! A file's ending decides where no parser is tried. Where one fails, the text's own words decide.
-//! The parser's error stays as a note, because such a word may also stand in a WGSL or GLSL file
-//! with a mistake elsewhere.
+//! If no parser is tried, the file's ending decides. If one fails, words in the text decide. The
+//! parser's error stays as a note, because such a word may also stand in a WGSL or GLSL file with a
+//! mistake elsewhere.
 
 use std::ops::Range;
 
@@ -25,7 +25,7 @@ struct Foreign {
     remedy: &'static str,
 }
 
-/// What postprocessing adds to an effect whose `mainImage` gets these arguments.
+/// The declarations that postprocessing adds to an effect whose `mainImage` gets these arguments.
 macro_rules! effect_remedy {
     ($arguments:literal) => {
         concat!(
@@ -212,7 +212,7 @@ fn effect(text: &str, parameters: usize) -> Option<Range<usize>> {
     (is_effect && count == parameters).then(|| start..start + "void mainImage".len())
 }
 
-/// What three.js declares for a `ShaderMaterial`.
+/// Names that three.js declares for a `ShaderMaterial`.
 const THREE: [&str; 12] = [
     "position",
     "normal",

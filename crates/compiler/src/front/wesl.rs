@@ -163,7 +163,7 @@ struct Packages<'a> {
     on: BTreeSet<String>,
     root: PathBuf,
     options: &'a Options,
-    /// Files read, by path.
+    /// The text of each file that was read.
     read: RefCell<BTreeMap<PathBuf, String>>,
     /// Paths that did not exist.
     absent: RefCell<BTreeSet<PathBuf>>,

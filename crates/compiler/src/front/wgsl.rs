@@ -1,5 +1,5 @@
-//! Parses one WGSL file to a naga module: what naga lacks is rewritten, and what it takes though no
-//! browser does is refused.
+//! Parses one WGSL file to a naga module. Rewrites features that naga lacks, and refuses texts that
+//! naga accepts but no browser does.
 
 mod aliases;
 mod constants;
@@ -26,8 +26,8 @@ pub(super) use refused::check as check_module;
 /// Expressions and statements of one file that are rewritten for naga, at most: each takes a parse.
 const MOST_REWRITTEN: usize = 200;
 
-/// Drops `requires` of language extensions that naga does not know. They change nothing: what needs
-/// one is an error at its own place. Directives come ahead of all declarations.
+/// Drops `requires` of language extensions that naga does not know. The directive changes nothing:
+/// a use of the extension is an error at its own place. Directives come ahead of all declarations.
 fn drop_requirements(tokens: &[Token<'_>], edits: &mut Edits) {
     let known = wgsl::ImplementedLanguageExtension::all();
     let is_known = |name: &Token<'_>| known.iter().any(|k| k.to_ident() == name.text);
@@ -63,7 +63,7 @@ struct Prepared {
     module: Result<Module, ParseError>,
 }
 
-/// Rewrites what naga lacks, until naga takes the text or rejects something else.
+/// Rewrites features that naga lacks, until naga takes the text or rejects something else.
 fn prepared(author: &str) -> Prepared {
     let author = subgroups::without(author);
     let tokens = tokens::tokens(&author);
@@ -92,7 +92,7 @@ fn prepared(author: &str) -> Prepared {
     }
 }
 
-/// What to write, and where, instead of what naga rejects. `None` if the author is to blame.
+/// A replacement for the part that naga rejects, and its place. `None` if the author is to blame.
 fn replacement(text: &str, parsed: &Result<Module, ParseError>) -> Option<Replaced> {
     let (span, message) = match parsed {
         Ok(module) => (constants::unsettled(module)?, None),
@@ -108,7 +108,7 @@ fn replacement(text: &str, parsed: &Result<Module, ParseError>) -> Option<Replac
         .flatten()
 }
 
-/// The text for naga and wgpu, without what these do not know.
+/// The text for naga and wgpu, without features that these do not know.
 pub fn for_naga(text: &str) -> String {
     prepared(text).text
 }

@@ -154,7 +154,7 @@ fn own<T: Clone>(all: &[T], is_own: impl Fn(&T) -> bool) -> Vec<T> {
     all.iter().filter(|one| is_own(one)).cloned().collect()
 }
 
-/// Hash of the WGSL of a plan, in the order of its programs, as [`said`].
+/// Hash of the WGSL of a plan, in the order of its programs, normalised by [`said`].
 fn hash_shaders(plan: &Plan) -> Result<String, emit::EmitError> {
     let files = emit::emit(plan, &[Target::Wgsl], &emit::Options::default())?;
     let mut text = String::new();

@@ -12,10 +12,9 @@ use crate::emit;
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum LockError {
-    /// The file system's error.
+    /// The file cannot be opened or read.
     #[error("{}: {error}", path.display())]
     Io {
-        /// The file.
         path: PathBuf,
         #[source]
         error: io::Error,
@@ -25,7 +24,7 @@ pub enum LockError {
     Syntax {
         /// The file. Empty if a text was read.
         path: PathBuf,
-        /// Where and why.
+        /// The place and the reason.
         message: String,
     },
     /// Another version of preshade wrote it, with unknown keys or an unknown schema.
@@ -60,7 +59,7 @@ pub enum Mismatch {
     /// Another version of preshade chose.
     #[error("preshade.lock was written by {locked}, and this is {TOOL}")]
     Tool {
-        /// Its writer.
+        /// The version of preshade that wrote it.
         locked: String,
     },
     /// The material has other files.
@@ -71,18 +70,18 @@ pub enum Mismatch {
         /// Names of the files now.
         now: String,
     },
-    /// A file was edited.
+    /// The file was edited since.
     #[error("{file} was edited after preshade.lock was written")]
     Source { file: String },
     /// A definition was added, removed or changed.
     #[error("preshade.lock was written with other definitions ({names})")]
     Defines {
-        /// Names that differ.
+        /// Definitions that differ.
         names: String,
     },
     #[error("preshade.lock was written for other entry points")]
     EntryPoints,
-    /// Another pipeline state.
+    /// The material has another pipeline state.
     #[error("preshade.lock was written for another pipeline state: {fields}")]
     State {
         /// Fields that differ, with their old and new values.

@@ -50,7 +50,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 use shader_text::files;
 
-/// Name of the file, which lies beside the shaders.
+/// Name of the file, which is in the folder of the shaders.
 pub const FILE_NAME: &str = "preshade.lock";
 
 /// Version of the JSON.
@@ -246,11 +246,8 @@ fn written_by_another(text: &str) -> Option<String> {
 /// How a material is drawn, as far as a file of another version can be understood.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Left {
-    /// Vertex entry point.
     pub vertex: Option<String>,
-    /// Fragment entry point.
     pub fragment: Option<String>,
-    /// The author's pipeline state.
     pub state: Option<MaterialState>,
 }
 

@@ -1,12 +1,12 @@
 //! Keeps constants from being evaluated when WGSL is compiled, where their value would be an error
-//! (WGSL 16.1): a constant that is infinite, a shift by 32, `clamp` with its bounds turned. In GLSL,
-//! in SPIR-V and at run time these are values.
+//! (WGSL 16.1): a constant that is infinite, a shift by 32, `clamp` with its bounds turned. In
+//! GLSL, in SPIR-V and at run time these are values.
 //!
-//! The same holds for what WGSL evaluates when a pipeline is made: an override, whose value is not
+//! The same holds for an override, which WGSL evaluates when a pipeline is made: its value is not
 //! known here. An author of WGSL knows that.
 //!
-//! naga folds what it can, so few operations on constants are left. One that WGSL may refuse gets one
-//! operand from a variable: `var constant = 0.8; .. clamp(x, constant, 0.2)`.
+//! naga folds constants where it can, so few operations on constants are left. One that WGSL may
+//! refuse gets one operand from a variable: `var constant = 0.8; .. clamp(x, constant, 0.2)`.
 
 use std::collections::HashMap;
 

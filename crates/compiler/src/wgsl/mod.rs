@@ -20,7 +20,7 @@ use preshade_plan::program::Program;
 pub(crate) enum WgslError {
     /// WGSL cannot express it.
     Inexpressible(String),
-    /// naga's writer failed.
+    /// naga's writer failed, with its message.
     Writer(String),
     /// The text differs from the program when read back.
     Differs(String),

@@ -39,7 +39,7 @@ fn words(text: &str) -> impl Iterator<Item = Range<usize>> {
     tokens.filter_map(|(kind, range)| (kind == TokenKind::Word).then_some(range))
 }
 
-/// What to blank: the whole directive, or its part of a list.
+/// The range to blank: the whole directive, or its part of a list.
 fn directive(text: &str) -> Option<Range<usize>> {
     if !text.contains(NAME) {
         return None;
@@ -57,7 +57,7 @@ fn directive(text: &str) -> Option<Range<usize>> {
                 match (at, names.len()) {
                     (None, _) => start = None,
                     (Some(_), 1) => return Some(from..range.end),
-                    // With the comma beside it.
+                    // With the comma next to it.
                     (Some(0), _) => return Some(names[0].start..names[1].start),
                     (Some(at), _) => return Some(names[at - 1].end..names[at].end),
                 }

@@ -123,7 +123,7 @@ fn is_place(text: &str) -> bool {
     })
 }
 
-/// What can change a value.
+/// The reads of a value, which limit where it may move.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum ChangedBy {
     /// Nothing: it may move within its scope.

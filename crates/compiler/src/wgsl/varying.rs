@@ -7,7 +7,6 @@ use naga_edit::interface::{self, Io};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Varying {
     pub location: u32,
-    /// WGSL type.
     pub ty: String,
     /// Interpolation, as text for messages.
     pub interpolation: String,

@@ -42,7 +42,7 @@ pub(in crate::emit) struct Authored {
     pub(super) blocks: HashMap<String, Block>,
     /// Inputs and outputs, by naga's name.
     pub(super) located: HashMap<String, LocatedName>,
-    /// Names in use.
+    /// Names that are in use.
     pub(super) taken: Taken,
     /// The author's texture of each added copy.
     pub(super) twins: HashMap<ResourceBinding, ResourceBinding>,
@@ -112,7 +112,7 @@ pub(super) struct Block {
     pub instance: Option<String>,
     /// Its members are in the block itself, not in a struct.
     pub opened: bool,
-    /// A std140 storage block.
+    /// It is a storage block in the std140 layout.
     pub std140: bool,
     /// The marker of its struct, if naga writes its members in the block: the last is unsized.
     pub of: Option<String>,
@@ -122,7 +122,7 @@ pub(super) struct Block {
 #[derive(Clone, Debug)]
 pub(super) struct LocatedName {
     pub name: String,
-    /// First location.
+    /// The first of its locations.
     pub location: u32,
     pub chosen: Chosen,
     /// Type and dimensions, if it is one variable for the author and several for naga.
@@ -735,7 +735,7 @@ impl Authored {
         }
     }
 
-    /// The members without data.
+    /// Samplers among the declared members.
     fn sampler_members(&mut self, declared: &[Declaration]) -> Vec<SamplerMember> {
         let samplers = declared.iter().filter(|d| !d.ty.has_data());
         samplers.filter_map(|d| self.member(d)).collect()

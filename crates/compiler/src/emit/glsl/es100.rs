@@ -92,7 +92,7 @@ enum Sampler {
 /// replace earlier ones.
 struct Es100 {
     stage: ShaderStage,
-    /// Textures without a sampler.
+    /// Textures that the program reads without a sampler.
     fetched: HashSet<String>,
     /// New names of fragment outputs, with the components that are written.
     outputs: HashMap<String, (ast::ExprData, usize)>,
@@ -103,7 +103,7 @@ struct Es100 {
     booleans: HashSet<String>,
     /// Global constants that are numbers.
     constants: HashMap<String, loop_bounds::Number>,
-    /// Lengths of arrays.
+    /// Lengths of arrays, by name.
     arrays: HashMap<String, i32>,
     /// Structs that contain arrays.
     holds_arrays: HashSet<String>,
@@ -112,7 +112,6 @@ struct Es100 {
     extensions: BTreeSet<&'static str>,
     /// Size uniforms by texture.
     sizes: BTreeMap<String, String>,
-    /// All declared names.
     names: HashSet<String>,
     /// Number of bounded loops so far.
     loops: usize,

@@ -11,7 +11,6 @@ use shader_text::tokens as text;
 /// The number of floats before each member of a struct, and at its end.
 pub(super) type Paddings = HashMap<Handle<Type>, Vec<u32>>;
 
-/// A block's layout rules.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Rules {
     Std140,

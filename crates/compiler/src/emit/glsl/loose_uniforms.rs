@@ -25,7 +25,6 @@ pub(super) struct SplitUniforms {
 
 /// A uniform outside of blocks.
 pub(super) struct LooseUniform {
-    /// The author's name.
     pub name: String,
     pub variable: Handle<GlobalVariable>,
     /// The block's group and binding.
@@ -261,7 +260,7 @@ struct UniformPlace {
 
 #[derive(Clone, Copy)]
 enum UniformBase {
-    /// A whole block.
+    /// A variable for a whole block.
     UniformRoot(Handle<GlobalVariable>),
     /// The target of a pointer in the new function.
     Pointer(Handle<Expression>),

@@ -33,10 +33,9 @@ use shader_text::source::{Invalid, Language};
 use crate::wgsl::deep_expressions;
 use preshade_plan::plan_file::Target;
 
-/// The program that naga writes as what `program` means. `None` if that is `program` itself.
+/// A program whose text by naga means the same as `program`. `None` if that is `program` itself.
 ///
-/// # Errors
-/// A bug of ours.
+/// # Errors A bug of ours.
 pub(super) fn kept(program: &Program, target: Target) -> Result<Option<Program>, Box<Invalid>> {
     let module = program.module();
     let info = program.info();

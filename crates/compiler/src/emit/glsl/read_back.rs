@@ -318,7 +318,7 @@ enum Outputs {
     Numbered,
 }
 
-/// Compares inputs and outputs.
+/// Compares the inputs and outputs of a stage.
 fn interface(
     authored: &Authored,
     stage_file: &StageFile,

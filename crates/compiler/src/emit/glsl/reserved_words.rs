@@ -14,7 +14,7 @@ const KEYWORDS: &str = "active asm atomic_uint attribute bool break buffer case 
                         this true typedef uint uniform union \
                         unsigned using varying void volatile while writeonly main";
 
-/// Built-in functions.
+/// Names of GLSL's functions.
 const FUNCTIONS: &str = "abs acos acosh all any asin asinh atan atanh atomicAdd atomicAnd \
                          atomicCompSwap atomicCounter atomicExchange atomicMax atomicMin atomicOr \
                          atomicXor barrier bitCount bitfieldExtract bitfieldInsert bitfieldReverse \

@@ -1,7 +1,7 @@
-//! What GLSL lacks, by target: one table, and naga's own.
+//! Features that a GLSL target lacks: one table, and naga's own.
 //!
-//! naga writes most of these anyway, and the text then does not compile. Our front end cannot tell,
-//! because it takes such names in every version.
+//! naga writes most of these anyway, and the text then does not compile. Our front end does not
+//! notice, because it takes such names in every version.
 
 use naga::back::glsl;
 use naga::valid::{FunctionInfo, ModuleInfo};
@@ -113,8 +113,8 @@ const LACKS: &[(Construct, &[Target], &str, &str)] = &[
         NOT_GLSL),
 ];
 
-/// Refuses a module of one stage that uses what the target lacks, before naga writes it. naga would
-/// panic, or write text that does not compile.
+/// Refuses a module of one stage that uses a feature that the target lacks, before naga writes it.
+/// naga would panic, or write text that does not compile.
 pub(super) fn refuse_module(
     module: &Module,
     info: &ModuleInfo,

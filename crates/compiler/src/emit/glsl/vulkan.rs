@@ -16,7 +16,7 @@ use preshade_plan::plan_file::StageFile;
 use shader_text::tokens as text;
 use shader_text::tokens::TokenKind;
 
-/// What all stages of a program share.
+/// The resources that all stages of a program share.
 pub(in crate::emit) struct Vulkan {
     /// The program with its loose uniforms in a block: Vulkan has no other uniforms. The author's
     /// numbers are in `pairs`.
@@ -88,7 +88,7 @@ fn free(
     name
 }
 
-/// What the text of a stage needs.
+/// The inputs for the text of a stage.
 pub(super) struct Resources<'a> {
     pub(super) module: &'a Module,
     pub(super) pairs: &'a CombinedSamplers,
@@ -97,7 +97,7 @@ pub(super) struct Resources<'a> {
     pub(super) variables: &'a [Variable],
     /// The plan's binding of each `layout(binding = ..)`.
     pub(super) numbers: &'a BTreeMap<u32, BindingPlace>,
-    /// The author's `discard` demotes.
+    /// The author's `discard` demotes to a helper invocation.
     pub(super) demotes: bool,
 }
 
@@ -244,8 +244,7 @@ fn push_constants(text: &str, instance: &str, ty: &TypeInner) -> Result<String, 
     Ok(declared.map_or(out.clone(), |declared| out.replacen(&declared, "", 1)))
 }
 
-/// Gives resources their sets, and takes textures and samplers apart that the author did not
-/// combine.
+/// Gives resources their sets. Splits textures and samplers that the author did not combine.
 fn textures(
     text: &str,
     stage_file: &mut StageFile,

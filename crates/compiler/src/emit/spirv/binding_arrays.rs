@@ -1,6 +1,7 @@
-//! Declares what Vulkan asks of binding arrays, and naga leaves out: the capabilities of arrays
-//! without a length and of indices that differ between invocations, and `NonUniform` of what is made
-//! of an element that such an index selects (Vulkan's specification, 15.6 "NonUniform").
+//! Declares the parts of binding arrays that Vulkan requires and naga leaves out: the capabilities
+//! of arrays without a length and of indices that differ between invocations, and `NonUniform` on
+//! each value from an element that such an index selects (Vulkan's specification, 15.6
+//! "NonUniform").
 
 use std::collections::{HashMap, HashSet};
 
@@ -9,7 +10,7 @@ use rspirv::spirv::{Capability, Decoration, Op, StorageClass};
 
 use naga_spirv::words::{decorations, globals, ids, pointee, storage_class};
 
-/// Of SPIR-V before 1.5.
+/// SPIR-V before 1.5 needs it.
 const EXTENSION: &str = "SPV_EXT_descriptor_indexing";
 
 pub(super) fn declare(module: &mut Builder) {
@@ -85,7 +86,7 @@ fn is_unsized(module: &Module, types: &HashMap<u32, Instruction>, variable: &Ins
         && of.is_some_and(|of| of.class.opcode == Op::TypeRuntimeArray)
 }
 
-/// What is decorated `NonUniform`.
+/// Ids that are decorated `NonUniform`.
 fn non_uniforms(module: &Module) -> HashSet<u32> {
     let decoration = Operand::Decoration(Decoration::NonUniform);
     let all = module.annotations.iter();

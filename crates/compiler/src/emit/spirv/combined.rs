@@ -22,10 +22,9 @@ use super::interface;
 use crate::emit::combined::{BindingPlace, Combined};
 use naga_spirv::words::{ids, pointee, replace_ids, rewrite};
 
-/// What a variable or parameter of a texture or a sampler became.
+/// The replacement for a variable or parameter of a texture or a sampler.
 #[derive(Clone)]
 struct SampledSource {
-    /// Type of the value.
     sampled: u32,
     /// The type of the texture, if it was one.
     image: Option<u32>,
@@ -39,7 +38,7 @@ struct SampledSource {
 }
 
 impl SampledSource {
-    /// Writes the pointer.
+    /// Writes the access chain to the element, if there is one, and returns the pointer.
     fn pointer(&self, module: &mut Builder, block: &mut Vec<Instruction>) -> u32 {
         let Some((pointer, index)) = self.element else {
             return self.variable;
@@ -144,7 +143,7 @@ pub(super) fn expected(mut lines: Vec<String>, all: &[Combined]) -> Vec<String> 
     lines
 }
 
-/// Declares the combined variables. Returns what to load in place of each old one.
+/// Declares the combined variables. Returns the variable to load in place of each old one.
 fn declare(module: &mut Builder, all: &[Combined]) -> Option<HashMap<u32, SampledSource>> {
     let mut sources = HashMap::new();
     let mut arrays: BTreeMap<BindingPlace, (u32, u32)> = BTreeMap::new();

@@ -12,7 +12,7 @@ use naga_spirv::words::{ids, rewrite};
 /// Name of the variable whose stores stand for the instruction.
 const MARK: &str = "preshade_demote";
 
-/// Of SPIR-V before 1.6.
+/// SPIR-V before 1.6 needs it.
 const EXTENSION: &str = "SPV_EXT_demote_to_helper_invocation";
 
 /// The program with a store to a variable in place of each `discard`. `None` if the author's does
@@ -49,7 +49,7 @@ fn mark_in(block: &mut Block, function: &mut Function, mark: Handle<GlobalVariab
     }
 }
 
-/// Replaces the stores.
+/// Replaces the stores of [`marked`] by the instruction.
 pub(super) fn write(module: &mut Builder) {
     let mut names = module.module_ref().debug_names.iter();
     let is_mark = |i: &&Instruction| {

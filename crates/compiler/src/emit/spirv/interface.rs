@@ -78,9 +78,9 @@ pub(super) fn bound((group, binding): BindingPlace) -> String {
     format!("group {group} binding {binding}")
 }
 
-/// What naga's reader takes and then cannot validate.
+/// A feature that naga's reader accepts, but then cannot validate.
 pub(super) fn unreadable(module: &Module) -> Option<&'static str> {
-    // The types of depth textures and what is made of them, and what comes from parameters.
+    // Types of depth textures and values of these, and values from parameters.
     let mut depths = HashSet::new();
     let mut received = HashSet::new();
     for i in module.all_inst_iter() {

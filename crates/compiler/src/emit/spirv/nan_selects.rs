@@ -1,5 +1,5 @@
-//! Writes `NMin`, `NMax` and `NClamp` for a choice by the bits of what may be NaN, as which the SPIR-V
-//! reader gives them.
+//! Writes `NMin`, `NMax` and `NClamp`. The SPIR-V reader represents each as a choice that tests the
+//! bits of a value for NaN.
 //!
 //! ```text
 //! %least = FMin %a %b
@@ -14,7 +14,7 @@ use rspirv::spirv::{GlslStd450Op as Function, Op, Word};
 
 use naga_spirv::words::{ids, literal};
 
-/// Replaces all such choices, and drops what only they read.
+/// Replaces all such choices, and drops the instructions that nothing else reads.
 pub(super) fn choose(module: &mut Builder) {
     let all = module.module_ref().all_inst_iter();
     let mut values: HashMap<Word, Instruction> = all
@@ -29,7 +29,7 @@ pub(super) fn choose(module: &mut Builder) {
             *i = chosen;
         }
     }
-    // From the choices to what they read.
+    // From the choices back to their operands.
     while !unread.is_empty() {
         let module = module.module_mut();
         let all = module.functions.iter().flat_map(|f| f.all_inst_iter());
@@ -70,7 +70,7 @@ fn function(i: &Instruction) -> Option<Function> {
     }
 }
 
-/// The call that an `OpSelect` stands for, and what the choice read.
+/// The call that an `OpSelect` stands for, and the two results that the choice read.
 fn chosen(
     i: &Instruction,
     values: &HashMap<Word, Instruction>,
@@ -99,7 +99,7 @@ fn chosen(
     Some((new, [test, call]))
 }
 
-/// What an instruction tests for NaN.
+/// The value that an instruction tests for NaN.
 fn tested(i: &Instruction, values: &HashMap<Word, Instruction>) -> Option<Word> {
     let is = |id: Word, n: u32| {
         let of = |i: &Instruction| i.operands.first().and_then(literal) == Some(n);

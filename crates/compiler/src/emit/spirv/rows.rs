@@ -27,7 +27,7 @@ struct Turned {
     author: u32,
 }
 
-/// A place in a matrix by rows, by what a path selects of the IR's matrix.
+/// The part of a row-major matrix at the end of a path. Columns and elements are the IR's.
 enum MatrixPart {
     Matrix,
     Column,
@@ -37,17 +37,17 @@ enum MatrixPart {
 #[derive(Default)]
 struct Rows {
     members: HashMap<(u32, u32), Turned>,
-    /// Operands of types.
+    /// Declarations of types, by id.
     types: HashMap<u32, Instruction>,
-    /// Values of integer constants.
+    /// Values of integer constants, by id.
     constants: HashMap<u32, u32>,
-    /// Types of results.
+    /// Types of results, by id.
     results: HashMap<u32, u32>,
     /// The pointers to such matrices.
     matrices: HashMap<u32, Turned>,
     /// The pointers to a column: type and pointer of its matrix, and the column's index.
     columns: HashMap<u32, (Turned, u32, Operand)>,
-    /// What we transposed, by result, and what of it nothing may need.
+    /// The originals of the matrices that we transposed, by result. They may have become unused.
     transposed: HashMap<u32, u32>,
     /// Something has an unexpected form.
     is_strange: bool,
@@ -163,7 +163,7 @@ impl Rows {
                 .filter_map(|i| i.operands.get_mut(2).filter(|o| **o == columns))
                 .for_each(|o| *o = Operand::Decoration(Decoration::RowMajor));
         }
-        // What a matrix type consists of comes before the structs.
+        // The parts of a matrix type must precede the structs.
         let globals = &mut module.module_mut().types_global_values;
         globals.sort_by_key(|i| !is_part_of_matrix(i.class.opcode));
         for i in globals.iter() {
@@ -184,7 +184,7 @@ impl Rows {
         Some(self)
     }
 
-    /// What a path from a type selects, if it enters a member by rows.
+    /// The part that a path from a type selects, if it enters a member by rows.
     fn part(&mut self, mut ty: u32, path: &[Option<u32>]) -> Option<(Turned, MatrixPart)> {
         let mut path = path.iter();
         while let Some(index) = path.next() {
@@ -244,7 +244,7 @@ impl Rows {
         self.fold(module);
     }
 
-    /// Writes what replaces an instruction. `None`: it stays.
+    /// Writes the replacement of an instruction. `None`: it stays.
     fn change(
         &mut self,
         module: &mut Builder,
@@ -429,7 +429,7 @@ impl Rows {
         self.transposed.insert(result, id);
     }
 
-    /// Undoes what the front end transposes back.
+    /// Removes transpositions by the front end that cancel ours.
     fn fold(&self, module: &mut Builder) {
         let mut same = HashMap::new();
         rewrite(module, |_, block, instruction| {

@@ -1,8 +1,8 @@
-//! Brings a WESL text to what the crate `wesl` 0.4.0 reads: newer versions need a newer Rust.
+//! Converts a WESL text to the subset of the crate `wesl` 0.4.0: newer versions need a newer Rust.
 //!
-//! - [`with_conditions`] evaluates `@if`, `@elif` and `@else`, also in front of a block, whose items
-//!   or statements then stand in the place of the block. What falls away becomes spaces, so that
-//!   lines and columns stay.
+//! - [`with_conditions`] evaluates `@if`, `@elif` and `@else`, also in front of a block. The
+//!   block's items or statements then take its place. Removed text becomes spaces, so that lines
+//!   and columns stay.
 //! - [`with_one_package`] turns imports of packages into imports of `package::packages::NAME`. The
 //!   crate takes a package that two packages import for two.
 
@@ -12,7 +12,7 @@ use std::ops::Range;
 /// Folder of the other packages among the modules of the one package that the crate sees.
 pub(super) const PACKAGES: &str = "packages";
 
-/// A condition that cannot be evaluated: what is wrong, and where in the text.
+/// A condition that cannot be evaluated: the message, and the place in the text.
 #[derive(Debug, PartialEq, Eq)]
 pub(super) struct Wrong(pub String, pub Range<usize>);
 

@@ -6,7 +6,7 @@ use naga::{
     Block, Expression, Function, GlobalVariable, Handle, LocalVariable, Module, Span, Statement,
 };
 
-/// What a pointer leads to.
+/// The variable that a pointer points into.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 enum Root {
     Argument(u32),
@@ -14,7 +14,7 @@ enum Root {
     Global(Handle<GlobalVariable>),
 }
 
-/// What a function reads and writes, with all that it calls.
+/// The variables that a function reads and writes, including all calls.
 #[derive(Clone, Debug, Default)]
 struct Uses {
     read: HashSet<Root>,
@@ -33,7 +33,7 @@ impl Uses {
     }
 }
 
-/// The first call that gives a variable under two names, of which it writes one.
+/// Finds the first call that passes a variable under two names and writes one of them.
 pub(super) fn check(module: &Module) -> Result<(), Span> {
     // A function calls earlier ones only.
     let mut uses: Vec<Uses> = Vec::with_capacity(module.functions.len());
@@ -111,7 +111,7 @@ fn place(block: &Block, wanted: &Statement) -> Option<Span> {
     })
 }
 
-/// What a pointer leads to; `None` for a value.
+/// The variable that a pointer points into; `None` for a value.
 fn root(function: &Function, pointer: Handle<Expression>) -> Option<Root> {
     match function.expressions[pointer] {
         Expression::Access { base, .. } | Expression::AccessIndex { base, .. } => {

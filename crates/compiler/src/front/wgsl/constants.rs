@@ -180,11 +180,11 @@ fn formula(name: &str, arguments: &[&str]) -> Option<String> {
     }
 }
 
-/// A name that is declared in a function, and the declaration of a constant. `None` for what is
+/// A name that is declared in a function, and the declaration of a constant. `None` if its value is
 /// known at run time only.
 type Local<'t> = (&'t str, Option<Range<usize>>);
 
-/// What a part of the text needs: directives and declarations of the module, and constants of its
+/// The text that a part depends on: directives and declarations of the module, and constants of its
 /// function, each in a block of its own. `None` if it needs a variable.
 fn needed(text: &str, tokens: &[Token<'_>], part: Range<usize>) -> Option<[String; 2]> {
     let mut declared: BTreeMap<&str, Range<usize>> = BTreeMap::new();
@@ -244,7 +244,7 @@ fn needed(text: &str, tokens: &[Token<'_>], part: Range<usize>) -> Option<[Strin
     Some([out, inside])
 }
 
-/// A value as WGSL. `None` for what no literal expresses.
+/// A value as WGSL. `None` if no literal expresses it.
 fn written(value: &Value<f32>) -> Option<String> {
     let parts = match value {
         Value::Scalar(scalar) => return number(*scalar),

@@ -37,7 +37,8 @@ impl Edits {
         start..self.place(part.end, true).max(start)
     }
 
-    /// Inside of a replacement, the start or the end of what it replaced.
+    /// The place in the original text. For a place inside a replacement, it is the start or the end
+    /// of the replaced part.
     fn place(&self, at: usize, is_end: bool) -> usize {
         let (mut longer, mut shorter) = (0, 0);
         for (part, by) in &self.0 {

@@ -36,7 +36,7 @@ struct Before<'t> {
 }
 
 impl<'t> Before<'t> {
-    /// Adds an operator, or returns the earlier one that it may not stand beside.
+    /// Adds an operator, or returns an earlier one that needs parentheses.
     fn add(&mut self, sign: &'t str) -> Result<(), &'t str> {
         let different = |earlier: Option<&'t str>| earlier.filter(|e| *e != sign);
         let clash = match sign {
@@ -78,7 +78,7 @@ impl<'t> Before<'t> {
     }
 }
 
-/// Finds the first operator that may not stand beside an earlier one.
+/// Finds the first operator that needs parentheses because of an earlier one.
 pub(super) fn check(tokens: &[Token<'_>], base: u32) -> Result<(), Error> {
     // Outermost first.
     let mut open = vec![Before::default()];

@@ -1,5 +1,5 @@
-//! What naga's validator takes and WGSL does not. A text of such a module is refused by every
-//! browser, and so would be each slice of it.
+//! Modules that naga's validator accepts and WGSL forbids. Every browser refuses the text of such a
+//! module, and of each slice of it.
 
 use naga::valid::FunctionInfo;
 use naga::{
@@ -86,7 +86,7 @@ fn check_function(module: &Module, function: &Function, info: &FunctionInfo) -> 
     }
 }
 
-/// What is wrong with an expression whose types naga takes.
+/// The mistake in an expression whose types naga accepts.
 fn misuse(
     module: &Module,
     function: &Function,

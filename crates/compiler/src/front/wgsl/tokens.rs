@@ -1,12 +1,11 @@
 //! Tokens of an author's WGSL: comments are skipped, operators are whole, and brackets of templates
-//! are told from comparisons (WGSL 3.9).
+//! differ from comparisons (WGSL 3.9).
 
 use std::ops::Range;
 
 use shader_text::tokens as text;
 use shader_text::tokens::TokenKind;
 
-/// What a token is.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Kind {
     /// An identifier or keyword.

@@ -45,7 +45,7 @@ const FLOATS: [&str; 33] = [
     "faceforward",
 ];
 
-/// Other shared functions.
+/// Other functions that both versions have.
 const OTHERS: [&str; 12] = [
     "reflect",
     "refract",
@@ -61,7 +61,7 @@ const OTHERS: [&str; 12] = [
     "not",
 ];
 
-/// Shared built-in variables.
+/// Variables that both versions have.
 const BUILTINS: [&str; 7] = [
     "gl_Position",
     "gl_PointSize",
@@ -367,7 +367,7 @@ fn constructed(ty: TypeSpecifierNonArrayData, of: ast::Expr) -> ExprData {
     ExprData::FunCall(function.into(), vec![of])
 }
 
-/// A `vec4` of fewer components, with 0 for what is missing and 1 for alpha.
+/// A `vec4` of fewer components. Missing ones are 0, and alpha is 1.
 fn filled(of: &mut ast::Expr, components: usize) {
     let given = std::mem::replace(of, ExprData::FloatConst(1.0).into());
     let mut all = vec![given];

@@ -32,7 +32,7 @@ use glsl_lang::ast::{
 
 use super::statement::compound;
 
-/// Maximum bound.
+/// The largest bound that we write.
 const MOST: i64 = 65_536;
 
 /// A constant, or the value of a counter.
@@ -116,7 +116,7 @@ impl Test {
 /// How a function uses its variables, by name.
 #[derive(Default)]
 pub(super) struct VariableUses {
-    /// The global constants.
+    /// Global constants that are numbers.
     constants: HashMap<String, Number>,
     /// The definition of each variable that is never assigned again.
     temporaries: HashMap<String, ast::Expr>,
@@ -137,13 +137,11 @@ pub(super) enum Entered {
 
 /// A loop with a bounded iteration count.
 pub(super) struct Loop {
-    /// Maximum number of iterations.
     pub(super) turns: i64,
-    /// The counter's name.
     counter: String,
     /// The counter's first value, if it is an `int` and always the same.
     begins: Option<i32>,
-    /// What is added to the counter.
+    /// Its change in each iteration.
     step: Number,
 }
 
@@ -300,7 +298,8 @@ impl VariableUses {
         Some((counter, Test { op, bound }))
     }
 
-    /// What the loop's only assignment of the counter adds to it. `around` describes the function.
+    /// The constant by which the loop's only assignment changes the counter. `around` describes the
+    /// function.
     fn step(&self, counter: &str, sets: &[ast::Expr], around: &Self) -> Option<Number> {
         let [one] = sets else {
             return None;

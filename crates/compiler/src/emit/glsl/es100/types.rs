@@ -116,7 +116,7 @@ pub(super) fn qualify(
     Ok(())
 }
 
-/// Converts a type.
+/// Converts a type that is no array.
 pub(super) fn plain(ty: &mut ast::TypeSpecifier) -> Result<()> {
     if ty.array_specifier.is_some() {
         return lacks("an array as a type");

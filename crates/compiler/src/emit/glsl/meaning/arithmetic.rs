@@ -1,7 +1,7 @@
 //! Integer arithmetic by WGSL's rules (sections 8.7 and 15.7.6). GLSL leaves these undefined (GLSL
-//! 4.60, sections 4.1.3, 5.4.1 and 5.9): a divisor of 0, the quotient of the least `int` by -1, `%` of
-//! a negative number, a shift by 32 bits or more, and an integer made of a float beyond its range. What
-//! ranges exclude stays as it is.
+//! 4.60, sections 4.1.3, 5.4.1 and 5.9): a divisor of 0, the quotient of the least `int` by -1, `%`
+//! of a negative number, a shift by 32 bits or more, and an integer made of a float beyond its
+//! range. If ranges exclude these cases, the operation stays as it is.
 
 use naga::{
     BinaryOperator, Expression, Handle, Literal, MathFunction, Scalar, ScalarKind, VectorSize,
@@ -169,7 +169,7 @@ impl Keep<'_> {
         }
     }
 
-    /// What `frexp` returns, by the bits of its argument: GLSL ES 3.00 has no `frexp`.
+    /// The result of `frexp`, from the bits of its argument: GLSL ES 3.00 has no `frexp`.
     pub(super) fn fraction_and_exponent(
         &mut self,
         e: Handle<Expression>,
@@ -184,7 +184,7 @@ impl Keep<'_> {
         let field = self.binary(B::ShiftRight, bits, width);
         let mask = self.number(shape, Literal::U32(0xff));
         let field = self.binary(B::And, field, mask);
-        // 0, and what a GPU may take for it.
+        // 0 and subnormal numbers, which a GPU may flush to 0.
         let none = self.number(shape, Literal::U32(0));
         let is_normal = self.binary(B::NotEqual, field, none);
         let one = self.convert(is_normal, ScalarKind::Sint);

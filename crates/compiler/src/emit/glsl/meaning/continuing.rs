@@ -1,6 +1,6 @@
-//! Values that `continuing` and `break_if` read and the loop's body computes. naga writes `continuing` at
-//! the start of the next turn, where the body's temporaries are no longer in scope. A local variable keeps such a value;
-//! a pointer is formed again, with the indices that it had.
+//! Values that the loop's body computes, and that `continuing` and `break_if` read. naga writes
+//! `continuing` at the start of the next iteration, where the body's temporaries are no longer in
+//! scope. A local variable holds such a value; a pointer is formed again, with its former indices.
 
 use std::collections::BTreeSet;
 
@@ -11,7 +11,7 @@ use naga_edit::copy::CopyFunction as _;
 use super::Keep;
 
 impl<'a> Keep<'a> {
-    /// Copies a loop.
+    /// Copies a loop, and stores the values that its end reads.
     pub(super) fn looped(
         &mut self,
         body: &'a Block,
@@ -59,7 +59,7 @@ impl<'a> Keep<'a> {
         }
     }
 
-    /// What `continuing` and `break_if` read of the body, operands first.
+    /// Values of the body that `continuing` and `break_if` read, operands first.
     fn read_late(
         &self,
         body: &Block,

@@ -264,8 +264,8 @@ fn constant(module: &Module, expression: &Expression) -> Option<Interval> {
     }
 }
 
-/// The local variables that count up and stay at or above what they are set to: each begins a turn
-/// below a bound, and its `continuing` block adds 1.
+/// The local variables that count up and never fall below their start: each is below a bound when
+/// an iteration begins, and the `continuing` block adds 1.
 fn counters(function: &Function, ranges: &Ranges<'_>) -> BTreeMap<Handle<LocalVariable>, Interval> {
     let mut steps = Vec::new();
     naga_operands::visit(&function.body, &mut |statement| {
