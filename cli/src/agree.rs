@@ -405,7 +405,7 @@ fn plan(shader: &ShaderArgs) -> Result<Plan, Failure> {
         ));
     }
     let none = Recipe { steps: Vec::new() };
-    // A message on what a text lacks does not name it.
+    // Adds the files to a message that does not name one.
     let of_which = |Failure(why)| match shader
         .files
         .iter()

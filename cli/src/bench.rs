@@ -1,5 +1,5 @@
 //! `preshade bench`: the yardstick. Times the frozen hand-written shaders of `fixtures/handwritten`
-//! beside generated ones from the same forward entry points, A B B A in one process.
+//! against generated ones from the same forward entry points, A B B A in one process.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
@@ -223,7 +223,7 @@ struct Stack {
     number: u32,
 }
 
-/// Times each hand-written form beside the generated one.
+/// Times each hand-written form against the generated one.
 fn compare(
     gpu: &Gpu,
     scene: &Scene,

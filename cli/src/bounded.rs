@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 
 use shader_text::limits::Limits;
 
-/// Interval of the watchdog.
+/// Interval of the watchdog's checks.
 const TICK: Duration = Duration::from_millis(20);
 
 /// How long the process may take to end: a driver that hangs may hold it up.
@@ -18,7 +18,7 @@ struct Bound {
     memory: u64,
     /// When the work now in hand was begun; `None` while others work.
     since: Option<Instant>,
-    /// Tells why the process ends.
+    /// Prints why the process ends.
     tell: fn(&str),
 }
 
@@ -28,7 +28,7 @@ fn with<T>(work: impl FnOnce(&mut Option<Bound>) -> T) -> T {
     work(&mut BOUND.lock().unwrap_or_else(PoisonError::into_inner))
 }
 
-/// Bounds this process from now on, if the limits say so.
+/// Bounds this process from now on, if the limits require it.
 pub fn start(limits: &Limits, tell: fn(&str)) {
     if !limits.isolates() {
         return;

@@ -125,7 +125,7 @@ fn scale(text: &str) -> Result<f64, String> {
     }
 }
 
-/// Flags that `capture` sets itself, and what takes their place.
+/// Flags that `capture` sets itself, with the alternative for the user.
 const OWN_FLAGS: [(&str, &str); 4] = [
     ("--force-device-scale-factor", "give `--scale 2`"),
     ("--window-size", "give `--size 1920x1080`"),
@@ -197,7 +197,7 @@ pub fn run(args: &CaptureArgs) -> Result<Ending, Failure> {
             recorded.map_err(Failure::from)
         }
     };
-    // What was written before a failure stays, and is told.
+    // Files from before a failure stay, and are summarised.
     if is_folder(&args.out) && (recorded.is_ok() || !had_earlier) {
         output::table(&summary(&args.out, &limits)?)?;
     }
@@ -207,7 +207,7 @@ pub fn run(args: &CaptureArgs) -> Result<Ending, Failure> {
     Ok(Ending::Fine)
 }
 
-/// A failure that tells of the earlier capture.
+/// A failure that mentions the earlier capture.
 fn kept(Failure(why): Failure, had_earlier: bool, out: &Path) -> Failure {
     match had_earlier {
         true => Failure(format!(
@@ -345,7 +345,7 @@ impl Place {
         }
     }
 
-    /// Tells which files a local page lacked.
+    /// Prints which files a local page lacked.
     fn tell_missing(&self) {
         let Self::Local(site, _) = self else { return };
         let missing = site.missing();
@@ -359,7 +359,7 @@ impl Place {
     }
 }
 
-/// Which draws show something else if an unknown depth is not what it was.
+/// A line on the draws that may differ from the page because a depth is unknown.
 fn told_unknown(depth: &UnknownDepth, frames: usize) -> String {
     let passes: Vec<String> = depth.passes.iter().map(usize::to_string).collect();
     let what = if depth.is_stencil { "stencil" } else { "depth" };
@@ -376,7 +376,7 @@ fn told_unknown(depth: &UnknownDepth, frames: usize) -> String {
     )
 }
 
-/// What was recorded, and what was not.
+/// The recorded counts, and the parts that were not recorded.
 fn summary(folder: &Path, limits: &Limits) -> Result<String, Failure> {
     let capture = Capture::open(folder, limits)?;
     let file = &capture.file;
@@ -413,7 +413,7 @@ fn summary(folder: &Path, limits: &Limits) -> Result<String, Failure> {
         text.push_str(&format!("  left out: {what} ({count}): {why}\n"));
     }
     let mut unknown: BTreeMap<&str, usize> = BTreeMap::new();
-    // A stencil is told where a draw tests it: most are cleared, or nobody's.
+    // A stencil is listed where a draw tests it: most are cleared, or unused.
     for entry in file.unknown.iter().filter(|entry| !entry.is_stencil()) {
         *unknown.entry(&entry.why).or_default() += 1;
     }

@@ -42,7 +42,7 @@ const ONLY_WITH: [(&str, &str); 2] = [("camera", "scene"), ("size", "scene")];
 
 const JOBS: &str = "jobs";
 
-/// Flags of `verify` about its adapter and its report, of which a list of jobs has none.
+/// Flags of `verify` about its adapter and its report. A list of jobs has none of them.
 const NOT_OF_JOBS: [&str; 4] = ["adapter", "format", "out", "share"];
 
 /// Values by command and flag.
@@ -544,7 +544,7 @@ fn values(table: &Table, command: &Command) -> Result<Values, String> {
             }
         }
     }
-    // Jobs are made of what `verify` is given.
+    // Jobs take the flags of `verify`.
     let own = table.get(JOBS);
     for (long, _) in commands
         .iter()

@@ -22,11 +22,11 @@ use shader_text::limits::Limits;
 use crate::output::{self, ProgressLine};
 use crate::{Ending, Failure, verify, worker};
 
-/// Name of a run, if `--run` says nothing: the same on all machines, so that a job that moves to another one
+/// Name of a run without `--run`: the same on all machines, so that a job that moves to another one
 /// is not measured twice.
 const RUN: &str = "first";
 
-/// Times to try a job that fails, if `--attempts` says nothing.
+/// Times to try a job that fails, without `--attempts`.
 const ATTEMPTS: u32 = 2;
 
 #[derive(clap::Args)]
@@ -148,7 +148,8 @@ pub struct Settings {
     pub models: Vec<Model>,
     /// Jobs at once; 0: one for each card.
     pub workers: usize,
-    /// A job is stopped after so many seconds. `None`: by what it measures.
+    /// A job is stopped after so many seconds. `None`: after the worker's limit for its kind of
+    /// job.
     pub seconds: Option<u64>,
     /// A job that fails is tried so many times in all.
     pub attempts: u32,
@@ -185,7 +186,7 @@ pub struct Tally {
 }
 
 impl Tally {
-    /// Adds what became of a job.
+    /// Adds the result of a job.
     fn add(&mut self, one: &Self) {
         self.measured += one.measured;
         self.broken += one.broken;
@@ -207,7 +208,7 @@ struct Place {
 }
 
 impl Model {
-    /// [`adapter_id`].
+    /// See [`adapter_id`].
     pub fn id(&self) -> String {
         adapter_id(&self.report)
     }
@@ -244,8 +245,8 @@ pub struct Seat<'a> {
 }
 
 impl Seat<'_> {
-    /// A command for a process on this card, which takes turns with those of others. Only its words say how
-    /// to draw.
+    /// A command for a process on this card, which takes turns with those of others. Its arguments
+    /// alone define how to draw: no variable of preshade's is passed on.
     pub fn command(&self) -> Result<Command, Failure> {
         let mut command = worker::myself().map_err(|why| Failure(format!("error: {why}")))?;
         for (name, _) in std::env::vars_os() {
@@ -475,7 +476,7 @@ impl Runner<'_> {
             let mut measured = None;
             if stale.is_none() {
                 measured = Some(self.measured(task)?);
-                // It may have read what was changed meanwhile.
+                // It may have read files that changed meanwhile.
                 stale = self.stale(job);
             }
             let (None, Some((run, result))) = (&stale, measured) else {
@@ -535,7 +536,7 @@ impl Runner<'_> {
         )?)
     }
 
-    /// What a job's own process found, or why it found nothing.
+    /// The result of a job's own process, or the reason why there is none.
     fn measured(&self, task: &Task<'_>) -> Result<(Run, Result<Found, String>), Failure> {
         let seat = task.model.take()?;
         let (start_ms, before) = (turns::since_1970(), load());
@@ -603,7 +604,7 @@ impl Runner<'_> {
     }
 }
 
-/// The report, without what differs from run to run.
+/// The report, without parts that differ from run to run.
 fn checked(mut report: Report, job: &Job, adapter: &AdapterReport) -> Result<Found, String> {
     if adapter_id(&report.adapter) != adapter_id(adapter) {
         return Err(format!("it ran on {}", report.adapter.name));
@@ -611,7 +612,7 @@ fn checked(mut report: Report, job: &Job, adapter: &AdapterReport) -> Result<Fou
     if report.variants.len() != 2 {
         return Err("its report is not of one variant".to_owned());
     }
-    // What ended `verify`'s own workers may go by.
+    // Conditions that ended `verify`'s own workers may go away.
     for variant in &report.variants {
         if let Verdict::NotMeasured { why } = &variant.verdict
             && Reason::of(why) != Reason::Refused

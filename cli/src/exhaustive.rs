@@ -50,10 +50,11 @@ pub fn run(args: &PlanArgs) -> Result<Ending, Failure> {
     }
 }
 
-/// Measures the scene of a job, and prints what was found.
+/// Measures the scene of a job, and prints the result.
 fn measured(args: &PlanArgs, job: &Job) -> Result<Ending, Failure> {
     let bar = output::bar();
-    // What takes a share of the adapter goes first: two of one process can lock each other out.
+    // Probes take a share of the adapter, so they come first: two of one process can lock each
+    // other out.
     let scene = plan::grouped(args, plan::scene(args, &job.shader)?)?;
     let open = || plan::open(args);
     let known = args.probes.as_deref().map(|file| probes(file, open));
@@ -67,7 +68,7 @@ fn measured(args: &PlanArgs, job: &Job) -> Result<Ending, Failure> {
     let (recipes, facts) = plan::prepare(args, &session, &bar)?;
     let settings = plan::settings(args, &model);
     let scene = decide::exhaust(&session, &recipes, &facts, &settings)?;
-    // What could not be drawn any more looks like what cannot be drawn.
+    // After the device was lost, a plan that it did not draw looks like one that cannot be drawn.
     if let Some(why) = gpu.lost() {
         return Err(Failure(format!(
             "error: the graphics device was lost: {why}"

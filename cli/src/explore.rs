@@ -102,7 +102,7 @@ impl ExploreArgs {
     }
 }
 
-/// Flags that say what to measure, and how.
+/// Flags that choose the measurements.
 const MEASURES: [&str; 15] = [
     "adapter",
     "camera",

@@ -1,4 +1,4 @@
-//! What a file is, by its name.
+//! The kind of a file, by its name.
 
 use std::path::{Path, PathBuf};
 
@@ -72,7 +72,7 @@ pub fn name(file: &Path) -> Name {
     }
 }
 
-/// The fragment file of a vertex file, if it lies beside it.
+/// The fragment file of a vertex file, if both are in one folder.
 pub fn fragment_beside(vertex: &Path) -> Option<PathBuf> {
     let own = vertex.file_name()?.to_str()?;
     let pairs = [(".vert", ".frag"), (".vs", ".fs")];

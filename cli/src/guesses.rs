@@ -1,4 +1,5 @@
-//! What preshade made up, as a note: the inputs of a bare shader, and what a scene file leaves open.
+//! The values that preshade made up, as a note: inputs of a bare shader, and inputs that a scene
+//! file leaves open.
 
 use std::collections::BTreeMap;
 
@@ -7,7 +8,7 @@ use preshade_draw::scene::bind::{Guess, Guessed, guessed};
 
 use crate::output;
 
-/// Prints the note, if there is something to say.
+/// Prints the note, if a value was made up.
 pub fn tell(scene: &Scene) {
     for note in &scene.notes {
         output::message(&format!("note: {note}"));
@@ -36,7 +37,7 @@ fn of_shader(scene: &Scene) -> Option<String> {
     Some(lines.join("\n"))
 }
 
-/// What a scene file leaves open and no name gives, as the lines that set it.
+/// Inputs that a scene file leaves open and whose names give no value, as the lines that set them.
 fn of_scene(scene: &Scene) -> Option<String> {
     let mut open: BTreeMap<String, Vec<String>> = BTreeMap::new();
     for of in guessed(scene) {
@@ -60,7 +61,8 @@ fn of_scene(scene: &Scene) -> Option<String> {
     Some(lines.join("\n"))
 }
 
-/// The line of a scene file that says what was guessed. `None`: a name or the mesh says it.
+/// The line of a scene file that sets the guessed value. `None`: a name or the mesh gives the
+/// value.
 fn line(of: &Guessed) -> Option<String> {
     let name = key(&of.name);
     match &of.guess {

@@ -1,4 +1,4 @@
-//! What a mistaken command line meant, where clap's guess by spelling would mislead.
+//! Guesses the meaning of a mistaken command line, where clap's guess by spelling would mislead.
 
 use clap::Error;
 use clap::error::{ContextKind, ContextValue, ErrorKind};

@@ -165,7 +165,7 @@ impl From<Lang> for Language {
     }
 }
 
-/// What a command does with its input.
+/// How a command uses its input.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Purpose {
     Read,
@@ -414,7 +414,7 @@ impl ShaderArgs {
         }
     }
 
-    /// Refuses to draw a GLSL vertex stage without its fragment stage: nothing would be seen.
+    /// Refuses to draw a GLSL vertex stage without its fragment stage: nothing would be visible.
     fn check_fragment(&self, parsed: &front::Parsed) -> Result<(), Failure> {
         let [file] = self.files.as_slice() else {
             return Ok(());
@@ -454,7 +454,7 @@ impl ShaderArgs {
     /// The language to write without another wish: that of a page of WebGL, and else WGSL.
     pub fn target(&self) -> Target {
         let file = self.scene_file().and_then(captured);
-        // What is wrong with the capture is told where its scene is read.
+        // Errors of the capture are reported where its scene is read.
         let capture = file.and_then(|folder| Capture::open(folder, &self.limits.limits()).ok());
         match capture.map(|c| c.file.source.api) {
             Some(Api::WebGl2) => Target::GlslEs300,
@@ -463,7 +463,8 @@ impl ShaderArgs {
         }
     }
 
-    /// Of a captured frame: writes what the page showed, what the replay shows, and their difference.
+    /// Of a captured frame: writes the pictures of the page and of the replay, and their
+    /// difference.
     pub fn write_frame(&self, dir: &Path) -> Result<(), Failure> {
         let Some(folder) = self.scene_file().and_then(captured) else {
             return Ok(());

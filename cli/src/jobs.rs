@@ -112,10 +112,10 @@ fn named(shader: &ShaderArgs) -> Vec<String> {
     files.map(|f| f.display().to_string()).collect()
 }
 
-/// What jobs of one input have in common.
+/// The part that all jobs of one input share.
 pub struct Input<'a> {
     shader: &'a ShaderArgs,
-    /// Hashes, by path.
+    /// BLAKE3 of the files, by path.
     files: BTreeMap<String, String>,
 }
 
@@ -220,7 +220,7 @@ pub fn exhaustive(
 struct List<'a> {
     args: &'a JobsArgs,
     given: Vec<Recipe>,
-    /// Those whose parameters name what no material of an input has are left out.
+    /// Leaves out recipes whose parameters name something that no material of an input has.
     declared: Vec<Recipe>,
     arguments: Vec<String>,
 }

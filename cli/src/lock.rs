@@ -1,5 +1,5 @@
-//! `preshade plan --lock`: keeps a decision in `preshade.lock` beside each material's shader, for
-//! builds without a GPU.
+//! `preshade plan --lock`: writes a decision to `preshade.lock` in the folder of each material's
+//! shader, for builds without a GPU.
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
@@ -13,7 +13,7 @@ use preshade_plan::pass::Facts;
 
 use crate::{Failure, output};
 
-/// The lock files beside a scene's shaders, as read before anything is measured.
+/// The lock files in the folders of a scene's shaders, as read before anything is measured.
 #[derive(Debug, Default)]
 pub struct Locks(BTreeMap<PathBuf, Lock>);
 
@@ -48,8 +48,8 @@ impl Locks {
     }
 }
 
-/// Keeps the first plan of `decision`, and reports changed files. A material that cannot be kept is
-/// reported; the others are kept.
+/// Writes the first plan of `decision`, and reports changed files. A material that cannot be locked
+/// is reported; the others are written.
 pub fn keep(
     scene: &Scene,
     facts: &Facts,
@@ -112,7 +112,7 @@ fn beside(material: &Material) -> Option<PathBuf> {
     Some(material.file.as_ref()?.with_file_name(FILE_NAME))
 }
 
-/// Whether any view shows the material. If none does, the measurements say nothing about it.
+/// Whether any view shows the material. If none does, the measurements are no evidence about it.
 fn is_seen(decision: &Decision, material: usize) -> bool {
     let mut views = decision.views.iter();
     views.any(|v| v.materials.get(material).is_none_or(|m| m.rasterised > 0.0))

@@ -1,6 +1,6 @@
 //! `preshade` at the command line. One file a subcommand; data on stdout, messages on stderr.
 //!
-//! Exit status: 0 fine (a refusal is fine: the original is kept), 1 a contract or relation broke, 2
+//! Exit status: 0 fine (a refusal is fine: the original stays), 1 a contract or relation broke, 2
 //! bad usage or input, 3 `verify` or `agree` found nothing that a verdict could depend on.
 
 use std::ffi::OsString;

@@ -41,8 +41,8 @@ pub fn jobs(shader: &ShaderArgs, out: &Path) -> Result<Vec<Job>, Failure> {
 /// `None`: the files are one material, or one scene.
 pub fn inputs(shader: &ShaderArgs) -> Result<Option<Vec<Job>>, Failure> {
     let files = &shader.files;
-    // Two files may be the two stages of one material, whatever their names. A scene beside a shader
-    // is a mistake, which the reader names.
+    // Two files may be the two stages of one material, whatever their names. A scene and a shader
+    // together are a mistake, which the reader names.
     let is_one = match files.len() {
         0 | 1 => true,
         2 => !files.iter().all(|f| is_scene(f)),
@@ -221,7 +221,7 @@ fn below(path: &Path) -> PathBuf {
 /// Endings of stages that run between the two of a material.
 const BETWEEN: [&str; 3] = ["geom", "tesc", "tese"];
 
-/// A note on stages that lie beside the two files of a material, and would run between them.
+/// A note on further stages in the folder of a material's two files, which would run between them.
 pub fn between(files: &[PathBuf]) -> Option<String> {
     let [vertex, fragment] = files else {
         return None;
@@ -284,7 +284,8 @@ pub fn is_scene(path: &Path) -> bool {
     file_names::is_scene(path) && path.file_name() != Some(config::FILE.as_ref())
 }
 
-/// Whether a file of a folder is a scene. Beside other scenes, a glTF file is a mesh of theirs.
+/// Whether a file of a folder is a scene. If the folder has other scenes, a glTF file is a mesh of
+/// theirs.
 fn is_scene_of_folder(path: &Path) -> bool {
     let has_others = || {
         let beside = path.parent().and_then(|folder| folder.read_dir().ok());

@@ -44,7 +44,7 @@ pub fn table(text: &str) -> Result<(), Failure> {
 }
 
 /// Escapes characters that a terminal interprets: control characters, and those that change the
-/// direction of text. Newlines, tabs and our own colours are kept.
+/// direction of text. Newlines, tabs and our own colours stay.
 fn plain(text: &str) -> String {
     let mut out = String::with_capacity(text.len());
     let mut rest = text;
@@ -72,7 +72,7 @@ pub fn json(value: &impl serde::Serialize) -> Result<(), Failure> {
     data(&serde_json::to_string_pretty(value)?)
 }
 
-/// What a command found, in the forms that it prints.
+/// The result of a command, in each form that it prints.
 pub struct Answer {
     pub table: String,
     pub json: String,
@@ -88,8 +88,8 @@ impl Answer {
         }
     }
 
-    /// Prints, and then writes what `files` gives to the folder, if there is one: a full disk must not lose
-    /// what was measured.
+    /// Prints, and then writes `files` to the folder, if there is one: a full disk must not lose
+    /// the measurements.
     pub fn tell(
         &self,
         form: Table,
@@ -146,11 +146,11 @@ const SILENCE: Duration = Duration::from_secs(5);
 /// Progress of a command: a bar or a spinner on a terminal, otherwise a line from time to time.
 pub struct ProgressLine {
     bar: Option<ProgressBar>,
-    /// What the lines say; `None`: there are none.
+    /// State of the printed lines; `None` if the progress has no lines.
     said: Option<Arc<Mutex<Said>>>,
 }
 
-/// What a line of progress says.
+/// The state of a line of progress.
 struct Said {
     began: Instant,
     told: Instant,
@@ -223,7 +223,7 @@ impl Said {
         }
         self.told = Instant::now();
         let seconds = self.began.elapsed().as_secs();
-        // Neither what has just begun nor what is done has a part worth telling.
+        // A share below 1 % or of 100 % is left out.
         let part = self.done.filter(|done| (10..1000).contains(done));
         let done = part.map(|done| format!(", {} %", done / 10));
         let done = done.unwrap_or_default();
@@ -250,13 +250,12 @@ impl ProgressLine {
     pub fn set_position(&self, done: u64) {
         bounded::step();
         match &self.bar {
-            // What goes on is not done.
+            // While the work goes on, the bar must not look finished.
             Some(bar) => bar.set_position(done.min(999)),
             None => self.say(|said| said.done = Some(done)),
         }
     }
 
-    /// Starts again from 0.
     pub fn reset(&self) {
         match &self.bar {
             Some(bar) => bar.reset(),

@@ -128,7 +128,7 @@ pub struct PlanArgs {
     pub flags: Vec<String>,
 }
 
-/// Flags that say how to measure, or what to keep of it.
+/// Flags that choose the measurements, or the part of the result to write.
 const MEASURES: [&str; 15] = [
     "adapter",
     "budget",

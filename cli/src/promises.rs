@@ -34,9 +34,10 @@ use crate::{Ending, Failure, Table, flags, output, worker};
 const AT_ONCE: usize = 16;
 
 struct Recipes<'a> {
-    /// By the user.
+    /// Given by the user.
     given: &'a [Recipe],
-    /// By passes. Those whose parameters name what no material of an input has are left out.
+    /// Declared by passes, without recipes whose parameters name something that no material of an
+    /// input has.
     declared: Vec<Recipe>,
 }
 
@@ -48,7 +49,7 @@ struct Promises {
     adapter: Option<AdapterReport>,
     /// Promises that every compared view keeps.
     held: usize,
-    /// Recipes of which the material refuses a step.
+    /// Recipes with a step that the material refuses.
     refused: usize,
     /// Promises that no picture could test.
     not_measured: usize,
@@ -66,7 +67,7 @@ struct Promises {
     left_out: Option<String>,
 }
 
-/// A variant whose picture is not what its contract says.
+/// A variant whose picture breaks its contract.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 struct Finding {
     variant: String,
@@ -78,7 +79,7 @@ struct Finding {
     /// The worst of all views.
     changed_pixels: u64,
     changed_depth: u64,
-    /// `null` in JSON: infinite.
+    /// Infinite is `null` in JSON.
     max_abs: Option<f64>,
     flip_mean: f64,
     /// The command that shows it alone.
@@ -496,8 +497,8 @@ fn untested(report: &Report) -> Option<String> {
     (!report.untested.is_empty()).then(|| report.untested.join("; "))
 }
 
-/// What is drawn of plans and what they promise, as text: equal texts need one measurement. `None`:
-/// a plan cannot be emitted.
+/// The drawn shaders of plans, as text: equal texts need one measurement. `None`: a plan cannot be
+/// emitted.
 pub fn frame(plans: &[Plan]) -> Option<String> {
     let mut text = String::new();
     for plan in plans {

@@ -97,8 +97,8 @@ fn ended(failed: &[String], inputs: &[Job], is_broken: bool) -> Result<Ending, F
     }
 }
 
-/// Does something for each input. Of several, one that fails is told, and the others go on. Returns the names of
-/// those that fail.
+/// Runs `then` for each input. If one of several fails, reports it and goes on. Returns the names
+/// of those that fail.
 fn each(
     inputs: &[Job],
     mut then: impl FnMut(&ShaderArgs) -> Result<(), Failure>,
@@ -125,7 +125,7 @@ fn name(files: &[PathBuf]) -> String {
     files.collect::<Vec<_>>().join(" ")
 }
 
-/// What was measured of an input, with the files that are on the disk now.
+/// The measurements of an input, if they are of the files that are on the disk now.
 fn found<'r, 'a>(
     rows: &'r Rows<'a>,
     file: &Path,
@@ -231,7 +231,7 @@ const OF_THE_PICTURE: [&str; 7] = [
     "camera", "form", "frames", "limits", "order", "seconds", "size",
 ];
 
-/// Writes the shaders of the choice, or tells why they are not.
+/// Writes the shaders of the choice, or reports why it does not.
 fn write(shader: &ShaderArgs, decision: &FleetDecision, out: &Path) -> Result<(), Failure> {
     let Some(choice) = &decision.choice else {
         return Ok(());

@@ -383,7 +383,7 @@ impl<'a> Run<'a> {
         if self.args.time_passes {
             output::message(&Times::table(self.times.iter()));
         }
-        // The summary comes last, where it is seen.
+        // The summary comes last, where it is visible.
         let is_told = self.jobs > 1 && self.args.format == Format::Human;
         let line = is_told.then(|| self.sum.line());
         if !self.errors.is_empty() {
@@ -427,7 +427,7 @@ fn make(
     for original in &materials.asked {
         check_name(&original.material)?;
     }
-    // What a captured frame is drawn without.
+    // The parts that a captured frame is drawn without.
     let notes = materials.scene.iter().flat_map(|scene| &scene.notes);
     made.messages
         .extend(notes.map(|note| format!("note: {note}")));

@@ -15,7 +15,7 @@ pub struct Keeper {
 }
 
 impl Keeper {
-    /// Of `--out`.
+    /// Takes the folder of `--out`.
     pub fn new(folder: Option<&Path>) -> Self {
         Self {
             folder: folder.map(Path::to_owned),

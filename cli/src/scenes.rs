@@ -18,7 +18,7 @@ pub struct KeptScenes {
 }
 
 impl KeptScenes {
-    /// Of a run over `scenes`, kept in `folder` if there is one.
+    /// For a run over `scenes`, written to `folder` if there is one.
     pub fn new(folder: Option<&Path>, gpu: &Gpu, scenes: Vec<String>) -> Self {
         let count = scenes.len();
         let command = crate::verify::command();

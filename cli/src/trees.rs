@@ -13,9 +13,9 @@ use crate::{Failure, file_names, materials};
 pub struct Tree {
     /// As the user gave it.
     given: String,
-    /// Where it is now.
+    /// Its place on the disk, which is a copy for a revision.
     path: PathBuf,
-    /// The folder that a revision was copied to, and what stands for it in messages.
+    /// The folder that a revision was copied to, and the text that stands for it in messages.
     copied: Option<(PathBuf, String)>,
 }
 
@@ -43,7 +43,7 @@ impl Tree {
         }
     }
 
-    /// Copies the folder of a path at a revision, so that imports beside a file are found.
+    /// Copies the folder of a path at a revision, so that imports of other files in it are found.
     fn at(given: &str, revision: &str, path: &str) -> Result<Self, Failure> {
         let failed = |why: &str| Failure(format!("error: {given}: {}", why.trim()));
         let path = match path.strip_prefix("./") {
@@ -107,7 +107,7 @@ impl Tree {
         &self.given
     }
 
-    /// Where it is now.
+    /// Its place on the disk.
     pub fn path(&self) -> &Path {
         &self.path
     }

@@ -2,11 +2,10 @@
 
 use preshade_scenes::{Variable, Variables};
 
-/// A swept variable.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Axis {
     pub variable: String,
-    /// Its values, ascending.
+    /// Ascending.
     pub values: Vec<u32>,
 }
 

@@ -24,8 +24,8 @@ impl VariantArgs {
         self.passes.is_empty() && self.variants.is_empty() && self.recipes.is_empty()
     }
 
-    /// The variants, those with ranges as sweeps. Notes on stderr say how to write older spellings
-    /// now.
+    /// The variants, those with ranges as sweeps. Notes on stderr give the new form of older
+    /// spellings.
     pub fn sweeps(&self) -> Result<Vec<Sweep>, Failure> {
         let mut sweeps = Vec::new();
         if let Some(steps) = sweep::completed(&self.passes) {

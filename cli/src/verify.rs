@@ -171,7 +171,6 @@ pub fn parse_seconds(text: &str) -> Result<f64, String> {
 }
 
 impl VerifyArgs {
-    /// The variants to draw.
     pub fn sweeps(&self) -> Result<Vec<Sweep>, Failure> {
         let sweeps = self.variants.sweeps()?;
         match self.is_default() {
@@ -180,7 +179,7 @@ impl VerifyArgs {
         }
     }
 
-    /// Whether nothing says what to draw.
+    /// Whether the user gave nothing to draw.
     fn is_default(&self) -> bool {
         self.variants.is_empty() && !self.every_pass
     }
@@ -319,7 +318,7 @@ pub fn run(args: &VerifyArgs, sweeps: &[Sweep]) -> Result<Ending, Failure> {
             }
             let mut answer = measured?;
             if let Some(why) = lost.filter(|_| worker::is_job()) {
-                // A report that is put together from the rest may lack what the whole one has.
+                // A report that is completed after a loss may lack parts of a whole one.
                 return Err(Failure(format!(
                     "error: the graphics device was lost: {why}"
                 )));
@@ -342,7 +341,7 @@ pub fn run(args: &VerifyArgs, sweeps: &[Sweep]) -> Result<Ending, Failure> {
         if args.is_default() && report::nothing_pays(report) {
             let steps = recipes.iter().flat_map(|recipe| &recipe.steps);
             let drawn: Vec<&str> = steps.map(|s| s.pass.as_str()).collect();
-            // It is a hint: the measurements are told without it too.
+            // It is a hint: the measurements are reported without it too.
             report.not_drawn = largest_saving(&args.shader, &drawn).ok().flatten();
         }
     }

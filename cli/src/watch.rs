@@ -186,7 +186,7 @@ fn wait(changes: &Changes, awaited: &Awaited, last: Last) -> Result<(), Failure>
     }
 }
 
-/// Whether stdout or stderr is this file: `2> log` beside the shaders changes with each message.
+/// Whether stdout or stderr is this file: `2> log` in a watched folder changes with each message.
 fn is_told_to(path: &Path) -> bool {
     let Ok(file) = Handle::from_path(path) else {
         return false;

@@ -27,7 +27,7 @@ pub const OF_A_JOB: &str = "job";
 /// The lock file by which jobs share their adapter.
 pub const LOCK: &str = "PRESHADE_SHARED_ADAPTER";
 
-/// Begins a line of a job's stderr that tells a [`Turn`].
+/// Begins a line of a job's stderr that reports a [`Turn`].
 const TURN: char = '\u{1e}';
 
 /// Interval of checks on a worker.
@@ -37,7 +37,7 @@ const TICK: Duration = Duration::from_millis(20);
 /// seconds, and a submission takes 120 at most.
 pub const OF_A_VARIANT: u64 = 600;
 
-/// The same for an input, of which a worker draws a hundred variants.
+/// The same for an input. A worker draws a hundred variants of it.
 pub const OF_AN_INPUT: u64 = 3600;
 
 /// The variant that this process is to measure for another one, if it is.
@@ -45,8 +45,8 @@ pub fn mine() -> Option<usize> {
     std::env::var(VARIABLE).ok()?.parse().ok()
 }
 
-/// Whether this process runs a job, or a part of one: its command line says all, and neither the
-/// environment nor a configuration file of this machine.
+/// Whether this process runs a job, or a part of one. Then its command line alone counts, and
+/// neither the environment nor a configuration file of this machine.
 pub fn is_job() -> bool {
     has_parent() && std::env::var_os(LOCK).is_some()
 }
@@ -124,7 +124,7 @@ fn tell(turn: Turn) {
     }
 }
 
-/// Reads a line of [`tell`].
+/// Parses a line of [`tell`].
 fn turn(line: &str) -> Option<Turn> {
     let mut words = line.strip_prefix(TURN)?.split(' ');
     Some(match words.next()? {
@@ -161,7 +161,7 @@ fn ended(which: usize, limits: &Limits, patience: u64) -> Result<String, String>
     }
 }
 
-/// Does `work` for each item with its number, on so many threads, until one says to stop.
+/// Runs `work` for each item with its number, on so many threads, until one returns `Break`.
 pub fn each<T: Sync>(
     threads: usize,
     items: &[T],
@@ -198,7 +198,7 @@ pub struct Ended {
     /// Its exit status, or why it was killed.
     pub status: Result<ExitStatus, String>,
     pub out: String,
-    /// The lines of its stderr that say something.
+    /// The lines of its stderr that are neither empty nor a [`Turn`].
     pub told: Vec<String>,
     /// When it had a shared adapter for itself: starts and ends in milliseconds.
     pub alone: Vec<[u64; 2]>,
@@ -224,7 +224,7 @@ pub fn watched(mut command: Command, limits: &Limits, seconds: u64) -> Result<En
         .stderr(Stdio::piped())
         .spawn()
         .map_err(not_started)?;
-    // Kept open while it runs.
+    // Holds the pipe open while it runs.
     let alive = child.stdin.take();
     let out = drain(child.stdout.take());
     let waits = Arc::new(AtomicBool::new(false));
@@ -290,7 +290,7 @@ fn listen(
                 tell(turn);
             }
         }
-        // One that was killed while it waited does not say that it waits no more.
+        // A process that was killed while it waited does not report the end of its wait.
         if waits.load(Ordering::Relaxed) && is_job() {
             tell(Turn::Runs);
         }
@@ -309,7 +309,7 @@ fn drain(pipe: Option<impl Read + Send + 'static>) -> std::thread::JoinHandle<Ve
     })
 }
 
-/// What a process printed, or the error that it printed in place of it.
+/// The value that a process printed, or the error that it printed instead.
 pub fn printed<T: serde::de::DeserializeOwned>(json: &str) -> Result<T, String> {
     serde_json::from_str(json).map_err(|e| {
         let value: serde_json::Value = serde_json::from_str(json).unwrap_or_default();

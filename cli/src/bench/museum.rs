@@ -1,4 +1,4 @@
-//! Exhibits of the museum: a material specialised by hand beside one that preshade specialised.
+//! Exhibits of the museum: a material specialised by hand, and one that preshade specialised.
 
 use std::path::Path;
 
