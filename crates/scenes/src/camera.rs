@@ -10,33 +10,30 @@ use preshade_draw::scene::Frame;
 /// A perspective camera at one position.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Pose {
-    /// Eye position.
     pub eye: Vec3,
-    /// The point that the camera looks at.
     pub target: Vec3,
     /// Vertical field of view, in degrees.
     pub fov: f32,
-    /// Seconds.
+    /// In seconds.
     pub time: f32,
 }
 
-/// An eye on a sphere around a target, as in viewers that you turn by dragging.
+/// An eye on a sphere around a target, as in viewers with drag-to-rotate.
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub(crate) struct Orbit {
-    /// The target; the origin by default.
+    /// The centre of the sphere. The origin by default.
     #[serde(default)]
     pub target: [f32; 3],
     /// Rotation around y in degrees: 0 puts the eye towards +x, 90 towards -z.
     pub yaw: f32,
     /// Degrees above the horizon.
     pub pitch: f32,
-    /// From eye to target; above 0.
+    /// Distance from eye to target, above 0.
     pub distance: f32,
 }
 
 impl Orbit {
-    /// The eye position.
     pub fn eye(self) -> Vec3 {
         let (yaw, pitch) = (self.yaw.to_radians(), self.pitch.to_radians());
         let out = Vec3::new(
@@ -48,7 +45,7 @@ impl Orbit {
     }
 }
 
-/// Distances of the clip planes; `far` may be infinite.
+/// Distances of the clip planes.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Range {
     /// Distance of the near plane, above 0.
@@ -77,7 +74,7 @@ pub(crate) fn perspective(fov: f32, aspect: f32, range: Range, direction: DepthD
 }
 
 impl Pose {
-    /// The view of this pose.
+    /// The frame of this pose.
     pub fn frame(self, up: Vec3, aspect: f32, range: Range, direction: DepthDirection) -> Frame {
         Frame {
             view: Mat4::look_at_rh(self.eye, self.target, up),

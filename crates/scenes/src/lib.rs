@@ -1,5 +1,5 @@
-//! Makes scenes for the renderer: from scene files, from glTF, from a bare shader, and from frames that a page or an
-//! app drew.
+//! Makes scenes for the renderer from scene files, glTF files, bare shaders, and frames captured
+//! from a page or an app.
 
 pub mod asset;
 mod camera;

@@ -1,4 +1,4 @@
-//! A material drawn by another author's program, with the values of its own.
+//! Draws a material with another author's program, with the material's own values.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -12,7 +12,7 @@ use preshade_draw::scene::bind::{self, TextureContent};
 use preshade_draw::scene::globals::globals;
 use preshade_draw::scene::{Draw, Frame, Material, Scene, SceneError, Value, layout};
 
-/// Another author's program for a material.
+/// A program of another author that replaces a material's.
 #[derive(Clone, Copy, Debug)]
 pub struct StandIn<'a> {
     pub program: &'a Program,
@@ -20,15 +20,16 @@ pub struct StandIn<'a> {
     pub vertex: &'a str,
     /// Fragment entry point.
     pub fragment: Option<&'a str>,
-    /// Which of its variables and attributes is which of the material's.
+    /// Variables and attributes of the program, with the corresponding ones of the material.
     pub partners: &'a [Partner],
-    /// Has the values, textures and samplers of what has no partner.
+    /// Supplies values, textures and samplers for inputs without a partner.
     pub own: Option<&'a Material>,
 }
 
-/// A scene of one material with another program in its place. Every number, texture and
-/// attribute of the program is that of its partner in `frame`; what has no partner gets its
-/// value from a material of its own, or by name.
+/// A scene of one material with another program in its place.
+///
+/// Every number, texture and attribute of the program takes the value of its partner in `frame`.
+/// Inputs without a partner get their value from `own`, or by name.
 ///
 /// # Errors
 /// As [`bind::draw`].
@@ -95,7 +96,7 @@ pub fn stand_in(
     Ok(scene)
 }
 
-/// Zeros for each array without a length of its own, as many as its draws have values for.
+/// Zeros for each runtime-sized array, as many as its draws have values for.
 fn lengths(stand_in: &Material, draws: &[Draw]) -> BTreeMap<String, Value> {
     let module = stand_in.program.module();
     let length = |name: &str| {
@@ -122,7 +123,7 @@ fn lengths(stand_in: &Material, draws: &[Draw]) -> BTreeMap<String, Value> {
     arrays.collect()
 }
 
-/// The values of the partners of a draw's.
+/// The values of a draw, moved to their partners' paths.
 fn values(
     scene: &Scene,
     own: &Material,
@@ -142,7 +143,7 @@ fn values(
     Ok(theirs.collect())
 }
 
-/// The indices in place of a pattern's `[]`; `None`: the path is not of the pattern.
+/// The indices in a path that match the `[]` of a pattern. `None` if the path does not match.
 fn indices<'p>(pattern: &str, path: &'p str) -> Option<Vec<&'p str>> {
     let mut rest = path;
     let mut found = Vec::new();

@@ -1,4 +1,4 @@
-//! Variants for the renderer: plans are emitted, and analyses tell what a driver must know of their programs.
+//! Makes variants for the renderer: emits plans, and analyses their programs for the driver.
 
 use preshade_compiler::emit::{self, partial_pointers};
 use preshade_compiler::front;

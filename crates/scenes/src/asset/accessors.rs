@@ -24,11 +24,13 @@ impl Cost {
     }
 }
 
-/// Checks every accessor of a primitive that is read; `buffers` has the buffer
-/// lengths in bytes, and the file `is_quantized` if it uses KHR_mesh_quantization.
+/// Checks every accessor of a primitive that the loader reads.
+///
+/// `buffers` holds the buffer lengths in bytes. `is_quantized`: the file uses
+/// KHR_mesh_quantization.
 ///
 /// # Errors
-/// A message.
+/// The reason as text.
 pub(crate) fn of_primitive(
     primitive: &gltf::Primitive<'_>,
     buffers: &[usize],
@@ -81,7 +83,7 @@ pub(crate) fn of_primitive(
 /// Checks the accessors of a skin.
 ///
 /// # Errors
-/// A message.
+/// The reason as text.
 pub(crate) fn of_skin(skin: &gltf::Skin<'_>, buffers: &[usize]) -> Result<(), String> {
     let inverse = skin.inverse_bind_matrices();
     inverse.map_or(Ok(()), |a| check(&a, &[F32], &[Mat4], buffers))
@@ -122,7 +124,7 @@ pub fn check(
     Ok(())
 }
 
-/// Checks that the elements fit the view, and the view its buffer.
+/// Checks that the elements lie in the view, and the view in its buffer.
 fn lies(
     view: &gltf::buffer::View<'_>,
     offset: usize,

@@ -6,14 +6,16 @@ use preshade_compiler::front::{self, Source};
 use preshade_draw::scene::SceneError;
 use shader_text::options;
 
-/// Its text, with all versions in one.
+/// The WGSL template. `//#if` lines mark the parts of each version.
 const TEXT: &str = include_str!("material.wgsl");
 
-/// The words of a version: which of its marked parts it has.
+/// The `//#if` words that are defined in a version.
 pub(crate) type Words = BTreeSet<&'static str>;
 
-/// The parsed version with these words. Its fields of a texture named `base_color_texture` are read
-/// at the second set of texture coordinates if `second` has `BASE_COLOR`.
+/// Parses the version that these words define.
+///
+/// A texture whose word is in `second`, such as `BASE_COLOR`, uses the second set of texture
+/// coordinates.
 ///
 /// # Errors
 /// A limit is exceeded.
@@ -35,10 +37,10 @@ pub(crate) fn version(
     })
 }
 
-/// The text of a version.
+/// The WGSL text of a version.
 fn text(words: &Words, second: &Words, lights: usize) -> String {
     let mut out = String::new();
-    // Whether each open part is in.
+    // For each open `//#if`, whether its lines belong to the version.
     let mut open: Vec<bool> = Vec::new();
     for line in TEXT.lines() {
         if let Some(word) = line.strip_prefix("//#if ") {

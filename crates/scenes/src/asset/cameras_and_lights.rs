@@ -1,4 +1,4 @@
-//! Cameras and lights of glTF files, and a camera for a file that has none.
+//! Cameras and lights of glTF files, and a default camera for a file without one.
 
 use glam::{Mat4, Quat, Vec3};
 use gltf::camera::Projection;
@@ -9,10 +9,10 @@ use super::file::{Below, Nodes};
 use crate::camera::{self, Range};
 use preshade_draw::scene::{Camera, Frame, Value};
 
-/// Most lights that the built-in material takes.
+/// The largest number of lights that the built-in material supports.
 pub(crate) const MOST_LIGHTS: usize = 16;
 
-/// A camera of a file.
+/// A camera of a glTF file.
 pub(crate) struct Seen {
     name: String,
     world: Mat4,
@@ -24,11 +24,11 @@ enum Lens {
     Orthographic { half: [f32; 2], range: Range },
 }
 
-/// A light of a file, in the world.
+/// A light of a glTF file, in world space.
 #[derive(Clone, Copy)]
 pub(crate) struct Lit {
     place: Vec3,
-    /// Where it shines.
+    /// Direction of the light's rays.
     pub direction: Vec3,
     /// In lux or candela.
     pub color: Vec3,
@@ -40,14 +40,14 @@ pub(crate) struct Lit {
 enum Shines {
     Directional,
     Point,
-    /// Cosines of the cones.
+    /// Cosines of the cone angles.
     Spot {
         inner: f32,
         outer: f32,
     },
 }
 
-/// The cameras among some nodes, which lie at `place`.
+/// The cameras among some nodes, with `place` applied to their transforms.
 pub(crate) fn cameras(nodes: &[&Below<'_>], of: &Nodes<'_>, place: Mat4) -> Vec<Seen> {
     let seen = nodes.iter().filter_map(|below| {
         let node = &below.node;
@@ -79,7 +79,7 @@ pub(crate) fn cameras(nodes: &[&Below<'_>], of: &Nodes<'_>, place: Mat4) -> Vec<
 
 impl Seen {
     pub fn camera(&self, aspect: f32, direction: DepthDirection) -> Camera {
-        // A scale does not move what a camera shows.
+        // A scale does not change a camera's view.
         let (_, rotation, eye) = self.world.to_scale_rotation_translation();
         let projection = match &self.projection {
             Lens::Perspective { fov, range } => {
@@ -114,7 +114,7 @@ pub(crate) fn framing([low, high]: [Vec3; 2], aspect: f32, direction: DepthDirec
     const FOV: f32 = 40.0;
     let center = (low + high) * 0.5;
     let radius = ((high - low).length() * 0.5).max(1e-6);
-    // The narrower of the two angles.
+    // The half angle of the narrower field of view.
     let half = (FOV.to_radians() * 0.5).tan() * aspect.min(1.0);
     let distance = radius / half.atan().sin();
     let eye = center + Vec3::new(0.6, 0.4, 1.0).normalize() * distance;

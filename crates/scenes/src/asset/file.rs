@@ -1,4 +1,4 @@
-//! A glTF file with its buffers: what both a mesh and a whole scene are read from.
+//! A glTF file with its buffers. Meshes and whole scenes are both read from it.
 
 use std::borrow::Cow;
 use std::collections::{BTreeMap, BTreeSet};
@@ -9,7 +9,7 @@ use gltf::buffer::Source;
 
 use preshade_draw::scene::SceneError;
 
-/// Extensions that are read.
+/// Extensions that the loader supports.
 const READ: [&str; 8] = [
     "EXT_mesh_gpu_instancing",
     "EXT_texture_webp",
@@ -21,39 +21,40 @@ const READ: [&str; 8] = [
     "KHR_texture_transform",
 ];
 
-/// A file, read by the name that a scene gives it.
+/// Reads a file by the name that a scene gives it.
 pub(crate) type Read<'a> = &'a dyn Fn(&str) -> Result<Vec<u8>, SceneError>;
 
-/// A size check: it gets the numbers of vertices and bytes before they are allocated.
+/// Checks sizes before an allocation. Its arguments are the numbers of vertices and bytes.
 pub(crate) type Take<'a> = &'a dyn Fn(u64, u64) -> Result<(), SceneError>;
 
 /// A glTF 2.0 file and the content of its buffers.
 pub(crate) struct Asset {
-    /// Name, as the scene gives it.
+    /// The file's name in the scene.
     pub file: String,
     pub document: gltf::Document,
-    /// Whether it has animations. The document has none: nothing reads them.
+    /// Whether the file has animations. They are removed from `document`, because nothing reads
+    /// them.
     is_animated: bool,
     pub buffers: Vec<Vec<u8>>,
 }
 
-/// The nodes of the default scene, and where they are.
+/// The nodes of the default scene with their world transforms.
 pub(crate) struct Nodes<'g> {
     /// In depth-first order.
     pub all: Vec<Below<'g>>,
-    /// Transforms to the world, by index.
+    /// World transform by node index.
     pub world: BTreeMap<usize, Mat4>,
 }
 
 /// A node of the default scene.
 pub(crate) struct Below<'g> {
     pub node: gltf::Node<'g>,
-    /// The place in [`Nodes::all`] of the node above it, which comes before it.
+    /// Index in [`Nodes::all`] of the parent, which precedes this node.
     above: Option<usize>,
 }
 
 impl<'g> Nodes<'g> {
-    /// The nodes of this name and those below them; all without a name.
+    /// The nodes with this name and their descendants. Without a name, all nodes.
     pub fn below(&self, name: Option<&str>) -> Vec<&Below<'g>> {
         let mut is_below = Vec::with_capacity(self.all.len());
         for node in &self.all {
@@ -68,12 +69,12 @@ impl<'g> Nodes<'g> {
 
 /// The JSON of a text or binary file, whether it has animations, and the binary chunk.
 ///
-/// The crate asks for members that glTF 2.0 leaves optional: a scene's nodes (section 5.26), which
-/// Blender omits from an empty scene, and the node of an animation's target (section 5.4.2), which
-/// KHR_animation_pointer omits.
+/// The glTF crate requires members that glTF 2.0 leaves optional: a scene's nodes (section 5.26),
+/// which Blender omits from an empty scene, and the node of an animation's target (section 5.4.2),
+/// which KHR_animation_pointer omits.
 ///
 /// # Errors
-/// The cause.
+/// The reason as text.
 fn parse(bytes: &[u8]) -> Result<(gltf::json::Root, bool, Option<Vec<u8>>), String> {
     let (text, blob) = match bytes.starts_with(b"glTF") {
         true => {
@@ -101,8 +102,8 @@ fn parse(bytes: &[u8]) -> Result<(gltf::json::Root, bool, Option<Vec<u8>>), Stri
 
 const DRACO: &str = "KHR_draco_mesh_compression";
 
-/// Gives accessors without data that nothing reads some data: glTF allows them, and the crate does not. Returns
-/// whether no other accessor lacks data.
+/// Gives data to unread accessors that have none: glTF allows them, but the crate does not. Returns
+/// whether all accessors that are read have data.
 fn without_data(root: &mut gltf::json::Root) -> bool {
     let primitives = root.meshes.iter().flat_map(|m| &m.primitives);
     let mut read: BTreeSet<usize> = primitives
@@ -143,13 +144,13 @@ impl Asset {
     /// Reads a file and its buffers.
     ///
     /// # Errors
-    /// It is no glTF 2.0, requires an extension that is not read, or lacks a part of a buffer.
+    /// The file is no glTF 2.0, requires an unsupported extension, or lacks a part of a buffer.
     pub fn open(file: &str, read: Read<'_>, take: Take<'_>) -> Result<Self, SceneError> {
         let wrong = |what: String| SceneError::new(format!("`{file}`: {what}"));
         let bytes = read(file)?;
         let (mut root, is_animated, mut blob) =
             parse(&bytes).map_err(|e| wrong(format!("no glTF 2.0: {e}")))?;
-        // The crate knows fewer extensions than are read here.
+        // The crate knows fewer extensions than this loader supports.
         for name in std::mem::take(&mut root.extensions_required) {
             if !READ.contains(&name.as_str()) {
                 return Err(unread(
@@ -196,7 +197,7 @@ impl Asset {
         SceneError::new(format!("`{}`: {what}", self.file))
     }
 
-    /// The bytes that a URI names: its own, or those of a file beside this one.
+    /// The bytes of a URI: decoded from a `data:` URI, or read from a file relative to this one.
     pub fn uri(&self, uri: &str, read: Read<'_>) -> Result<Vec<u8>, SceneError> {
         if let Some(rest) = uri.strip_prefix("data:") {
             let data = rest.split_once(";base64,").map(|(_, data)| data);
@@ -219,20 +220,20 @@ impl Asset {
         read(&format!("{folder}{name}"))
     }
 
-    /// The bytes of a part of a buffer.
+    /// The bytes of a view. `None` if it leaves its buffer.
     pub fn view(&self, view: &gltf::buffer::View<'_>) -> Option<&[u8]> {
         let end = view.offset().checked_add(view.length())?;
         let buffer = self.buffers.get(view.buffer().index())?;
         buffer.get(view.offset()..end)
     }
 
-    /// Whether vertices may have numbers of fewer bits.
+    /// Whether the file uses KHR_mesh_quantization: attributes may then have 8 or 16 bits.
     pub fn is_quantized(&self) -> bool {
         let mut used = self.document.extensions_used();
         used.any(|name| name == "KHR_mesh_quantization")
     }
 
-    /// Lengths of the buffers, in bytes.
+    /// Length of each buffer in bytes.
     pub fn lengths(&self) -> Vec<usize> {
         self.buffers.iter().map(Vec::len).collect()
     }
@@ -283,7 +284,7 @@ impl Asset {
         joints.collect()
     }
 
-    /// What of the file is not drawn, a line each.
+    /// The parts of the file that are not drawn, one line each.
     pub fn left_out(&self) -> Vec<String> {
         let used = self.document.extensions_used();
         let ignored = used.filter(|name| !READ.contains(name));
@@ -300,7 +301,7 @@ impl Asset {
     }
 }
 
-/// Tells what to do about a required extension.
+/// Adds help for a required extension that is not supported.
 fn unread(error: SceneError, name: &str) -> SceneError {
     let what = match name {
         "KHR_draco_mesh_compression" | "EXT_meshopt_compression" | "KHR_meshopt_compression" => {

@@ -1,4 +1,4 @@
-//! Which value of a glTF material feeds which binding of a shader: by name and role.
+//! Maps values of glTF materials to bindings of a shader, by name and role.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -10,16 +10,16 @@ use preshade_draw::scene::globals::{Global, globals};
 use preshade_draw::scene::semantic::normalise;
 use preshade_draw::scene::{Image, Material, SceneError, Value, layout};
 
-/// What feeds a binding.
+/// The source of a binding's value.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct Mapped {
-    /// Texture, sampler, variable or member.
+    /// Name of the texture, sampler, variable or member.
     pub binding: String,
-    /// Name in glTF, or what was made up.
+    /// The source: a name in glTF, or a description of a made-up value.
     pub from: String,
 }
 
-/// A number of a material.
+/// A numeric property of a glTF material.
 #[derive(Clone, Copy, Debug, PartialEq)]
 enum Factor {
     BaseColor,
@@ -33,10 +33,10 @@ enum Factor {
     Transform(Use),
 }
 
-/// Endings of names that say nothing.
+/// Suffixes that carry no information about a texture's role.
 const ENDINGS: [&str; 7] = ["texture", "tex", "map", "sampler", "image", "smp", "view"];
 
-/// The name without prefixes, endings, case and underscores.
+/// A name in normalised form, without prefixes and suffixes.
 fn bare(name: &str) -> String {
     let whole = normalise(name);
     let mut rest = whole
@@ -53,7 +53,7 @@ fn bare(name: &str) -> String {
     rest.to_owned()
 }
 
-/// The use of a texture, by its name.
+/// A texture's role, by its name.
 fn use_of(name: &str) -> Option<Use> {
     Some(match bare(name).as_str() {
         "basecolor" | "basecolour" | "albedo" | "diffuse" | "color" | "colour" | "base" | "" => {
@@ -80,8 +80,8 @@ fn use_of(name: &str) -> Option<Use> {
     })
 }
 
-/// Words in the names of variables, members and their types whose colours and strengths are not a
-/// material's.
+/// Words that mark names of variables, members and types outside of materials. Their colours and
+/// strengths do not come from glTF.
 const NOT_MATERIAL: [&str; 14] = [
     "light",
     "lamp",
@@ -99,14 +99,14 @@ const NOT_MATERIAL: [&str; 14] = [
     "post",
 ];
 
-/// Whether a name is of something other than a material: `pointLights`, `SkyParams`.
+/// Whether a name belongs to something other than a material, such as `pointLights` or `SkyParams`.
 fn is_of_scene(name: &str) -> bool {
     let name = normalise(name);
     let is_material = ["material", "surface"].iter().any(|w| name.contains(w));
     !is_material && NOT_MATERIAL.iter().any(|word| name.contains(word))
 }
 
-/// The factor that a variable or member is, by its name.
+/// The material property that a variable or member holds, by its name.
 fn factor_of(path: &str) -> Option<Factor> {
     let last = path.rsplit('.').next().unwrap_or(path);
     let name = normalise(last);
@@ -162,7 +162,7 @@ impl Factor {
             Self::Metallic => one(look.metallic),
             Self::Roughness => one(look.roughness),
             Self::Emissive => {
-                // A shader that multiplies by the strength itself gets the factor alone.
+                // A shader with its own strength gets the bare factor.
                 let by = match has_strength && look.emissive_strength > 0.0 {
                     true => look.emissive_strength,
                     false => 1.0,
@@ -172,7 +172,7 @@ impl Factor {
             Self::EmissiveStrength => one(look.emissive_strength),
             Self::NormalScale => one(look.normal_scale),
             Self::OcclusionStrength => one(look.occlusion_strength),
-            // Nothing lies below it.
+            // No alpha is below 0, so nothing is discarded.
             Self::AlphaCutoff if look.alpha != gltf::material::AlphaMode::Mask => vec![0.0],
             Self::AlphaCutoff => one(look.alpha_cutoff),
             Self::Transform(of) => {
@@ -184,8 +184,8 @@ impl Factor {
     }
 }
 
-/// Fills what the author left open of a material with the values of a glTF material, and tells what
-/// fed what.
+/// Fills the inputs that the author left open with values of a glTF material. Returns the source of
+/// each.
 ///
 /// # Errors
 /// A texture cannot be read.
@@ -242,7 +242,7 @@ pub(crate) fn fill(
             continue;
         };
         let mut numbers = factor.numbers(look, has_strength);
-        // A colour may be given without or with alpha.
+        // The shader's colour has an alpha channel that the property lacks.
         if numbers.len() == 3 && size == 4 {
             numbers.push(1.0);
         }
@@ -259,7 +259,7 @@ pub(crate) fn fill(
     Ok(mapped)
 }
 
-/// Gives samplers those of the textures that they are used with, by name or by the first use.
+/// Gives each sampler the settings of its texture, found by name or by first use.
 fn samplers(target: &mut Material, look: &Look, globals: &[Global<'_>], mapped: &mut Vec<Mapped>) {
     let program = target.program.clone();
     let module = program.module();
@@ -305,15 +305,15 @@ fn samplers(target: &mut Material, look: &Look, globals: &[Global<'_>], mapped: 
     }
 }
 
-/// How many numbers the scalar, vector or matrix at a path of a material has. `None`: there is none,
-/// or the path leads through something else, such as a light.
+/// Number of scalars in the scalar, vector or matrix at a path. `None` if there is none, or if the
+/// path leads through something that is no material, such as a light.
 fn numbers_of(program: &preshade_plan::program::Program, path: &str) -> Option<usize> {
     let module = program.module();
     let mut names: Vec<&str> = path.split('.').collect();
     let buffer = |name: &str| globals(program).find(|g| g.is_buffer && g.name == name);
     let mut ty = match buffer(names[0]) {
         Some(global) => global.ty,
-        // A member of a block without a name.
+        // A member of an unnamed block.
         None => {
             names.insert(0, "");
             buffer("")?.ty
@@ -336,19 +336,19 @@ fn numbers_of(program: &preshade_plan::program::Program, path: &str) -> Option<u
     Some((columns * rows) as usize)
 }
 
-/// A texture that changes nothing.
+/// A texture that has no effect in this role.
 fn neutral(of: Use) -> Arc<Image> {
     Arc::new(Image::rgba8([1, 1], 1, false, vec![of.neutral().to_vec()]))
 }
 
-/// The notes of a mapping: each binding once for each shader, with what fed it and how often.
+/// Notes for the report: each binding once per shader, with its source and the number of materials.
 pub(crate) fn told(all: &[(String, Vec<Mapped>)]) -> Vec<String> {
     let mut by_shader: BTreeMap<&str, BTreeMap<&Mapped, usize>> = BTreeMap::new();
     for (shader, mapped) in all {
         let of = by_shader.entry(shader).or_default();
         mapped.iter().for_each(|m| *of.entry(m).or_default() += 1);
     }
-    // A shader that reads nothing of the file's materials has nothing to tell.
+    // A shader without values from the file gets no note.
     let fed = by_shader.into_iter().filter(|(_, rows)| !rows.is_empty());
     let shaders = fed.map(|(shader, rows)| {
         let materials = all.iter().filter(|(s, _)| s == shader).count();

@@ -1,4 +1,4 @@
-//! A material of a glTF file: its numbers, its textures, and how it is drawn.
+//! A material of a glTF file: its numbers, textures and render state.
 
 use std::cell::RefCell;
 use std::collections::BTreeMap;
@@ -12,7 +12,7 @@ use crate::image::{Hold, Reading, decode};
 use preshade_draw::scene::{Address, Filter, Image, Sampler, SceneError};
 use shader_text::limits::Limits;
 
-/// What a texture of a material is for.
+/// The role of a texture in a material.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum Use {
     BaseColor,
@@ -23,7 +23,7 @@ pub(crate) enum Use {
 }
 
 impl Use {
-    /// Its name in glTF.
+    /// The property's name in glTF.
     pub fn name(self) -> &'static str {
         match self {
             Self::BaseColor => "baseColorTexture",
@@ -34,7 +34,7 @@ impl Use {
         }
     }
 
-    /// Its word in the built-in material's text.
+    /// The word for this texture in the built-in material's template.
     pub fn word(self) -> &'static str {
         match self {
             Self::BaseColor => "BASE_COLOR",
@@ -45,7 +45,7 @@ impl Use {
         }
     }
 
-    /// The texel that changes nothing.
+    /// The RGBA texel that has no effect in this role.
     pub fn neutral(self) -> [u8; 4] {
         match self {
             Self::Normal => [128, 128, 255, 255],
@@ -63,23 +63,23 @@ impl Use {
 pub(crate) struct Slot {
     pub texture: usize,
     pub sampler: Sampler,
-    /// Set of texture coordinates.
+    /// Index of the set of texture coordinates.
     pub uv: u32,
-    /// Columns of the matrix that moves the coordinates (KHR_texture_transform).
+    /// Columns of the matrix that transforms the coordinates (KHR_texture_transform).
     pub transform: Option<[f64; 9]>,
     reading: Reading,
 }
 
-/// A material of the file, or the default one.
+/// A material of the file, or glTF's default material.
 pub(crate) struct Look {
-    /// Its number in the file.
+    /// Index in the file. `None`: the default material.
     pub index: Option<usize>,
-    /// Its name, or one made from its number.
+    /// The material's name, or one derived from its index.
     pub name: String,
     pub base_color: [f32; 4],
     pub metallic: f32,
     pub roughness: f32,
-    /// With its strength.
+    /// Multiplied by the strength.
     pub emissive: [f32; 3],
     pub emissive_strength: f32,
     pub normal_scale: f32,
@@ -203,7 +203,7 @@ fn slot(of: Use, texture: &gltf::Texture<'_>, uv: u32, transform: Option<[f64; 9
     }
 }
 
-/// Columns of the matrix of KHR_texture_transform: scales, then rotates, then moves.
+/// The columns of a KHR_texture_transform matrix. It scales, then rotates, then translates.
 fn transform(offset: [f32; 2], rotation: f32, scale: [f32; 2]) -> [f64; 9] {
     let (sin, cos) = f64::from(rotation).sin_cos();
     let [x, y] = scale.map(f64::from);
@@ -211,7 +211,7 @@ fn transform(offset: [f32; 2], rotation: f32, scale: [f32; 2]) -> [f64; 9] {
     [cos * x, -sin * x, 0.0, sin * y, cos * y, 0.0, u, v, 1.0]
 }
 
-/// The set of coordinates and the matrix of a KHR_texture_transform that the crate does not read.
+/// The set of coordinates and the matrix of a KHR_texture_transform that the crate does not parse.
 fn read_transform(value: Option<&serde_json::Value>) -> (Option<u32>, Option<[f64; 9]>) {
     let Some(value) = value else {
         return (None, None);
@@ -230,7 +230,7 @@ fn read_transform(value: Option<&serde_json::Value>) -> (Option<u32>, Option<[f6
     (uv.and_then(|n| u32::try_from(n).ok()), Some(matrix))
 }
 
-/// The decoded images of a file, each once for each way to read it.
+/// The decoded images of a file, cached per image and way of reading.
 pub(crate) struct Pictures<'a> {
     pub asset: &'a Asset,
     pub read: Read<'a>,
@@ -250,15 +250,15 @@ impl<'a> Pictures<'a> {
         }
     }
 
-    /// The image of a texture.
+    /// The decoded image of a texture.
     ///
     /// # Errors
-    /// It is missing, cannot be read, or is too large.
+    /// The image is missing, cannot be read, or is too large.
     pub fn of(&self, slot: &Slot) -> Result<Arc<Image>, SceneError> {
         let asset = self.asset;
         let texture = asset.document.textures().nth(slot.texture);
         let texture = texture.ok_or_else(|| asset.wrong(format!("no texture {}", slot.texture)))?;
-        // A better form of the image, where there is one.
+        // Prefer the image in a better format, if the texture has one.
         let other = ["KHR_texture_basisu", "EXT_texture_webp"]
             .iter()
             .find_map(|name| {

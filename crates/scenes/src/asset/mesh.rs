@@ -1,4 +1,5 @@
-//! glTF 2.0: the primitives of a file, or of a part of it, merged with skin and morph targets.
+//! Meshes of glTF 2.0: merges the primitives of a file, or of a part of it, with skin and morph
+//! targets.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -13,31 +14,31 @@ use crate::mesh::{merged, transformed};
 use preshade_draw::scene::{Mesh, SceneError};
 use shader_text::panics;
 
-/// A part of a glTF file: the triangles that all given keys select, with the transforms of their
-/// nodes. Without a key, the whole default scene.
+/// A part of a glTF file: the triangles that match all given keys, with the transforms of their
+/// nodes. Without keys, the whole default scene.
 #[derive(Clone, Debug, Default, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Gltf {
     /// `.gltf` or `.glb`, relative to the scene's folder.
     pub file: String,
-    /// Name of one mesh, at each node that has it. A mesh that no node has is read at the origin.
+    /// Name of a mesh. It appears once for each node that uses it, or at the origin if none does.
     pub mesh: Option<String>,
-    /// Name of one node: what it and the nodes below it draw.
+    /// Name of a node: selects its meshes and those of its descendants.
     pub node: Option<String>,
-    /// Name of one of the file's materials: the primitives that have it.
+    /// Name of a material: selects its primitives.
     pub material: Option<String>,
-    /// Number of one primitive in its mesh, from 0.
+    /// Index of a primitive in its mesh, from 0.
     pub primitive: Option<usize>,
 }
 
-/// A mesh of the file, and the node that places it, if one does.
+/// A mesh of the file, and the node that places it, if any.
 pub type Placed<'g> = (gltf::Mesh<'g>, Option<gltf::Node<'g>>);
 
 /// A mesh with its pose.
 #[derive(Clone, Debug)]
 pub struct Rigged {
     pub mesh: Mesh,
-    /// Joint matrices of the file's pose with the inverse bind pose applied; empty without a skin.
+    /// Joint matrices of the file's pose, with the inverse bind pose applied. Empty without a skin.
     pub joints: Arc<[Mat4]>,
     /// Default weights of the morph targets.
     pub morph_weights: Vec<f32>,
@@ -48,8 +49,8 @@ impl Gltf {
     /// folder.
     ///
     /// # Errors
-    /// The file is no glTF 2.0, lacks the mesh, has primitives other than triangles, has accessors
-    /// outside of their buffers, or has two skins in the selected part.
+    /// The file is no glTF 2.0 or lacks the mesh. A primitive has no triangles, or an accessor
+    /// leaves its buffer. The selected part has two skins.
     pub fn load(
         &self,
         name: &str,
@@ -58,7 +59,7 @@ impl Gltf {
         self.load_within(name, read, &|_, _| Ok(()))
     }
 
-    /// [`Gltf::load`] with a size check: `take` gets the number of vertices and bytes before they
+    /// [`Gltf::load`] with a size check. `take` gets the numbers of vertices and bytes before they
     /// are allocated.
     pub(crate) fn load_within(
         &self,
@@ -66,7 +67,7 @@ impl Gltf {
         read: &dyn Fn(&str) -> Result<Vec<u8>, SceneError>,
         take: &dyn Fn(u64, u64) -> Result<(), SceneError>,
     ) -> Result<Rigged, SceneError> {
-        // The glTF crate may panic on errors that the checks below miss.
+        // The glTF crate may panic on errors that the checks miss.
         panics::run(|| self.loaded(name, read, take)).unwrap_or_else(|panicked| {
             Err(SceneError::new(format!(
                 "`{}`: the crate that reads glTF panicked: {panicked}",
@@ -115,7 +116,7 @@ impl Gltf {
         placed
     }
 
-    /// Why nothing is selected.
+    /// The error for a selection without a match.
     pub(crate) fn nothing(&self, gltf: &gltf::Document, placed: &[Placed<'_>]) -> SceneError {
         let named = |what: &str, name: &str, all: Vec<&str>| {
             let known = all.contains(&name);
@@ -166,7 +167,8 @@ impl Gltf {
         }
     }
 
-    /// Checks sizes before reading: many nodes may share a mesh. `lengths` are those of the buffers.
+    /// Checks sizes before reading, because many nodes may share a mesh. `lengths` are those of the
+    /// buffers.
     pub(crate) fn check_sizes(
         &self,
         placed: &[Placed<'_>],
@@ -228,7 +230,7 @@ impl Gltf {
                 }
                 let part = primitive::read(&asset, &primitive, Missing::Smooth)
                     .map_err(|e| self.wrong(e))?;
-                // The node of a skinned mesh has no effect on its place (glTF 2.0, section
+                // The node of a skinned mesh does not affect its position (glTF 2.0, section
                 // 3.7.3.3).
                 parts.push(match node {
                     Some(node) if skin.is_none() => transformed(part, all.world[&node.index()]),

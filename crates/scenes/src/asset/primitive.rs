@@ -9,17 +9,16 @@ use super::file::Asset;
 use crate::mesh::{MeshBuilder, bounds, positions, unindexed};
 use preshade_draw::scene::{Mesh, Stream};
 
-/// Normals of a primitive that has none.
+/// How to compute the normals of a primitive without any.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub(crate) enum Missing {
-    /// Those of its triangles, as the specification demands.
+    /// The normals of its triangles, as the specification requires.
     Flat,
     /// Their mean at each vertex.
     Smooth,
 }
 
-/// The numbers of an accessor that was checked: as they are, or in 0..1 or -1..1 if they are
-/// normalised.
+/// The values of a checked accessor as floats. Normalised integers become 0..1 or -1..1.
 pub(crate) fn floats(asset: &Asset, accessor: &Accessor<'_>) -> Option<Vec<f32>> {
     macro_rules! read {
         ($ty:ty, $to:expr) => {{
@@ -60,7 +59,8 @@ pub(crate) fn floats(asset: &Asset, accessor: &Accessor<'_>) -> Option<Vec<f32>>
 /// The mesh of a primitive whose accessors were checked: a list of points, lines or triangles.
 ///
 /// # Errors
-/// It has no positions, an index beyond them, or fewer of another attribute.
+/// The primitive has no positions, an index is out of range, or another attribute has fewer
+/// elements.
 pub(crate) fn read(
     asset: &Asset,
     primitive: &gltf::Primitive<'_>,
@@ -108,7 +108,7 @@ pub(crate) fn read(
             .collect(),
         None => vec![Vec2::ZERO; count],
     };
-    // The builder generates tangents; the file's own replace them below.
+    // The builder generates tangents. Those of the file replace them below.
     let mut b = MeshBuilder::default();
     for (i, place) in places.iter().enumerate() {
         let (Some(normal), Some(uv)) = (normals.get(i), uvs.get(i)) else {
@@ -129,7 +129,7 @@ pub(crate) fn read(
     mesh.indices = Some(indices);
     let tangents = of(gltf::Semantic::Tangents);
     if let (None, Some(Stream::Float { data, .. })) = (&tangents, mesh.streams.get_mut("tangent")) {
-        // Coordinates of glTF go down a texture, and the second direction of a normal map goes up.
+        // glTF's v grows downwards, but the second direction of a normal map points up.
         data.iter_mut()
             .skip(3)
             .step_by(4)
@@ -175,7 +175,7 @@ pub(crate) fn is_triangles(mode: Mode) -> bool {
     )
 }
 
-/// The indices of a strip, fan or loop as those of a list.
+/// Converts the indices of a strip, fan or loop to those of a list.
 fn listed(mode: Mode, indices: &[u32]) -> Vec<u32> {
     let pairs = || indices.windows(2).flat_map(|w| [w[0], w[1]]);
     match mode {
@@ -201,7 +201,7 @@ fn listed(mode: Mode, indices: &[u32]) -> Vec<u32> {
     }
 }
 
-/// Colours with alpha.
+/// Vertex colours. Without alpha in the file, it is 1.
 fn colors(asset: &Asset, primitive: &gltf::Primitive<'_>) -> Option<Vec<f32>> {
     let accessor = primitive.get(&gltf::Semantic::Colors(0))?;
     let data = floats(asset, &accessor)?;
@@ -214,7 +214,7 @@ fn colors(asset: &Asset, primitive: &gltf::Primitive<'_>) -> Option<Vec<f32>> {
     })
 }
 
-/// A mesh whose triangles have vertices and normals of their own.
+/// Gives each triangle its own vertices and normals.
 fn flat(mesh: Mesh) -> Mesh {
     let mut mesh = unindexed(mesh);
     let places: Vec<Vec3> = positions(&mesh).collect();
@@ -244,7 +244,7 @@ fn smooth_normals(places: &[Vec3], indices: &[u32]) -> Vec<Vec3> {
     sums.into_iter().map(|n| n.normalize_or(Vec3::Y)).collect()
 }
 
-/// Moves the vertices of a mesh by its morph targets, and drops these.
+/// Applies the morph targets to a mesh's vertices, and removes them.
 pub(crate) fn morphed(mesh: &mut Mesh, weights: &[f32]) {
     for (stream, count) in [("position", 3), ("normal", 3), ("tangent", 4)] {
         for (i, weight) in weights.iter().enumerate() {
@@ -265,7 +265,7 @@ pub(crate) fn morphed(mesh: &mut Mesh, weights: &[f32]) {
     mesh.bounds = bounds(positions(mesh));
 }
 
-/// Puts the vertices of a mesh where its joints are, and drops the joints.
+/// Applies the joints to a mesh's vertices, and removes them.
 pub(crate) fn skinned(mesh: &mut Mesh, joints: &[Mat4]) {
     let (joint, weight) = (
         mesh.streams.remove("joints"),

@@ -1,4 +1,4 @@
-//! What a primitive, its material and its node ask of a draw.
+//! Requirements of a primitive, its material and its node on a draw.
 
 use glam::{Mat4, Quat, Vec3};
 use gltf::material::AlphaMode;
@@ -15,7 +15,7 @@ use preshade_draw::scene::bind::{is_instance_data, known_stream};
 use preshade_draw::scene::globals::globals;
 use preshade_draw::scene::{Material, Mesh, SceneError};
 
-/// What the vertex stage of a template reads.
+/// The kinds of vertex data that a material's vertex stage reads.
 #[derive(Clone, Copy)]
 pub(crate) struct Reads {
     pub joints: bool,
@@ -24,7 +24,7 @@ pub(crate) struct Reads {
 }
 
 impl Reads {
-    /// Those of the built-in material.
+    /// The built-in material's inputs.
     pub const BUILT_IN: Self = Self {
         joints: true,
         morphs: false,
@@ -61,10 +61,10 @@ impl Reads {
     }
 }
 
-/// What a primitive asks of its material.
+/// Properties of a primitive and its node that the material must support.
 #[derive(Clone, Copy)]
 pub(crate) struct Drawn {
-    /// Whether it has a second set of texture coordinates.
+    /// Whether the primitive has a second set of texture coordinates.
     pub has_second: bool,
     pub mode: Mode,
     pub has_color: bool,
@@ -75,8 +75,8 @@ pub(crate) struct Drawn {
 }
 
 impl Drawn {
-    /// The words of the built-in material's version, and of the textures at the second set of
-    /// texture coordinates.
+    /// The words of the built-in material's version, and those of the textures that use the second
+    /// set of texture coordinates.
     pub fn words(&self, look: &Look) -> (Words, Words) {
         let mut words = Words::new();
         let mut second = Words::new();
@@ -119,7 +119,7 @@ impl Drawn {
     }
 }
 
-/// Sets the state that a glTF material demands.
+/// Applies the render state of a glTF material.
 pub(crate) fn state(
     state: &mut MaterialState,
     look: &Look,
@@ -151,8 +151,8 @@ pub(crate) fn state(
     }
 }
 
-/// Puts a mesh into its pose, as far as the shader does not do it. Its bounds are those of the
-/// pose.
+/// Applies the parts of a pose that the shader does not apply itself. The mesh's bounds are always
+/// those of the pose.
 pub(crate) fn posed(mesh: &mut Mesh, reads: Reads, weights: &[f32], joints: &[Mat4]) {
     let mut moved = mesh.clone();
     primitive::morphed(&mut moved, weights);
@@ -168,7 +168,7 @@ pub(crate) fn posed(mesh: &mut Mesh, reads: Reads, weights: &[f32], joints: &[Ma
     mesh.bounds = moved.bounds;
 }
 
-/// The places of a node's instances (EXT_mesh_gpu_instancing). `None`: it has none.
+/// The transforms of a node's instances (EXT_mesh_gpu_instancing). `None` without instances.
 pub(crate) fn instances(
     asset: &Asset,
     node: &gltf::Node<'_>,

@@ -1,8 +1,9 @@
-//! Materials that blend alpha alone, where nobody sees it.
+//! Finds materials that only blend alpha, where nobody sees it.
 //!
-//! The page shows an opaque canvas without its alpha. Many pages still blend alpha there, because they took the
-//! state from an example. The picture of such a material depends on what it hides, in alpha alone. Without that
-//! blending it is an opaque material, which can be drawn behind a depth pre-pass or sorted.
+//! The page shows an opaque canvas without its alpha. Many pages still blend alpha there, because
+//! they copied the state from an example. For such a material, draw order only affects alpha.
+//! Without that blending the material is opaque, so it can be drawn behind a depth pre-pass or
+//! sorted.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -13,8 +14,8 @@ use preshade_frames::file::{
 use preshade_frames::folder::Capture;
 use preshade_frames::pass::{self, Pass};
 
-/// The pipelines of a pass that a scene draws without blending, because they replace the colour and nobody sees
-/// the alpha, or it is not written.
+/// The pipelines of a pass that a scene draws without blending. They replace the colour, and their
+/// alpha is unseen or not written.
 pub(super) fn unblended(capture: &Capture, pass: &Pass<'_>) -> BTreeSet<usize> {
     let all = &capture.file.render_pipelines;
     let used: BTreeSet<usize> = pass.draws.iter().map(|d| d.pipeline).collect();
@@ -32,7 +33,8 @@ pub(super) fn unblended(capture: &Capture, pass: &Pass<'_>) -> BTreeSet<usize> {
         targets.iter().all(|t| replaces_color(t, is_unseen))
     };
     let mut found: BTreeSet<usize> = blending.iter().copied().filter(is_replaced).collect();
-    // A scene draws what blends last. What is drawn over something that blends has to stay behind it.
+    // A scene draws blended materials last. A material that is drawn over a blended one has to keep
+    // its blending.
     loop {
         let (mut is_behind, mut stays) = (false, BTreeSet::new());
         for draw in &pass.draws {
@@ -49,7 +51,7 @@ pub(super) fn unblended(capture: &Capture, pass: &Pass<'_>) -> BTreeSet<usize> {
     }
 }
 
-/// Whether a pipeline writes alpha.
+/// Whether a pipeline writes alpha to a target that it blends.
 pub(super) fn is_written(pipeline: &RenderPipeline) -> bool {
     blended_targets(pipeline).iter().any(|t| writes_alpha(t))
 }
@@ -58,7 +60,7 @@ fn writes_alpha(target: &ColorTarget) -> bool {
     target.write_mask & 0b1000 != 0
 }
 
-/// The targets of a pipeline that it blends.
+/// The targets that a pipeline blends.
 fn blended_targets(pipeline: &RenderPipeline) -> Vec<&ColorTarget> {
     let targets = pipeline.fragment.iter().flat_map(|f| f.targets.iter());
     let is_blended = |b: &Blend| [b.color, b.alpha] != [BlendComponent::default(); 2];
@@ -68,8 +70,8 @@ fn blended_targets(pipeline: &RenderPipeline) -> Vec<&ColorTarget> {
         .collect()
 }
 
-/// Whether blending changes nothing but alpha that nobody sees or that is not written. A float target may hold
-/// infinity, and 0 times that may be NaN.
+/// Whether blending affects only alpha that is unseen or not written. Float targets may hold
+/// infinity, and 0 times infinity is NaN, so they never qualify.
 fn replaces_color(target: &ColorTarget, is_unseen: bool) -> bool {
     let color = target.blend.as_ref().map(|b| b.color);
     let has_infinity = matches!(
@@ -87,8 +89,8 @@ fn replaces_color(target: &ColorTarget, is_unseen: bool) -> bool {
         && !has_infinity
 }
 
-/// Whether nobody sees the alpha of a pass: it draws to an opaque canvas, no command of the capture reads the pass's
-/// colours otherwise, and no draw to them blends colour by the alpha that is there.
+/// Whether nobody sees the alpha of a pass. It draws to an opaque canvas, no command of the capture
+/// reads its colours otherwise, and no draw to them blends by the target's alpha.
 fn is_unseen(capture: &Capture, pass: &Pass<'_>) -> bool {
     let file = &capture.file;
     let mut canvases = BTreeMap::new();
@@ -104,7 +106,7 @@ fn is_unseen(capture: &Capture, pass: &Pass<'_>) -> bool {
     let mut drawn = textures(pass.descriptor);
     let is_shown = !drawn.is_empty() && colors.clone().all(|c| is_opaque(&shown(c)));
     let frames = || file.frames.iter().flat_map(|f| &f.commands);
-    // A texture of several samples is resolved to another canvas in each frame.
+    // A multisampled texture is resolved to another canvas in each frame.
     for command in frames() {
         if let Command::RenderPass { descriptor, .. } = command {
             let colors = descriptor.color_attachments.iter().flatten();
@@ -117,14 +119,14 @@ fn is_unseen(capture: &Capture, pass: &Pass<'_>) -> bool {
     is_shown && file.is_complete() && !all.any(|command| reads_alpha(capture, command, &drawn))
 }
 
-/// The textures that a pass draws and resolves to.
+/// The textures that a pass draws or resolves to.
 fn textures(of: &RenderPassDescriptor) -> BTreeSet<usize> {
     let colors = of.color_attachments.iter().flatten();
     let views = colors.flat_map(|c| std::iter::once(&c.view).chain(&c.resolve_target));
     views.map(|view| view.texture).collect()
 }
 
-/// Whether a command reads the alpha of `drawn`, other than by resolving one of them to another.
+/// Whether a command reads the alpha of `drawn`, except to resolve one of them to another.
 fn reads_alpha(capture: &Capture, command: &Command, drawn: &BTreeSet<usize>) -> bool {
     let Command::RenderPass { descriptor, .. } = command else {
         let mut read = pass::read_otherwise(capture, command).into_iter();

@@ -1,4 +1,4 @@
-//! Compares a replayed frame with the picture that the page showed.
+//! Compares a replayed frame with the page's picture.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use preshade_draw::render::{ColorImage, Gpu};
 use preshade_draw::scene::Image;
 use preshade_frames::folder::{Capture, get};
 
-/// A replayed frame beside the page's picture.
+/// Differences between a replayed frame and the page's picture.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Compared {
     /// Frame, from 0.
@@ -26,8 +26,8 @@ pub struct Compared {
 }
 
 impl Compared {
-    /// One line for a reader of a report: `page` and `here` are the adapters, and `noise` is what the frame's shaders
-    /// compute that differs between drivers.
+    /// A line for the report. `page` and `here` are the adapters. `noise` names the
+    /// driver-dependent computations of the frame's shaders.
     pub fn told(&self, page: &str, here: &str, noise: Option<&str>) -> String {
         match self.differ {
             0 => format!(
@@ -55,20 +55,21 @@ impl Compared {
         }
     }
 
-    /// Whether more differs than drivers explain: one pixel in five by more than a step.
+    /// Whether the difference is larger than drivers explain: more than a fifth of the pixels
+    /// differ by more than a step.
     pub fn is_off(&self) -> bool {
         self.by_more * 5 > self.pixels
     }
 }
 
-/// The frames of a capture, each replayed and compared.
+/// The replayed frames of a capture, and their differences.
 #[derive(Debug)]
 pub struct Check {
-    /// A frame without a picture is not among them.
+    /// Differences of each frame with a picture.
     pub frames: Vec<Compared>,
-    /// The pictures of the replay: of each frame with a canvas.
+    /// The replay's picture of each frame with a canvas.
     pub pictures: Vec<ColorImage>,
-    /// What the replay left out, and how often.
+    /// Parts that the replay left out, and how often.
     pub left_out: BTreeMap<LeftOut, u64>,
 }
 
@@ -95,7 +96,7 @@ pub fn check(capture: &Capture, gpu: &Gpu) -> Result<Check, Error> {
     })
 }
 
-/// What the page showed in a frame, and what its replay shows. `None` without a picture of the page.
+/// The page's picture of a frame, and the replay's. `None` without a picture of the page.
 ///
 /// # Errors
 /// As [`check`].
@@ -122,7 +123,7 @@ pub fn pictures(
     }))
 }
 
-/// A frame that was just replayed, beside the page's picture of it. `None` without one.
+/// Compares a frame that was just replayed with the page's picture. `None` without one.
 ///
 /// # Errors
 /// The picture has another size or format than the canvas, or the device is lost.
@@ -188,7 +189,7 @@ fn compared(frame: usize, ours: &Image, theirs: &Image) -> Option<Compared> {
         let [Some(a), Some(b)] = [&ours, &theirs].map(|of| of.at(0, place)) else {
             continue;
         };
-        // NaN differs from all but NaN.
+        // NaN equals only NaN.
         let channels = a
             .iter()
             .zip(b)

@@ -2,14 +2,14 @@
 
 use super::points;
 
-/// The built-in number of a draw of `WEBGL_multi_draw`: each is a draw of its own in a capture, and the number a
-/// uniform of that name.
+/// The built-in draw number of `WEBGL_multi_draw`. A capture splits a multi-draw, and passes the
+/// number as a uniform of this name.
 pub(super) const NAME: &str = "gl_DrawID";
-/// A program may not declare a name that begins with `gl_`.
+/// The uniform's name in our text: a program may not declare a name that begins with `gl_`.
 pub(super) const OWN: &str = "preshade_draw_id";
 const MULTI_DRAW: &str = "GL_ANGLE_multi_draw";
 
-/// A vertex stage that reads the number of its draw from a uniform.
+/// Makes a vertex stage read the draw number from a uniform.
 pub(super) fn as_uniform(text: &str) -> String {
     let is_directive = |line: &&str| line.starts_with("#extension") && line.contains(MULTI_DRAW);
     let lines: Vec<&str> = text.lines().filter(|line| !is_directive(line)).collect();

@@ -1,4 +1,5 @@
-//! What the makers of a captured pass's scene share: the frame before the pass, and what was read of it so far.
+//! State that the makers of a captured pass's scene share: the frame before the pass, and the
+//! objects read so far.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::rc::Rc;
@@ -23,34 +24,34 @@ use preshade_frames::pass::{Pass, TexturePart};
 pub(super) struct Maker<'c> {
     pub(super) capture: &'c Capture,
     pub(super) pass: &'c Pass<'c>,
-    /// Pipelines that are drawn without the blending of alpha that nobody sees.
+    /// Pipelines that are drawn without their unseen alpha blending.
     pub(super) unblended: BTreeSet<usize>,
-    /// The passes of the frame before it.
+    /// Earlier passes of the frame.
     pub(super) before: &'c [Pass<'c>],
     pub(super) contents: Contents,
-    /// The textures that a frame writes.
+    /// Textures that a frame writes.
     pub(super) written: BTreeSet<usize>,
     pub(super) replay: Option<Replay<'c>>,
     pub(super) gpu: Option<&'c Gpu>,
     pub(super) frame: usize,
     /// Width and height of the target.
     pub(super) size: [u32; 2],
-    /// Which way depth grows in the pass.
+    /// Direction in which depth grows in the pass.
     pub(super) direction: DepthDirection,
     pub(super) buffers: BTreeMap<TexturePart, Data>,
     pub(super) images: BTreeMap<(usize, String), Arc<Image>>,
     pub(super) notes: BTreeSet<String>,
     pub(super) materials: Vec<Material>,
-    /// Material of each pipeline and stencil reference, or `None` if it cannot be read.
+    /// Material by pipeline and stencil reference. `None` if it cannot be read.
     pub(super) by_pipeline: BTreeMap<(usize, u32), Option<usize>>,
-    /// What each material's program reads.
+    /// The bindings that each material's program reads.
     pub(super) bindings: BTreeMap<usize, Rc<[BindingUse]>>,
     pub(super) meshes: Vec<Mesh>,
 }
 
 impl<'c> Maker<'c> {
-    /// A scene that is drawn has WebGL's rows, since programs may depend on them. One that is only read has the
-    /// author's programs.
+    /// How to read programs. A scene to draw uses WebGL's row order, because programs may depend on
+    /// it. A scene that is only read uses the author's programs.
     pub(super) fn reader(&self) -> Reader {
         match self.gpu {
             Some(_) => Reader::Scene,
@@ -58,7 +59,7 @@ impl<'c> Maker<'c> {
         }
     }
 
-    /// Part of a buffer as data. Equal parts are one allocation.
+    /// A part of a buffer. Equal parts share one allocation.
     pub(super) fn part(&mut self, part: TexturePart) -> Result<Data, Left> {
         if let Some(known) = self.buffers.get(&part) {
             return Ok(known.clone());
@@ -76,7 +77,7 @@ impl<'c> Maker<'c> {
         Ok(data)
     }
 
-    /// The replay, before the pass. `None` without an adapter.
+    /// The replay, stopped before the pass. `None` without an adapter.
     pub(super) fn replayed(&mut self) -> Result<Option<&mut Replay<'c>>, Error> {
         let Some(gpu) = self.gpu else { return Ok(None) };
         if self.replay.is_none() {
@@ -96,7 +97,7 @@ impl<'c> Maker<'c> {
         Ok(self.replay.as_mut())
     }
 
-    /// What a material's program reads.
+    /// The bindings that a material's program reads.
     pub(super) fn bindings(&mut self, material: usize) -> Rc<[BindingUse]> {
         let of = &self.materials[material];
         let read = || {
@@ -163,7 +164,7 @@ impl<'c> Maker<'c> {
         })
     }
 
-    /// The levels and layers of a view.
+    /// The image of a view's levels and layers.
     fn image(&mut self, view: &View) -> Result<Image, Left> {
         if self.contents.is_as_at_start(view.texture) {
             return Ok(texels::at_start(self.capture, view)?);

@@ -1,4 +1,4 @@
-//! The material of a captured pipeline: its program and its state.
+//! Makes a material of a captured pipeline: program and state.
 
 use std::collections::BTreeMap;
 
@@ -19,14 +19,14 @@ use preshade_frames::file::{self, Cull, RenderPipeline, ShaderLanguage};
 use preshade_frames::folder::{Capture, get};
 use shader_text::options;
 
-/// The same name in another list of WebGPU's names.
+/// Converts between two enums that share WebGPU's names.
 pub(super) fn same<T: DeserializeOwned>(of: impl Serialize) -> Result<T, String> {
     let text = serde_json::to_value(of).map_err(|e| e.to_string())?;
     let shown = text.to_string();
     serde_json::from_value(text).map_err(|_| format!("preshade has no {shown}"))
 }
 
-/// The material of a pipeline.
+/// Makes a pipeline's material.
 pub(super) fn read(
     capture: &Capture,
     of: &RenderPipeline,
@@ -62,7 +62,7 @@ pub(super) fn read(
         let mut bytes = capture.data(&shader.data)?.to_vec();
         if ending == "vert" || ending == "frag" {
             let mut text = String::from_utf8_lossy(&bytes).into_owned();
-            // The text itself may ask whether it is ES.
+            // The text itself may test for ES.
             if shader.language == ShaderLanguage::GlslEs100 && !text.contains("#version") {
                 text.insert_str(0, "#version 100\n");
             }
@@ -91,7 +91,7 @@ pub(super) fn read(
         let source = Source::from_bytes(format!("{name}.{ending}"), bytes);
         sources.push(source.map_err(|e| Left::Out(e.to_string()))?);
     }
-    // If both modules call theirs `main`, linking gives the second another name.
+    // If both modules have an entry point `main`, linking renames the second.
     let wanted = fragment.and_then(|f| f.entry_point.clone());
     let options = options::Options {
         vertex: vertex.entry_point.clone(),
@@ -148,7 +148,7 @@ fn state(of: &RenderPipeline) -> Result<MaterialState, String> {
     let p = &of.primitive;
     let mut state = MaterialState {
         primitive: PrimitiveState {
-            // Fans and loops have indices of ours.
+            // Fans and loops are drawn with generated indices.
             topology: same(topology(p.topology))?,
             cull: match p.cull_mode {
                 Cull::None => preshade_plan::state::CullMode::None,
@@ -234,7 +234,7 @@ fn color_target(of: &file::ColorTarget) -> Result<ColorTarget, String> {
     Ok(target)
 }
 
-/// WebGL's fans and loops become lists and strips of new indices.
+/// The topology of WebGL's fans and loops with generated indices.
 pub(super) fn topology(of: file::Topology) -> wgpu::PrimitiveTopology {
     match of {
         file::Topology::PointList => wgpu::PrimitiveTopology::PointList,

@@ -1,4 +1,5 @@
-//! What a replay of a frame measures, kept beside the frame: the next command on it replays nothing for that.
+//! Stores measurements of a frame's replay in its folder, so that later commands need no replay for
+//! them.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -13,10 +14,10 @@ use preshade_draw::render::Gpu;
 use preshade_frames::file::DataName;
 use preshade_frames::folder::Capture;
 
-/// The file in the folder of a frame.
+/// Name of the file in the frame's folder.
 pub(crate) const FILE: &str = "replay.json";
 
-/// Measurements that are kept: one for each frame and adapter, and the newest of them.
+/// How many measurements to store: the newest, one per frame and adapter.
 const KEPT: usize = 16;
 
 /// The measurements of a frame on an adapter.
@@ -28,26 +29,26 @@ pub(super) struct Measured<'a> {
     is_new: bool,
 }
 
-/// What was measured, with all that it depends on.
+/// The measurements, with everything that they depend on.
 #[derive(Clone, Debug, Serialize, Deserialize)]
 pub(super) struct Replayed {
-    /// The frame, the adapter, the program that replayed it, and its limits.
+    /// Frame, adapter, program file and limits, as text.
     on: String,
-    /// The hash of `frame.json`.
+    /// Hash of `frame.json`.
     file: String,
-    /// The hashes of the data that the replay read.
+    /// Hashes of the data that the replay read.
     data: BTreeMap<DataName, String>,
-    /// Each render pass, in order.
+    /// The frame's render passes, in order.
     pub shares: Vec<Share>,
-    /// By pipeline, by how much the frame is shorter without its draws.
+    /// By pipeline: the part of the frame's time that goes away without its draws.
     parts: BTreeMap<usize, Option<f64>>,
     pub compared: Option<Compared>,
-    /// What the replay left out, and how often.
+    /// Parts that the replay left out, and how often.
     pub left_out: Vec<(LeftOut, u64)>,
 }
 
 impl<'a> Measured<'a> {
-    /// What is kept of the frame, or measured now.
+    /// Loads the stored measurements of the frame, or measures it now.
     ///
     /// # Errors
     /// As [`Timer::new`].
@@ -86,7 +87,8 @@ impl<'a> Measured<'a> {
         })
     }
 
-    /// By how much the frame is shorter without each pipeline's draws, as [`Timer::without`].
+    /// The part of the frame's time that goes away without each pipeline's draws, as
+    /// [`Timer::without`].
     ///
     /// # Errors
     /// As [`Timer::without`].
@@ -109,7 +111,7 @@ impl<'a> Measured<'a> {
         Ok(pipelines.iter().map(part).collect())
     }
 
-    /// Ends the measurements, and keeps them beside the frame. A folder that nobody may write to keeps none.
+    /// Ends the measurements, and stores them in the frame's folder. A failed write is ignored.
     pub fn keep(mut self) -> Replayed {
         if let Some(timer) = &self.timer {
             let left_out = timer.left_out().iter();
@@ -133,7 +135,7 @@ impl<'a> Measured<'a> {
 }
 
 impl Replayed {
-    /// Whether every file that the replay read is the same.
+    /// Whether all files that the replay read are unchanged.
     fn is_of(&self, capture: &Capture) -> bool {
         self.file == capture.hash()
             && self.data.iter().all(|(name, hash)| {
@@ -149,8 +151,8 @@ fn read(folder: &Path) -> Vec<Replayed> {
     serde_json::from_str(&text).unwrap_or_default()
 }
 
-/// What a measurement depends on beside the files. Limits leave draws out. `None`: the program's own file cannot be
-/// asked.
+/// The key of a measurement, in addition to the files. It includes the limits, because they can
+/// leave out draws. `None` if the program's own file cannot be examined.
 fn on(capture: &Capture, gpu: &Gpu, frame: usize) -> Option<String> {
     let program = std::env::current_exe().ok()?.metadata().ok()?;
     let program = (program.len(), program.modified().ok()?);

@@ -2,9 +2,9 @@
 //!
 //! Data flows through the modules in this order:
 //!
-//! 1. [`preshade_frames::file`] is `frame.json` as data;
+//! 1. [`preshade_frames::file`] holds the data of `frame.json`;
 //! 2. [`preshade_frames::folder`] reads it with the files that it names, and checks sizes;
-//! 3. [`replay`] executes the commands on wgpu as they were, and reads contents back;
+//! 3. [`replay`] executes the original commands on wgpu, and reads contents back;
 //! 4. [`preshade_frames::pass`] finds the render passes and their draws;
 //! 5. [`scene`] makes a [`preshade_draw::scene::Scene`] of one pass: its pipelines are the materials.
 
@@ -35,11 +35,11 @@ pub use unknown::{UnknownDepth, unknown_depths};
 use preshade_draw::render;
 use shader_text::limits::Exceeded;
 
-/// A capture that cannot be read or replayed.
+/// Why a capture cannot be read or replayed.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum Error {
-    /// Its folder cannot be read, or is broken.
+    /// The folder cannot be read, or is broken.
     #[error(transparent)]
     Frame(#[from] preshade_frames::error::Error),
     #[error(transparent)]
@@ -47,18 +47,15 @@ pub enum Error {
     /// A shader of the capture does not compile.
     #[error("shader {shader}: {error}")]
     Shader {
-        /// Its number.
+        /// Index of the shader.
         shader: usize,
-        /// Why.
         error: Box<shader_text::error::Error>,
     },
-    /// The adapter failed.
     #[error(transparent)]
     Render(#[from] render::Error),
 }
 
 impl Error {
-    /// The stable error code.
     pub fn code(&self) -> &'static str {
         match self {
             Self::Render(error) => error.code(),

@@ -1,5 +1,6 @@
-//! Hashes by large sines: `fract(sin(x) * 43758.5)`. WGSL and GLSL leave sines some error, and the factor makes it larger
-//! than the fraction that is left, so each driver has a noise of its own.
+//! Detects hashes of large sines, such as `fract(sin(x) * 43758.5)`. WGSL and GLSL allow sines an
+//! error, which the factor amplifies beyond the remaining fraction. Each driver then draws
+//! different noise.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -12,11 +13,11 @@ use super::reader::Reader;
 use preshade_frames::folder::Capture;
 use preshade_frames::pass::Pass;
 
-/// An error of a few units in the last place, times this, is a part of a step of 8 bits.
+/// From this factor on, an error of a few units in the last place becomes visible in 8 bits.
 const LARGE: f64 = 500.0;
 
-/// Functions of a frame's programs that take the fraction of a large multiple of a function that drivers compute
-/// differently, in words. `None`: there are none that can be read.
+/// A description of the frame's functions that take the fraction of a large multiple of a
+/// driver-dependent function. `None` if none is found.
 pub(super) fn of_frame(capture: &Capture, passes: &[Pass<'_>]) -> Option<String> {
     let used: BTreeSet<usize> = passes
         .iter()
@@ -37,7 +38,7 @@ pub(super) fn of_frame(capture: &Capture, passes: &[Pass<'_>]) -> Option<String>
     (!found.is_empty()).then(|| found.join(" and "))
 }
 
-/// The functions of a module, in words.
+/// Descriptions of such functions in a module.
 fn of_module(module: &Module) -> BTreeSet<String> {
     let helpers = module.functions.iter().map(|(_, f)| f);
     let entries = module.entry_points.iter().map(|e| &e.function);
@@ -64,7 +65,7 @@ fn of_module(module: &Module) -> BTreeSet<String> {
     found
 }
 
-/// `fract(x)`, `x % y`, and `x - floor(x)`.
+/// Whether an expression is `fract(x)`, `x % y` or `x - floor(x)`.
 fn is_fraction(function: &Function, of: &Expression) -> bool {
     match of {
         Expression::Math { fun, .. } => *fun == MathFunction::Fract || *fun == MathFunction::Modf,
@@ -87,7 +88,7 @@ fn is_fraction(function: &Function, of: &Expression) -> bool {
     }
 }
 
-/// The values that are stored to each local variable.
+/// The values stored to each local variable.
 fn stores(block: &naga::Block) -> BTreeMap<Handle<Expression>, Vec<Handle<Expression>>> {
     let mut found: BTreeMap<_, Vec<_>> = BTreeMap::new();
     let mut blocks = vec![block];
@@ -110,7 +111,7 @@ fn stores(block: &naga::Block) -> BTreeMap<Handle<Expression>, Vec<Handle<Expres
     found
 }
 
-/// Walks from a value to what it is computed from.
+/// Walks from a value to its operands.
 struct Trace<'m> {
     module: &'m Module,
     function: &'m Function,
@@ -118,7 +119,8 @@ struct Trace<'m> {
 }
 
 impl Trace<'_> {
-    /// A function that drivers compute differently, and the factor by which the value has grown since.
+    /// A driver-dependent function behind a value, and the factor between them, if it is at least
+    /// [`LARGE`].
     fn amplified(&self, from: Handle<Expression>) -> Option<(&'static str, f64)> {
         let mut seen = BTreeSet::new();
         let mut next = vec![(from, 1.0_f64)];
@@ -131,7 +133,7 @@ impl Trace<'_> {
                     if factor >= LARGE {
                         return differs(*fun).map(|name| (name, factor));
                     }
-                    // A hash of a hash: the inner one may be the large one.
+                    // A hash of a hash: the inner factor may be the large one.
                     next.push((*arg, 1.0));
                 }
                 Expression::Binary {
@@ -178,7 +180,7 @@ impl Trace<'_> {
         None
     }
 
-    /// The size of a constant, or of its largest component.
+    /// The magnitude of a constant, or of its largest component.
     fn constant(&self, of: Handle<Expression>) -> Option<f64> {
         constant(self.module, &self.function.expressions, of)
     }
@@ -202,8 +204,7 @@ fn constant(module: &Module, all: &naga::Arena<Expression>, of: Handle<Expressio
     }
 }
 
-/// The name of a function whose result WGSL and GLSL leave an error that grows with its argument, or larger than
-/// rounding.
+/// The name of a function with a larger error in WGSL and GLSL than rounding.
 fn differs(of: MathFunction) -> Option<&'static str> {
     Some(match of {
         MathFunction::Sin => "sine",

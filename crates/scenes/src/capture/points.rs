@@ -1,4 +1,5 @@
-//! WebGL's points as squares of two triangles: WebGPU's points are one pixel large and have no coordinate.
+//! Draws WebGL's points as squares of two triangles: WebGPU's points have a size of one pixel and
+//! no coordinate.
 
 use naga::{Binding, Interpolation, ShaderStage};
 use naga_edit::interface;
@@ -7,16 +8,17 @@ use preshade_plan::program::Program;
 use super::reader::Reader;
 use preshade_draw::scene::bind::{Data, VertexAttribute, VertexBuffer};
 
-/// Where a fragment is in its point: its coordinate, or what [`EXACT`] takes.
+/// The varying for the fragment's coordinate in its point, or for the inputs of [`EXACT`].
 const AT: &str = "preshade_point";
-/// `gl_PointCoord` as SwiftShader computes it, from the point's centre on a grid of sixteenths of a pixel and from one
-/// over its size. In the replay the first row is the bottom one, and the coordinate's first is the top one.
+/// `gl_PointCoord` as SwiftShader computes it: from the point's centre on a grid of 1/16 pixel, and
+/// from the inverse of its size. In the replay row 0 is the bottom row, while the coordinate starts
+/// at the top.
 const EXACT: &str = "#define preshade_from_top (0.5 + preshade_point.z * ((gl_FragCoord.xy - 0.5) - preshade_point.xy))
 #define preshade_coord vec2(preshade_from_top.x, 0.5 - (preshade_from_top.y - 0.5))
 ";
-/// The input of a vertex stage that draws points as squares: which corner the vertex is.
+/// Vertex input that selects the corner of the square.
 pub(super) const CORNER: &str = "preshade_corner";
-/// The viewport's origin, in pixels: an input of the vertex stage in the replay.
+/// Vertex input in the replay: the viewport's origin in pixels.
 pub(super) const ORIGIN: &str = "preshade_origin";
 const CORNERS: [[f32; 2]; 6] = [
     [-1.0, -1.0],
@@ -27,12 +29,12 @@ const CORNERS: [[f32; 2]; 6] = [
     [-1.0, 1.0],
 ];
 
-/// Whether a vertex stage of WebGL says how large its points are.
+/// Whether a WebGL vertex stage sets the size of its points.
 pub(super) fn are_sized(vertex: &str) -> bool {
     vertex.contains("gl_PointSize")
 }
 
-/// A vertex stage that moves each position to a corner of its point.
+/// Makes a vertex stage move each position to a corner of its point.
 pub(super) fn vertex(text: &str, reader: Reader) -> String {
     let [input, output] = match is_300(text) {
         true => ["in", "out"],
@@ -58,13 +60,13 @@ pub(super) fn vertex(text: &str, reader: Reader) -> String {
              {AT}.z = 1.0 / max(gl_PointSize, 1.0);"
         ),
     };
-    // In this order, too, as SwiftShader does it.
+    // SwiftShader uses the same order of operations.
     let moved =
         format!("{at} gl_Position.xy += (max(gl_PointSize, 1.0) * gl_Position.w) * {CORNER}.xy;");
     after_main(&declare(&text, &declared), "preshade_point_main", &moved)
 }
 
-/// A fragment stage that reads the coordinate from [`vertex`].
+/// Makes a fragment stage read its coordinate from [`vertex`].
 pub(super) fn fragment(text: &str, reader: Reader) -> String {
     let input = if is_300(text) { "in" } else { "varying" };
     let (declared, coordinate) = match reader {
@@ -78,9 +80,9 @@ pub(super) fn fragment(text: &str, reader: Reader) -> String {
     declare(&text.replace("gl_PointCoord", coordinate), &declared)
 }
 
-/// The program with flat varyings: a point has one vertex, so all its fragments have the same values (OpenGL ES 3.0.6,
-/// section 3.4), but interpolation between the equal corners of our square rounds. Where a fragment is in its point
-/// still varies.
+/// The program with flat varyings, except for the fragment's place in its point. All fragments of a
+/// point have the same values, because it has one vertex (OpenGL ES 3.0.6, section 3.4).
+/// Interpolation between the equal corners of our square would round them.
 pub(super) fn with_flat_varyings(program: &Program) -> Result<Program, String> {
     let mut module = program.module().clone();
     for index in 0..module.entry_points.len() {
@@ -110,7 +112,8 @@ fn flatten(name: Option<&str>, binding: &mut Option<Binding>) {
     }
 }
 
-/// The whole point has one value. WebGL 1 has no word for it, and interpolates equal ones.
+/// The qualifier for a varying with one value per point. WebGL 1 has none, and interpolates equal
+/// values.
 fn flat(text: &str) -> &'static str {
     if is_300(text) { "flat " } else { "" }
 }
@@ -119,7 +122,7 @@ fn is_300(text: &str) -> bool {
     text.trim_start().starts_with("#version 300")
 }
 
-/// Puts a declaration after `#version`.
+/// Inserts a declaration after `#version`.
 pub(super) fn declare(text: &str, declared: &str) -> String {
     let start = text.len() - text.trim_start().len();
     let end = match text[start..].starts_with("#version") {
@@ -131,7 +134,7 @@ pub(super) fn declare(text: &str, declared: &str) -> String {
     format!("{}{declared}{}", &text[..end], &text[end..])
 }
 
-/// A stage whose `main` does more at its end. `own` becomes the name of the author's.
+/// Appends statements to a stage's `main`. `own` becomes the name of the author's function.
 pub(super) fn after_main(text: &str, own: &str, more: &str) -> String {
     let mut out = String::with_capacity(text.len() + 100);
     let mut rest = text;
@@ -149,17 +152,18 @@ pub(super) fn after_main(text: &str, own: &str, more: &str) -> String {
     out
 }
 
-/// What the vertex stage of points reads beside the author's attributes.
+/// Inputs of a points' vertex stage in addition to the author's attributes.
 pub(super) struct Corners {
-    /// The location of the corner: three floats, x and y over the viewport's size in pixels, and the point's number.
+    /// Location of the corner, three floats: x and y divided by the viewport's size in pixels, and
+    /// the point's number.
     pub(super) corner: u32,
-    /// The location of [`ORIGIN`], where the stage reads it.
+    /// Location of [`ORIGIN`], if the stage reads it.
     pub(super) origin: Option<u32>,
-    /// The viewport: x, y, width, height.
+    /// x, y, width and height, in pixels.
     pub(super) viewport: [f32; 4],
 }
 
-/// The vertices of points: six of each of `numbers`.
+/// Six vertices for each point in `numbers`.
 pub(super) fn spread(
     points: Option<VertexBuffer>,
     numbers: &[u32],

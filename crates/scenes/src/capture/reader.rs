@@ -1,4 +1,4 @@
-//! What a captured program is read for, and why it is left out.
+//! The purposes of reading a captured program, and reasons to leave out a draw.
 
 use super::Error;
 use preshade_draw::scene::Rows;
@@ -6,7 +6,7 @@ use preshade_frames::folder::Capture;
 
 /// Why a draw is not in the scene.
 pub(super) enum Left {
-    /// It is left out, and everything else is drawn.
+    /// Only this draw is left out, for this reason.
     Out(String),
     /// The capture is broken, or the device is lost.
     Broken(Error),
@@ -24,19 +24,19 @@ impl From<preshade_frames::error::Error> for Left {
     }
 }
 
-/// What a program is read for.
+/// The purpose of reading a program.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Reader {
-    /// Its text: it is as the author wrote it.
+    /// To show or rewrite its text: it stays as the author wrote it.
     Author,
-    /// A scene, which draws it at any size.
+    /// For a scene, which can have any size.
     Scene,
-    /// The replay, which draws it at the frame's size, to the bit.
+    /// For the replay, which has the frame's size and must be exact to the bit.
     Replay,
 }
 
 impl Reader {
-    /// The order of rows in what is drawn. With the rows of WebGL, positions have their y negated.
+    /// The row order of the drawn targets. WebGL's order needs a negated y in positions.
     pub(super) fn rows(self, capture: &Capture) -> Rows {
         match self != Self::Author && capture.file.source.api.is_webgl() {
             true => Rows::FromBottom,

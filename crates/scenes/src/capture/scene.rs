@@ -1,5 +1,5 @@
-//! A [`Scene`] of one captured render pass. Its pipelines are the materials, and its draws bind what
-//! they bound when the frame was captured.
+//! Makes a [`Scene`] of one captured render pass. Its pipelines become the materials, and its draws
+//! keep their captured bindings.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -24,31 +24,32 @@ use preshade_frames::file::{self, RenderPipeline, Resource};
 use preshade_frames::folder::{Capture, get};
 use preshade_frames::pass::{self, Kind, Pass, PassDraw, passes};
 
-/// Materials whose part of the frame's time is measured: each takes some replays of the frame.
+/// How many materials to time. Each needs several replays of the frame.
 const TIMED_MATERIALS: usize = 12;
 
-/// A pass takes about as long as another if it takes this part of its time.
+/// A pass counts as equally long if it takes at least this part of the longest time.
 const ABOUT_AS_LONG: f64 = 0.7;
 
-/// A pass with a smaller part of the frame's time is not told apart.
+/// Passes with a smaller part of the frame's time are reported together.
 const LEAST_PART: f64 = 0.02;
 
-/// Characters of a material's name, which becomes that of files.
+/// Longest material name in characters. Files are named after it.
 const LONGEST_NAME: usize = 64;
 
-/// Which pass of which frame.
+/// Selects a pass of a frame.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Choice {
     /// Frame, from 0.
     pub frame: usize,
-    /// Number of the render pass in the frame, from 0. `None`: the one that takes longest, or without an adapter the
-    /// main one with most vertices.
+    /// Index of the render pass in the frame, from 0. `None`: the pass that takes longest, or
+    /// without an adapter the main pass with the most vertices.
     pub pass: Option<usize>,
 }
 
-/// A scene of one pass. With an adapter, what earlier passes drew is replayed; without, such
-/// textures and buffers are empty, which is enough to read the programs. Its notes tell what it does
-/// not draw as the frame did.
+/// Makes a scene of one pass. Its notes list the differences from the captured frame.
+///
+/// With an adapter, earlier passes are replayed for their results. Without one, such textures and
+/// buffers are empty, which is enough to read the programs.
 ///
 /// # Errors
 /// The capture is broken, lacks data or has no such pass, or none of the pass's pipelines can be
@@ -89,7 +90,7 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
             let part = 100.0 * shares[index].part;
             scene.part = Some(format!("render pass {index} ({part:.0} % of the frame)"));
         }
-        // `rewrite` reads the programs without an adapter.
+        // `rewrite` reads programs without an adapter.
         let unasked = chosen(
             &all,
             Choice {
@@ -143,7 +144,7 @@ pub fn scene(capture: &Capture, choice: Choice, gpu: Option<&Gpu>) -> Result<Sce
     Ok(scene)
 }
 
-/// The frame's passes in a line, for a reader of the report.
+/// A line for the report about the frame's passes and their times.
 fn told(shares: &[Share], own: usize) -> String {
     let one = |(index, share): (usize, &Share)| {
         let drawn = match index == own {
@@ -160,7 +161,7 @@ fn told(shares: &[Share], own: usize) -> String {
             share.kind.name()
         )
     };
-    // Many small passes are one entry, in order of time.
+    // Many small passes share one entry, after the others in order of time.
     let mut passes: Vec<(usize, &Share)> = shares.iter().enumerate().collect();
     passes.retain(|(index, s)| s.draws > 0 && (s.part >= LEAST_PART || *index == own));
     passes.sort_by(|a, b| b.1.part.total_cmp(&a.1.part));
@@ -190,7 +191,7 @@ fn told(shares: &[Share], own: usize) -> String {
     )
 }
 
-/// The parts of a frame's time that its materials take, the largest first.
+/// A line for the report about the materials' parts of the frame's time, largest first.
 fn told_materials(mut materials: Vec<(String, Option<f64>)>, left: usize) -> String {
     materials.sort_by(|a, b| b.1.unwrap_or(0.0).total_cmp(&a.1.unwrap_or(0.0)));
     let left = match left {
@@ -208,8 +209,9 @@ fn told_materials(mut materials: Vec<(String, Option<f64>)>, left: usize) -> Str
     )
 }
 
-/// The pass to take: the one that takes longest, or without times the main one with most vertices. Times vary, so a main
-/// pass is taken before a full-screen one that takes little longer, and the one with more vertices before another.
+/// Chooses the pass that takes longest, or without times the main pass with the most vertices.
+/// Times vary. So among passes of about the longest time, main passes come before full-screen ones,
+/// and passes with more vertices before others.
 fn chosen(all: &[Pass<'_>], choice: Choice, shares: Option<&[Share]>) -> Result<usize, Error> {
     let place = format!("frame {}", choice.frame);
     if let Some(index) = choice.pass {
@@ -217,7 +219,7 @@ fn chosen(all: &[Pass<'_>], choice: Choice, shares: Option<&[Share]>) -> Result<
         return Ok(index);
     }
     let part = |index: usize| shares.and_then(|s| s.get(index)).map_or(1.0, |s| s.part);
-    // What draws depth alone is taken where nothing else draws.
+    // Passes that draw only depth are the last resort.
     let kinds: [&[Kind]; 2] = [
         &[Kind::Main, Kind::FullScreen],
         &[Kind::Prepass, Kind::Shadow, Kind::Depth],
@@ -303,7 +305,7 @@ impl<'c> Maker<'c> {
         })
     }
 
-    /// A scene draws blended materials last.
+    /// Notes that the scene draws blended materials last, if the order differs.
     fn note_order(&mut self, draws: &[Draw]) {
         let is_blended = |d: &&Draw| self.materials[d.material].state.is_blended();
         let behind = draws.iter().skip_while(|d| !is_blended(d));
@@ -316,7 +318,7 @@ impl<'c> Maker<'c> {
         self.notes.insert(note);
     }
 
-    /// A scene clears its attachments only as a whole, and before it draws.
+    /// Notes clears that a scene cannot express: it clears whole attachments, before it draws.
     fn note_clears(&mut self) {
         if !self.pass.leading_clears.is_empty() {
             let note = "the pass clears a part of its attachments before it draws, which the scene does not";
@@ -332,7 +334,7 @@ impl<'c> Maker<'c> {
         }
     }
 
-    /// The pipelines that draw most vertices, with their materials: a pipeline has one for each stencil reference.
+    /// The pipelines with the most vertices, each with its materials: one per stencil reference.
     fn by_time(&self) -> Vec<(usize, Vec<usize>)> {
         let mut vertices: BTreeMap<usize, u64> = BTreeMap::new();
         for draw in &self.pass.draws {
@@ -357,7 +359,7 @@ impl<'c> Maker<'c> {
             .collect()
     }
 
-    /// The material of a pipeline. `None`, with a note, if its text cannot be read.
+    /// The material for a draw's pipeline. `None`, with a note, if its text cannot be read.
     fn material(&mut self, draw: &PassDraw) -> Result<Option<usize>, Error> {
         let all = &self.capture.file.render_pipelines;
         let of = get(all, draw.pipeline, "render pipeline", "a draw")?;
@@ -404,7 +406,7 @@ impl<'c> Maker<'c> {
         Ok(found)
     }
 
-    /// The name that three.js and Babylon.js define in the text: `#define SHADER_NAME Stone`.
+    /// The name that three.js and Babylon.js define in the shader: `#define SHADER_NAME Stone`.
     fn named_in_text(&self, of: &RenderPipeline) -> Option<String> {
         let stage = of.fragment.as_ref().map_or(&of.vertex.stage, |f| &f.stage);
         let text = self.capture.text(stage.module).ok()?;
@@ -420,7 +422,7 @@ impl<'c> Maker<'c> {
         defined("#define SHADER_NAME ").or_else(|| defined("#define SHADER_TYPE "))
     }
 
-    /// A name for files: the label, with the number if another pipeline has it too.
+    /// A name for files: the label, plus a number if another pipeline has the same label.
     fn name(&self, of: &RenderPipeline, pipeline: usize) -> String {
         let shader = self.capture.file.shaders.get(of.vertex.stage.module);
         let own = self.named_in_text(of);
@@ -440,7 +442,7 @@ impl<'c> Maker<'c> {
             "" => format!("pipeline-{pipeline}"),
             name => name.to_owned(),
         };
-        // The same pipeline with another stencil reference is another material.
+        // A pipeline with another stencil reference is another material.
         let numbered = [name.clone(), format!("{name}-{pipeline}")].into_iter();
         let mut numbered = numbered.chain((2..).map(|n| format!("{name}-{pipeline}-{n}")));
         let is_free = |name: &String| self.materials.iter().all(|m| m.name != *name);
@@ -494,7 +496,7 @@ impl<'c> Maker<'c> {
             instances: call.instances,
             area: self.area(draw),
         };
-        // Its positions are the program's business: nothing asks for them by name.
+        // Nothing reads the positions by name: only the program knows them.
         self.meshes.push(Mesh {
             name: format!("draw-{index}"),
             vertex_count: call.first.saturating_add(call.count),
@@ -522,7 +524,7 @@ impl<'c> Maker<'c> {
         })
     }
 
-    /// The arguments of a call, from their buffer if they are in one.
+    /// The arguments of a call, read from their buffer for an indirect draw.
     fn call(&mut self, call: pass::Call) -> Result<pass::Call, Left> {
         let Some((buffer, offset)) = call.indirect else {
             return Ok(call);
@@ -548,7 +550,7 @@ impl<'c> Maker<'c> {
         })
     }
 
-    /// Viewport and scissor of a draw. `None`: the whole target.
+    /// Viewport and scissor of a draw. `None` if it covers the whole target.
     fn area(&self, draw: &PassDraw) -> Option<Area> {
         let [width, height] = self.size;
         if draw.viewport.is_none() && draw.scissor.is_none() {
@@ -595,7 +597,7 @@ impl<'c> Maker<'c> {
         Ok(made)
     }
 
-    /// What the draw's bind groups hold, as far as the program reads it.
+    /// The resources of a draw's bind groups that the program reads.
     fn resources(&mut self, draw: &PassDraw, material: usize) -> Result<Bound, Left> {
         let mut bound: Bound = Default::default();
         let uses = self.bindings(material);
@@ -653,7 +655,6 @@ impl<'c> Maker<'c> {
         Ok(bound)
     }
 
-    /// The dynamic offset of a binding.
     fn dynamic_offset(&self, group: &file::BindGroup, offsets: &[u32], binding: u32) -> u64 {
         let file::GroupLayout::Number(layout) = group.layout else {
             return 0;

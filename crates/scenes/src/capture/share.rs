@@ -1,4 +1,5 @@
-//! What part of a frame's time its passes and materials take, and whether its replay is right.
+//! Measures the parts of a frame's time that its passes and materials take, and compares its replay
+//! with the page.
 
 use std::collections::BTreeMap;
 
@@ -11,29 +12,29 @@ use preshade_draw::render::Gpu;
 use preshade_frames::folder::Capture;
 use preshade_frames::pass::{Kind, Pass, passes};
 
-/// Frames that are timed, after one that is not.
+/// How many times to execute the frame with timing, after one time without.
 const TIMED: usize = 3;
 
 /// A render pass and its part of the frame's time.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct Share {
-    /// What the pass is for.
     pub kind: Kind,
     pub draws: usize,
-    /// Its part of the time of all commands that draw, compute or copy, from 0 to 1.
+    /// Part of the time of all commands that draw, compute or copy, from 0 to 1.
     pub part: f64,
 }
 
-/// A frame whose commands are timed, each submitted and waited for alone. Of several times the least counts.
+/// A frame with timed commands: each is submitted alone and waited for. Repetitions count with the
+/// shortest time.
 pub(super) struct Timer<'a> {
     capture: &'a Capture,
     frame: usize,
     replay: Replay<'a>,
-    /// Seconds of each command.
+    /// Shortest time of each command, in seconds.
     commands: Vec<f64>,
-    /// Seconds of the frame, each time.
+    /// Time of the whole frame in each repetition, in seconds.
     totals: Vec<f64>,
-    /// The replayed frame against the page's picture, if there is one.
+    /// Difference from the page's picture, if the frame has one.
     pub compared: Option<Compared>,
 }
 
@@ -69,7 +70,7 @@ impl<'a> Timer<'a> {
         Ok(())
     }
 
-    /// What the replay left out, and how often.
+    /// Parts that the replay left out, and how often.
     pub fn left_out(&self) -> &BTreeMap<LeftOut, u64> {
         self.replay.left_out()
     }
@@ -78,7 +79,7 @@ impl<'a> Timer<'a> {
         self.commands.iter().sum::<f64>().max(f64::MIN_POSITIVE)
     }
 
-    /// Each render pass, in order.
+    /// The frame's render passes, in order.
     ///
     /// # Errors
     /// The capture is broken.
@@ -95,8 +96,10 @@ impl<'a> Timer<'a> {
             .collect())
     }
 
-    /// By how much the frame is shorter without the draws of each pipeline, from 0 to 1. They may overlap on the
-    /// screen, so the parts need not add up to their pass's. `None`: the frame's own times vary by more.
+    /// The part of the frame's time that goes away without the draws of each pipeline, from 0 to 1.
+    /// `None` if it is smaller than the variation between repetitions.
+    ///
+    /// Draws may overlap on the screen, so the parts need not add up to that of their pass.
     ///
     /// # Errors
     /// As [`Self::new`].
@@ -112,7 +115,7 @@ impl<'a> Timer<'a> {
             }
         }
         let total = self.total();
-        // The least times of two runs differ by about as much as the two least of one.
+        // The shortest times of two runs differ by about as much as the two shortest of one.
         let mut totals = self.totals.clone();
         totals.sort_by(f64::total_cmp);
         let varies = totals.get(1).map_or(0.0, |second| second / totals[0] - 1.0);
@@ -124,7 +127,7 @@ impl<'a> Timer<'a> {
     }
 }
 
-/// Keeps the lesser time of each command.
+/// Takes the minimum time of each command.
 fn least(so_far: &mut Vec<f64>, now: Vec<f64>) {
     if so_far.is_empty() {
         *so_far = now;

@@ -1,4 +1,5 @@
-//! What the attachments of a captured pass hold before its first draw, and which way its depth grows.
+//! Finds the contents of a captured pass's attachments before its first draw, and the direction of
+//! its depth.
 
 use std::sync::Arc;
 
@@ -77,9 +78,9 @@ impl Maker<'_> {
         Ok(made)
     }
 
-    /// Which way depth grows in the pass, to whose clear value. A pass that clears depth to the far plane says so. In
-    /// any other, what writes depth says it by its comparison, then the last clear of the texture, and then what only
-    /// tests.
+    /// Direction in which depth grows in the pass. A clear of depth to 0 or 1 decides it. Otherwise
+    /// the comparisons of draws that write depth do, then the last clear of the texture, then the
+    /// comparisons of draws that only test.
     fn direction(&self, cleared: Option<f32>, texture: usize) -> DepthDirection {
         let clears_to = |clear: f32| {
             let both = [DepthDirection::Forward, DepthDirection::Reversed];
@@ -116,7 +117,7 @@ impl Maker<'_> {
             .unwrap_or_default()
     }
 
-    /// The depth to which the frame last cleared a texture, before the pass or at its start.
+    /// The last depth to which the frame cleared a texture before the pass or at its start.
     fn last_clear(&self, texture: usize) -> Option<f32> {
         let mut own = self.pass.leading_clears.iter().filter_map(|c| c.depth);
         let earlier = self.before.iter().rev().filter_map(|pass| {
@@ -127,7 +128,8 @@ impl Maker<'_> {
         own.next_back().or_else(|| earlier.into_iter().next())
     }
 
-    /// A depth that is no plane's, all over. `None`, with a note, for several samples.
+    /// An image of one depth that is neither the near nor the far plane. `None`, with a note, if
+    /// multisampled.
     fn filled(
         &mut self,
         depth: f32,
@@ -151,7 +153,8 @@ impl Maker<'_> {
         }))
     }
 
-    /// The clear value of a colour, and what earlier passes left in it if the pass loads that.
+    /// The clear value of a colour target. If the pass loads it, also the content that earlier
+    /// passes left.
     fn start_color(
         &mut self,
         of: &file::ColorAttachment,
@@ -168,7 +171,7 @@ impl Maker<'_> {
         }
     }
 
-    /// The same of the stencil.
+    /// As [`Self::start_color`], for the stencil.
     fn start_stencil(
         &mut self,
         of: &file::DepthAttachment,
@@ -188,7 +191,7 @@ impl Maker<'_> {
         }
     }
 
-    /// What the frame left in a view before the pass.
+    /// Finds how the earlier commands of the frame left a view.
     fn earlier(&self, view: &View) -> Result<Earlier, Error> {
         let frame = get(
             &self.capture.file.frames,
@@ -213,7 +216,8 @@ impl Maker<'_> {
         Ok(Earlier::Drawn)
     }
 
-    /// What earlier passes left in an attachment. `None`, with a note, if it cannot be read back.
+    /// The content that earlier passes left in an attachment. `None`, with a note, if it cannot be
+    /// read back.
     fn loaded(&mut self, view: &View, what: &str) -> Result<Option<Arc<Image>>, Error> {
         let of = get(
             &self.capture.file.textures,
@@ -232,11 +236,11 @@ impl Maker<'_> {
     }
 }
 
-/// What the commands before a pass left in a view.
+/// How the commands before a pass left a view.
 enum Earlier {
-    /// These values all over.
+    /// Cleared to these values everywhere.
     Cleared(Clears),
-    /// Something else, if only of an earlier frame.
+    /// Any other content, such as an earlier frame's.
     Drawn,
 }
 
@@ -247,7 +251,7 @@ struct Clears {
     stencil: Option<u32>,
 }
 
-/// The values, if the pass does nothing to the view but clear it.
+/// The clear values, if clearing is all that the pass does to the view.
 fn cleared(pass: &Pass<'_>, view: &View) -> Option<Clears> {
     if !pass.draws.is_empty() || !pass.leading_clears.is_empty() {
         return None;
@@ -278,7 +282,7 @@ fn aspect(view: &View, aspect: wgpu::TextureAspect) -> View {
     view
 }
 
-/// The targets of the pass.
+/// The pass's targets with their initial contents.
 pub(super) struct Target {
     pub size: [u32; 2],
     pub samples: u32,

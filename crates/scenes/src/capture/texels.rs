@@ -1,4 +1,4 @@
-//! Captured textures and samplers as those of a scene.
+//! Converts captured textures and samplers to those of a scene.
 
 use super::{Error, material};
 use preshade_draw::scene::bind::Data;
@@ -6,15 +6,15 @@ use preshade_draw::scene::{Address, Filter, Image, Sampler};
 use preshade_frames::file::{self, Texture, View};
 use preshade_frames::folder::{Capture, get};
 
-/// The levels and layers of a texture that a view shows.
+/// The levels and layers of a texture in a view.
 #[derive(Clone, Debug)]
 pub(super) struct Shown {
     pub levels: std::ops::Range<u32>,
-    /// Layers of a flat texture. A volume has one.
+    /// Layers of a 2D texture. A volume has one.
     pub layers: std::ops::Range<u32>,
-    /// Format of the texels in an [`Image`].
+    /// Texel format of the resulting [`Image`].
     pub format: wgpu::TextureFormat,
-    /// The aspect that holds them.
+    /// The aspect with these texels.
     pub aspect: wgpu::TextureAspect,
 }
 
@@ -56,7 +56,7 @@ impl Shown {
         }
     }
 
-    /// Width, height and slices of a level of one layer.
+    /// Width, height and slices of one layer of a level.
     pub(super) fn size(&self, texture: &Texture, level: u32) -> [u32; 3] {
         let [width, height, depth] = texture.size.0;
         let of = |s: u32| (s >> level).max(1);
@@ -76,7 +76,7 @@ impl Shown {
         (row * u64::from(height.div_ceil(down)) * u64::from(slices)) as usize
     }
 
-    /// An image of these levels.
+    /// Makes an image of these levels.
     pub(super) fn image(&self, texture: &Texture, levels: Vec<Vec<u8>>) -> Image {
         let [width, height, slices] = self.size(texture, self.levels.start);
         Image {
@@ -92,7 +92,7 @@ impl Shown {
     }
 }
 
-/// A view's content at the start. What the capture does not hold is zero.
+/// Content of a view at the start. Texels that the capture lacks are zero.
 pub(super) fn at_start(capture: &Capture, view: &View) -> Result<Image, Error> {
     let place = format!("texture {}", view.texture);
     let texture = get(&capture.file.textures, view.texture, "texture", &place)?;
@@ -129,7 +129,7 @@ pub(super) fn at_start(capture: &Capture, view: &View) -> Result<Image, Error> {
     Ok(shown.image(texture, levels))
 }
 
-/// The data, padded to a multiple of 16 bytes, as bound buffers are.
+/// Pads data to a multiple of 16 bytes, the size of bound buffers.
 pub(super) fn padded(data: Data) -> Data {
     if data.bytes.len().is_multiple_of(16) && !data.bytes.is_empty() {
         return data;
@@ -149,7 +149,7 @@ pub(super) fn empty(capture: &Capture, view: &View) -> Result<Image, Error> {
     Ok(shown.image(texture, levels))
 }
 
-/// A sampler of a scene.
+/// Converts a sampler.
 pub(super) fn sampler(of: &file::Sampler) -> Sampler {
     let address = |mode| match mode {
         wgpu::AddressMode::Repeat => Address::Repeat,

@@ -1,4 +1,4 @@
-//! Draws that depend on a depth or a stencil that the capture does not hold.
+//! Finds draws that depend on a depth or stencil that the capture lacks.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -7,24 +7,24 @@ use preshade_frames::file::{CaptureFile, Command, DepthStencil, Extent, Load, Te
 use preshade_frames::folder::Capture;
 use preshade_frames::pass::{self, PassDraw};
 
-/// One layer of a level of a texture, and whether its stencil is meant.
+/// Texture, mip level, layer, and whether the stencil is meant.
 type Part = (usize, u32, u32, bool);
 
-/// A depth or a stencil that is unknown when draws of a frame test or read it.
+/// An unknown depth or stencil that draws of a frame test or read.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct UnknownDepth {
     /// Frame, from 0.
     pub frame: usize,
     pub texture: usize,
-    /// Whether it is the stencil.
+    /// Whether the stencil is meant.
     pub is_stencil: bool,
-    /// Numbers of the render passes.
+    /// Indices of the render passes with such draws.
     pub passes: BTreeSet<usize>,
-    /// Their draws that depend on it.
+    /// Number of these draws.
     pub draws: usize,
 }
 
-/// What each frame tests or reads of depths and stencils that could not be read, and that it did not write before.
+/// The unknown depths and stencils that each frame tests or reads before it writes them.
 ///
 /// # Errors
 /// A draw comes before its pipeline.
@@ -122,7 +122,7 @@ fn parts(
     })
 }
 
-/// What is known, and what is unknown, after a command, before the draws of a pass.
+/// Updates the unknown parts after a command, or for a pass before its draws.
 fn write(file: &CaptureFile, command: &Command, unknown: &mut BTreeSet<Part>) {
     if unknown.is_empty() {
         return;
@@ -205,7 +205,7 @@ fn is_whole(file: &CaptureFile, place: &TexelPlace, size: Extent) -> bool {
     })
 }
 
-/// Whether what a draw shows depends on the depth, or the stencil, of its target.
+/// Whether a draw's depth or stencil test can fail.
 fn is_tested(file: &CaptureFile, draw: &PassDraw, is_stencil: bool) -> bool {
     let always = |compare| compare == wgpu::CompareFunction::Always;
     let tests = |state: &DepthStencil| match is_stencil {

@@ -1,5 +1,5 @@
-//! Draws of WebGL in a scene: resources by name become bindings of the program, and arrays of any
-//! layout become two interleaved vertex buffers.
+//! Converts draws of WebGL for a scene. Resources by name become bindings, and vertex arrays of any
+//! layout become two interleaved buffers.
 
 use std::collections::BTreeMap;
 
@@ -22,7 +22,7 @@ use preshade_frames::file::{
 use preshade_frames::folder::{Capture, get};
 use preshade_frames::pass::{Call, PassDraw, TexturePart};
 
-/// An attribute of WebGL: where its numbers are, and what the program reads.
+/// The array of a WebGL attribute, and the program's input that reads it.
 struct Source<'d> {
     location: u32,
     format: AttributeFormat,
@@ -31,20 +31,20 @@ struct Source<'d> {
     bytes: &'d [u8],
     stride: usize,
     offset: usize,
-    /// How many instances read one element.
+    /// Number of instances that share one element.
     divisor: usize,
 }
 
-/// What a binding of the program is in the draw.
+/// The resource of one of the program's bindings in a draw.
 pub(super) enum Given<'n> {
-    /// The uniforms outside of blocks.
+    /// Data for the uniforms outside of blocks.
     Loose(Data),
     Block(&'n BufferRange),
     Texture(&'n SampledTexture),
     Sampler(&'n SampledTexture),
 }
 
-/// The resource of a binding, by the names that the author gave.
+/// Finds the resource of a binding by its name in the author's text.
 pub(super) fn given<'n>(
     material: &Material,
     used: &BindingUse,
@@ -79,8 +79,8 @@ pub(super) fn given<'n>(
     }
 }
 
-/// Any texture of the same shape: WebGL names none that no pixel depends on, and its compiler may find
-/// more of these than ours.
+/// Any texture of the same shape. WebGL lists no texture without an effect on pixels, and its
+/// compiler may find more of those than ours.
 fn unread<'n>(named: &'n Named, used: &BindingUse) -> Option<&'n SampledTexture> {
     let shape = match &used.layout {
         Some(BindingLayout::Texture { view_dimension, .. }) => view_dimension.as_str(),
@@ -98,7 +98,7 @@ fn unread<'n>(named: &'n Named, used: &BindingUse) -> Option<&'n SampledTexture>
 }
 
 impl Maker<'_> {
-    /// What the program reads of the resources by name.
+    /// The named resources that the program reads, as bindings.
     pub(super) fn named_resources(&mut self, named: usize, material: usize) -> Result<Bound, Left> {
         let named = get(&self.capture.file.named, named, "named resources", "a draw")?;
         let mut bound: Bound = Default::default();
@@ -128,7 +128,8 @@ impl Maker<'_> {
     }
 }
 
-/// The sampler of a texture. WebGL 1 may filter depths that are read as numbers, and WebGPU does not.
+/// The sampler of a texture. WebGL 1 may filter depths that it reads as numbers, but WebGPU may
+/// not.
 pub(super) fn sampler_of(
     capture: &Capture,
     found: &SampledTexture,
@@ -150,10 +151,10 @@ pub(super) fn sampler_of(
     Ok(of)
 }
 
-/// The bytes of a part of a buffer.
+/// Reads a part of a buffer.
 pub(super) type Parts<'p> = dyn FnMut(TexturePart) -> Result<Data, Left> + 'p;
 
-/// Refuses a draw of too many instances or vertices: they are copied.
+/// Refuses a draw with too many instances or vertices, because they are copied.
 fn within(capture: &Capture, call: Call) -> Result<(), Left> {
     let limits = capture.limits();
     let instances = u64::from(call.first_instance) + u64::from(call.instances);
@@ -164,7 +165,7 @@ fn within(capture: &Capture, call: Call) -> Result<(), Left> {
         .map_err(|e| Left::Out(e.to_string()))
 }
 
-/// The attributes that the program reads, interleaved: one buffer by vertex, and one by instance.
+/// The attributes that the program reads, interleaved in two buffers: per vertex and per instance.
 pub(super) fn interleaved(
     capture: &Capture,
     draw: &PassDraw,
@@ -245,7 +246,7 @@ pub(super) fn is_points(material: &Material) -> bool {
         .any(|a| a.name == points::CORNER)
 }
 
-/// The index buffer of a draw that has one.
+/// The index buffer of an indexed draw.
 fn given_indices(
     draw: &PassDraw,
     call: Call,
@@ -258,7 +259,7 @@ fn given_indices(
     }
 }
 
-/// The number of each vertex of a draw.
+/// The vertex index of each vertex in a draw.
 fn numbers(draw: &PassDraw, call: Call, part: &mut Parts<'_>) -> Result<Vec<u32>, Left> {
     let given = given_indices(draw, call, part)?;
     let all = call.first..call.first.saturating_add(call.count);
@@ -268,9 +269,9 @@ fn numbers(draw: &PassDraw, call: Call, part: &mut Parts<'_>) -> Result<Vec<u32>
     })
 }
 
-/// The indices of a draw and its arguments. Bytes become 16 bits, fans and loops of WebGL lists and
-/// strips, and points that have a size two triangles each. In WebGL 2 the highest index of a format starts the
-/// primitive anew: in WebGPU only that of a strip does.
+/// Converts a draw's indices and arguments for WebGPU. Bytes become 16 bits, WebGL's fans and loops
+/// become lists and strips, and sized points become two triangles each. WebGL 2 restarts every
+/// primitive at the highest index, WebGPU only strips.
 pub(super) fn indices(
     capture: &Capture,
     draw: &PassDraw,
@@ -376,7 +377,7 @@ fn widened(mut data: Data, format: IndexFormat, restarts: bool) -> Indices {
     }
 }
 
-/// An index; 0 beyond the end.
+/// The index at a position. 0 beyond the end.
 fn index(data: &Data, format: IndexFormat, at: u32) -> u32 {
     let at = at as usize;
     let bytes = &data.bytes;
@@ -393,7 +394,7 @@ fn index(data: &Data, format: IndexFormat, at: u32) -> u32 {
     }
 }
 
-/// What an attribute without an array holds: (0, 0, 0, 1).
+/// Value of an attribute without an array: (0, 0, 0, 1).
 const DEFAULT: [u8; 16] = [0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 0, 128, 63];
 
 fn constants(named: Option<&Named>) -> BTreeMap<String, [u8; 16]> {
@@ -411,7 +412,7 @@ fn constants(named: Option<&Named>) -> BTreeMap<String, [u8; 16]> {
 /// An input of the vertex stage.
 struct Input {
     name: String,
-    /// The column of a matrix.
+    /// Column of a matrix input.
     column: u32,
     location: u32,
     kind: ScalarKind,
@@ -419,8 +420,8 @@ struct Input {
 }
 
 impl Input {
-    /// The format in our buffer: the array's, or 32 bits for those that WebGPU lacks or reads
-    /// otherwise.
+    /// The format in the new buffer: that of the array, or 32 bits if WebGPU lacks it or converts
+    /// differently.
     fn target(&self, format: AttributeFormat) -> wgpu::VertexFormat {
         use wgpu::VertexFormat as F;
         let components = match format {
@@ -436,7 +437,7 @@ impl Input {
         all[(components as usize).clamp(1, 4) - 1]
     }
 
-    /// Whether the program reads floats, and the array has integers.
+    /// Whether an integer array feeds a float input.
     fn is_converted(&self, format: wgpu::VertexFormat) -> bool {
         let name = format!("{format:?}");
         let is_integer = name.starts_with("Uint") || name.starts_with("Sint");
@@ -444,7 +445,7 @@ impl Input {
     }
 }
 
-/// The inputs of the vertex stage, by the author's names.
+/// The inputs of the vertex stage, by their names in the author's text.
 fn attributes(material: &Material) -> Vec<Input> {
     let module = material.program.module();
     let entry = material
@@ -483,7 +484,7 @@ fn attributes(material: &Material) -> Vec<Input> {
         .collect()
 }
 
-/// Where an input's numbers are. `None`: no array is enabled for it.
+/// Finds the array of an input. `None` if no array is enabled for it.
 fn placed<'d>(
     pipeline: &RenderPipeline,
     input: &Input,
@@ -521,8 +522,8 @@ fn placed<'d>(
     None
 }
 
-/// One buffer of several arrays. `None` without arrays. Without a count it has as many elements as the
-/// shortest.
+/// Interleaves arrays in one buffer. `None` without arrays. Without a count, it has as many
+/// elements as the shortest array.
 fn interleave(
     sources: &[Source<'_>],
     step: wgpu::VertexStepMode,
@@ -576,7 +577,7 @@ fn interleave(
     })
 }
 
-/// Integers as WebGL converts them to what the program reads.
+/// Converts integers to the input's type, as WebGL does.
 fn converted(source: &Source<'_>, own: &[u8], to: &mut [u8]) {
     let packed = packed(source.format);
     let width = (packed.bits / 8).max(1) as usize;
@@ -608,7 +609,7 @@ fn converted(source: &Source<'_>, own: &[u8], to: &mut [u8]) {
     }
 }
 
-/// The components of a format of integers.
+/// The component layout of an integer format.
 fn packed(format: AttributeFormat) -> Packed {
     let own = match format {
         AttributeFormat::Other(packed) => return packed,
@@ -639,7 +640,7 @@ fn buffer(used: &BindingUse, data: Data) -> BufferBinding {
     }
 }
 
-/// The texture of a path: `map`, or `maps[2]` of the list `maps[0]`.
+/// The texture at a path: `map`, or `maps[2]` from the list `maps[0]`.
 fn sampled<'n>(named: &'n Named, path: &str) -> Option<&'n SampledTexture> {
     if let Some(own) = named.textures.get(path) {
         return own.all().first();
@@ -651,11 +652,11 @@ fn sampled<'n>(named: &'n Named, path: &str) -> Option<&'n SampledTexture> {
         .find_map(|key| named.textures.get(key)?.all().get(index))
 }
 
-/// The block of uniforms outside of blocks, from their names.
+/// The data of the uniforms outside of blocks, collected by name.
 fn loose(material: &Material, used: &BindingUse, named: &Named) -> Result<Data, Left> {
     let declared = &material.program.declared().uniforms;
     bind::filled(material, used, &|path, index, count| {
-        // The IR may have a vector of four in place of an array's element, or of a column of two rows.
+        // The IR may have a vec4 in place of an array's element, or of a matrix column of two rows.
         let count = plain(declared, path).and_then(stored).unwrap_or(count);
         let path = if path == draw_id::OWN {
             draw_id::NAME
@@ -667,7 +668,7 @@ fn loose(material: &Material, used: &BindingUse, named: &Named) -> Result<Data, 
         {
             return own.get(..count);
         }
-        // Arrays have the name of their first element, and all numbers.
+        // Arrays are listed by their first element, with all numbers.
         let array = path.strip_suffix(']')?.rsplit_once('[')?.0;
         let first = index? * count;
         let keys = [format!("{array}[0]"), array.to_owned()];
@@ -689,8 +690,8 @@ fn plain<'d>(declared: &'d [Declaration], path: &str) -> Option<&'d str> {
     }
 }
 
-/// The numbers of a GLSL type that are together in a block: all, or those of a column of two rows, each of which takes
-/// the room of four.
+/// How many numbers of a GLSL type are contiguous in a block: all, or one column of a matrix with
+/// two rows, since each column takes the space of a vec4.
 fn stored(ty: &str) -> Option<usize> {
     let number = |c: char| c.to_digit(10).map(|n| n as usize);
     let mut digits = ty.chars().filter_map(number);

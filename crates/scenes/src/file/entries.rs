@@ -1,4 +1,4 @@
-//! The TOML of a scene, as data. `docs/reference/scenes.md` documents it for users.
+//! The TOML entries of a scene. `docs/reference/scenes.md` documents them for users.
 
 use std::collections::BTreeMap;
 use std::fmt;
@@ -216,13 +216,13 @@ pub(super) enum FieldOrder {
     /// Along x, then y, then z.
     #[default]
     Ascending,
-    /// The other way round.
+    /// The reverse order.
     Descending,
-    /// At random, by the seed.
+    /// In random order from the seed.
     Shuffled,
 }
 
-/// How a draw's copies are drawn.
+/// How the copies of a field are drawn.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum FieldKind {
@@ -240,7 +240,7 @@ pub(super) enum Scale {
     Axes([f32; 3]),
 }
 
-/// A draw of a mesh, or of a glTF file or a part of it as it is.
+/// A draw of a mesh, or of a glTF file or a part of it.
 #[derive(Debug, Default, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub(super) struct DrawEntry {

@@ -1,4 +1,4 @@
-//! glTF files as they are: nodes, primitives, materials, cameras and lights as a scene's draws.
+//! Loads glTF files: nodes, primitives, materials, cameras and lights become a scene.
 
 use std::path::{Path, PathBuf};
 
@@ -14,7 +14,7 @@ use crate::file::variables::Variables;
 use preshade_draw::scene::{Scene, SceneError};
 use shader_text::regular;
 
-/// The shaders that draw a glTF file.
+/// The shaders for drawing a glTF file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Shading {
     /// The built-in metallic-roughness material.
@@ -22,16 +22,16 @@ pub enum Shading {
     BuiltIn,
     /// One shader file for all materials, with both entry points.
     Shader(PathBuf),
-    /// A file with the `[materials]` of a scene, each by the name of a material of the glTF file;
+    /// A file with the `[materials]` of a scene. Each has the name of a material in the glTF file;
     /// `"*"` stands for all others.
     Materials(PathBuf),
 }
 
-/// Loads a glTF file as a scene. `docs/reference/gltf.md` documents what is read.
+/// Loads a glTF file as a scene. `docs/reference/gltf.md` documents the supported features.
 ///
 /// # Errors
-/// The file, a shader or an image cannot be read, is too large, or requires an extension that is
-/// not read; a material that the map names is not in the file.
+/// The file, a shader or an image cannot be read, is too large, or requires an unsupported
+/// extension; the file lacks a material that the map names.
 pub fn load_gltf(
     path: &Path,
     shading: &Shading,

@@ -24,7 +24,7 @@ use preshade_draw::scene::{
 };
 use shader_text::panics;
 
-/// The parts of a scene that draws of glTF files add to.
+/// The parts of a scene that glTF draws extend.
 #[derive(Default)]
 pub(super) struct Parts {
     pub materials: Vec<Material>,
@@ -32,18 +32,18 @@ pub(super) struct Parts {
     pub draws: Vec<Draw>,
     pub notes: Vec<String>,
     cameras: Vec<Seen>,
-    /// The first directional light of the files.
+    /// Direction and colour of the first directional light.
     pub light: Option<(Vec3, Vec3)>,
-    /// Whether a draw takes a glTF file as it is.
+    /// Whether a draw uses a glTF file's own materials.
     is_asset: bool,
-    /// Materials made so far, by what they are made of.
+    /// Index of each material created so far.
     made: BTreeMap<MaterialKey, usize>,
-    /// Materials of the scene file that stand for materials of glTF files.
+    /// Materials of the scene file that replace materials of glTF files.
     templates: BTreeSet<usize>,
     mapped: Vec<(String, Vec<Mapped>)>,
 }
 
-/// What a material is made of.
+/// Everything that distinguishes a material created for glTF.
 #[derive(Clone, PartialEq, Eq, PartialOrd, Ord)]
 struct MaterialKey {
     file: String,
@@ -55,16 +55,16 @@ struct MaterialKey {
     is_mirrored: bool,
 }
 
-/// A primitive of a mesh in a pose.
+/// Mesh, primitive, skin, bits of the morph weights, and whether the shader applies joints.
 type MeshKey = (usize, usize, Option<usize>, Vec<u32>, bool);
 
-/// What is the same for all primitives of a draw entry.
+/// State that all primitives of a draw entry share.
 struct Whole<'a> {
     entry: &'a DrawEntry,
     asset: &'a Asset,
     nodes: &'a Nodes<'a>,
     pictures: &'a Pictures<'a>,
-    /// The draw's own place.
+    /// The draw's own transform.
     place: Mat4,
     lights: Vec<Lit>,
     meshes: BTreeMap<MeshKey, usize>,
@@ -79,7 +79,8 @@ impl Parts {
         }
     }
 
-    /// Drops the templates that no draw uses itself: what stands for them has their values.
+    /// Removes templates that no draw uses directly. Copies with a glTF material's values replace
+    /// them.
     fn drop_templates(&mut self) {
         let used: BTreeSet<usize> = self.draws.iter().map(|d| d.material).collect();
         let kept: Vec<usize> = (0..self.materials.len())
@@ -96,7 +97,7 @@ impl Parts {
         }
     }
 
-    /// A name that no material has, of characters that a file name may have.
+    /// A unique material name with only characters that are safe in file names.
     fn name(&self, wanted: &str) -> String {
         let safe = |c: char| match c {
             'a'..='z' | 'A'..='Z' | '0'..='9' | '-' | '_' | '.' => c,
@@ -113,7 +114,7 @@ impl Parts {
 }
 
 impl Loader<'_> {
-    /// Ends what draws of glTF files began, once all draws are read.
+    /// Finishes the glTF draws, once all draws are read.
     pub(super) fn end_assets(&self, parts: &mut Parts) {
         if parts.is_asset {
             parts
@@ -124,7 +125,7 @@ impl Loader<'_> {
         }
     }
 
-    /// The cameras of the glTF files, or one that frames the draws. `None`: there is no such file.
+    /// The cameras of the glTF files, or one that frames the draws. `None` without glTF files.
     pub(super) fn asset_cameras(&self, parts: &Parts, aspect: f32) -> Option<Vec<Camera>> {
         let direction = self.file.depth.direction;
         if !parts.is_asset {
@@ -252,7 +253,7 @@ impl Loader<'_> {
         Ok(())
     }
 
-    /// Refuses names of materials that the file does not have: each is a misspelling.
+    /// Refuses material names that the file lacks, because they are misspellings.
     fn check_names(&self, whole: &Whole<'_>, gltf: &Gltf) -> Result<(), SceneError> {
         let known: Vec<String> = whole
             .asset
@@ -326,7 +327,7 @@ impl Loader<'_> {
                 parts.meshes.len() - 1
             }
         };
-        // The node of a skinned mesh has no effect on its place (glTF 2.0, section 3.7.3.3).
+        // The node of a skinned mesh does not affect its position (glTF 2.0, section 3.7.3.3).
         let own = match node {
             Some(node) if skin.is_none() => whole.nodes.world[&node.index()],
             _ => Mat4::IDENTITY,
@@ -358,7 +359,7 @@ impl Loader<'_> {
                 _ => format!("{name}.{}", primitive.index()),
             },
             mesh: index,
-            // Each group of instances has its own.
+            // Set for each group of instances below.
             material: 0,
             transform: placed,
             range: DrawRange::default(),
@@ -372,7 +373,7 @@ impl Loader<'_> {
             values: values(&whole.entry.values),
             captured: None,
         };
-        // A mirrored instance turns its triangles around, and one pipeline has one front face.
+        // A mirrored instance reverses the winding, but a pipeline has only one front face.
         let groups = match instances {
             None => vec![None],
             Some(all) => {
@@ -401,8 +402,8 @@ impl Loader<'_> {
         Ok(())
     }
 
-    /// Adds a draw: once with instances, or once for each where the shader takes none. An instance
-    /// has its number in the file.
+    /// Adds a draw: one with instances, or one per instance if the shader takes none. An instance
+    /// is named by its number in the file.
     fn push(
         &self,
         mut draw: Draw,
@@ -445,7 +446,7 @@ impl Loader<'_> {
         Ok(())
     }
 
-    /// The material of the scene file that stands for one of the glTF file's.
+    /// The material of the scene file that replaces one of the glTF file.
     fn template(
         &self,
         entry: &DrawEntry,
@@ -463,7 +464,7 @@ impl Loader<'_> {
         Ok(Some(index))
     }
 
-    /// The index of the material of a primitive, which is made if there is none yet.
+    /// The index of a primitive's material. Creates the material on first use.
     fn material_of(
         &self,
         whole: &Whole<'_>,
@@ -474,7 +475,7 @@ impl Loader<'_> {
     ) -> Result<usize, SceneError> {
         let targets: Vec<String> = match &self.file.targets {
             Some(formats) => formats.get_ref().clone(),
-            // A frame has one format.
+            // All materials of a frame have the same formats.
             None if template.is_none() && self.file.materials.is_empty() => {
                 vec!["rgba8unorm-srgb".to_owned()]
             }

@@ -1,4 +1,4 @@
-//! The directional light as a scene file gives it.
+//! Reads the directional light of a scene file.
 
 use std::ops::Range;
 
@@ -9,7 +9,7 @@ use crate::file::entries as file;
 use preshade_draw::scene::{Light, SceneError};
 use shader_text::limits::Limits;
 
-/// An error and its place in the scene file.
+/// An error and its position in the scene file.
 pub(super) struct Misplaced {
     pub error: SceneError,
     pub at: Range<usize>,
@@ -18,7 +18,7 @@ pub(super) struct Misplaced {
 /// Reads a scene file's `light` table, with defaults for missing keys.
 ///
 /// # Errors
-/// The place in the file is that of the invalid key.
+/// A key is invalid. The error has its position in the file.
 pub(super) fn read(entry: &file::Light, limits: &Limits) -> Result<Light, Box<Misplaced>> {
     let default = Light::default();
     let direction = match &entry.direction {

@@ -234,7 +234,7 @@ impl Loader<'_> {
                 None => self.draw(entry.get_ref(), parts),
             };
             let counted = drawn.and_then(|()| {
-                // The draws of a field differ only in their place.
+                // The draws of a field differ only in their transforms.
                 if let Some(draw) = parts.draws.get(before) {
                     let mesh = &parts.meshes[draw.mesh].mesh;
                     self.streams(&parts.materials[draw.material], mesh, draw)?;
@@ -280,7 +280,7 @@ impl Loader<'_> {
         let plans: Vec<Plan> = scene.materials.iter().map(Material::plan).collect();
         let mut seen = Vec::new();
         for draw in &scene.draws {
-            // A draw without values of its own needs no second check.
+            // Without values of its own, a draw needs no second check.
             if draw.values.is_empty() && seen.contains(&draw.material) {
                 continue;
             }
@@ -292,7 +292,7 @@ impl Loader<'_> {
                 continue;
             };
             bind::check(scene, material, pass, draw, frame).map_err(|e| {
-                // A material of a glTF file has no entry.
+                // A material from glTF has no entry.
                 let Some(entry) = self.file.materials.get(&material.name) else {
                     return e;
                 };
@@ -335,7 +335,7 @@ impl Loader<'_> {
             });
             texts.push(read.map_err(|e| self.source.at(e, file.span()))?);
         }
-        // The keys give the stages, whatever the files are called.
+        // The keys determine the stages, not the file names.
         if entry.shader.is_none() {
             let stages = [ShaderStage::Vertex, ShaderStage::Fragment];
             for (source, stage) in texts.iter_mut().zip(stages) {
@@ -345,7 +345,7 @@ impl Loader<'_> {
         let defines = entry.defines.iter();
         let defines: BTreeMap<String, String> =
             defines.map(|(k, v)| (k.clone(), v.to_string())).collect();
-        // The source name is relative to the root; `#include` looks beside the file.
+        // The source name is relative to the root, but `#include` is relative to the file.
         let beside = files.iter().filter_map(|f| Path::new(f.get_ref()).parent());
         let include = entry.include.iter().map(PathBuf::as_path).chain(beside);
         let include = include
@@ -442,7 +442,7 @@ impl Loader<'_> {
                 target.blend = Some(blend);
             }
             // A transparent surface should not hide others. three.js writes depth for it by
-            // default; a scene can ask for that with `state.depth_write` on an unblended material.
+            // default. A scene gets that with `state.depth_write` on an unblended material.
             state.depth_write = false;
         }
     }

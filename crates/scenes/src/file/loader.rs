@@ -1,4 +1,4 @@
-//! What the readers of a scene file's entries share: its text, its folder and its limits.
+//! State that the readers of a scene file's entries share: text, folder and limits.
 
 use std::cell::Cell;
 

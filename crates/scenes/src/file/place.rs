@@ -15,9 +15,8 @@ use shader_text::regular;
 /// The files that a scene may read, and its size limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Access {
-    /// Whether its files may lie outside of its root folder.
+    /// Whether files may lie outside of the scene's root folder.
     pub outside: Outside,
-    /// Size limits.
     pub limits: Limits,
 }
 
@@ -25,17 +24,15 @@ pub struct Access {
 /// "Paths").
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Outside {
-    /// Files outside are an error.
     #[default]
     Refused,
-    /// Files may lie anywhere.
     Allowed,
 }
 
 /// The folder of a scene's files, and the root that they must not leave.
 pub(super) struct Folder {
     base: PathBuf,
-    /// The prefix that messages omit.
+    /// The scene may not leave this folder, and messages leave out this prefix.
     root: PathBuf,
     /// Folders outside of the root that a user named at the command line.
     also: Vec<PathBuf>,
@@ -77,8 +74,7 @@ impl Folder {
         Ok(())
     }
 
-    /// The folder that an included file must not leave, beside a file that the scene names; `None`
-    /// if there is no such restriction.
+    /// The folder that files included by `name` must not leave. `None` without such a restriction.
     pub(super) fn root_of(&self, name: &str) -> Option<PathBuf> {
         let real = self.whole(name)?;
         let mut roots = self.roots()?;
@@ -87,7 +83,7 @@ impl Folder {
             .map(Path::to_owned)
     }
 
-    /// The folders that files must not leave; `None` if there is no such restriction.
+    /// The folders that files must not leave. `None` without such a restriction.
     fn roots(&self) -> Option<impl Iterator<Item = &Path>> {
         match self.access.outside {
             Outside::Refused => {
@@ -98,7 +94,7 @@ impl Folder {
         }
     }
 
-    /// Whether a full path may be read.
+    /// Whether the file with this full path may be read.
     fn is_inside(&self, real: &Path) -> bool {
         self.roots()
             .is_none_or(|mut roots| roots.any(|root| real.starts_with(root)))

@@ -1,12 +1,12 @@
-//! The range of a mesh, and of a field's copies, as a scene file gives it.
+//! Reads the range of a mesh and of a field's copies.
 
 use crate::file::entries::RangeEntry;
 use preshade_draw::scene::range::check;
 use preshade_draw::scene::{Draw, DrawRange, Mesh, SceneError};
 use shader_text::limits::Limits;
 
-/// Selects the range of `mesh` and of the field's copies. Without a field (`copies` is `None`) the
-/// entry gives the number of instances.
+/// Selects the range of `mesh` and of the field's copies. Without a field (`copies` is `None`), the
+/// entry sets the number of instances.
 ///
 /// # Errors
 /// As [`check`], or the range of copies starts or ends beyond the last one, or has too many

@@ -1,4 +1,4 @@
-//! The text of a scene file.
+//! Parses the text of a scene file.
 
 use std::ops::Range;
 
@@ -7,7 +7,7 @@ use crate::file::entries::SceneFile;
 use preshade_draw::scene::{SceneError, error};
 use shader_text::limits::Limits;
 
-/// The entries of a scene file.
+/// Parses the entries of a scene file.
 pub(super) fn parsed(source: SceneText<'_>, limits: Limits) -> Result<SceneFile, SceneError> {
     let text = source.text;
     nested(text, limits.nesting)?;
@@ -38,7 +38,7 @@ fn nested(text: &str, most: u64) -> Result<(), SceneError> {
 /// The scene file's text, for error messages.
 #[derive(Clone, Copy)]
 pub(super) struct SceneText<'a> {
-    /// Empty for a text that no user wrote.
+    /// Empty if no user wrote the text.
     pub name: &'a str,
     pub text: &'a str,
 }

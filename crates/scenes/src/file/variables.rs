@@ -1,4 +1,4 @@
-//! Variables of a scene, which sweeps set.
+//! Variables of a scene. Sweeps set them.
 
 use std::collections::BTreeMap;
 
@@ -6,11 +6,9 @@ use serde::Deserialize;
 
 use preshade_draw::scene::SceneError;
 
-/// The value of a scene's variable.
 #[derive(Clone, Debug, PartialEq, Eq, Deserialize)]
 #[serde(untagged, expecting = "a whole number, or a name")]
 pub enum Variable {
-    /// A whole number.
     Number(u32),
     Name(String),
 }
@@ -25,7 +23,6 @@ impl Variable {
     }
 }
 
-/// Variables by name.
 pub type Variables = BTreeMap<String, Variable>;
 
 /// The scene's variables with the given ones replaced.
@@ -48,7 +45,7 @@ pub(super) fn set(own: &Variables, given: &Variables) -> Result<Variables, Scene
     Ok(all)
 }
 
-/// A variable's value.
+/// The value of the variable that `text` names as `$name`.
 pub(super) fn get<'v>(variables: &'v Variables, text: &str) -> Result<&'v Variable, SceneError> {
     let Some(name) = text.strip_prefix('$') else {
         return Err(SceneError::new(format!("`{text}` is no value here"))

@@ -1,4 +1,4 @@
-//! Image files: PNG, JPEG, WebP, Radiance, OpenEXR and KTX2, told apart by their first bytes.
+//! Decodes image files: PNG, JPEG, WebP, Radiance, OpenEXR and KTX2, detected by their first bytes.
 
 use std::io::Cursor;
 
@@ -10,11 +10,11 @@ use preshade_draw::scene::image::mip_chain;
 use preshade_draw::scene::{Image, SceneError};
 use shader_text::limits::Limits;
 
-/// Decodes a file of any of these formats: 16-bit channels are rounded to 8, and floats to 16 bits. `name` is for
-/// messages.
+/// Decodes a file of any of these formats. 16-bit channels are rounded to 8 bits, and floats to 16.
+/// `name` is for messages.
 ///
 /// # Errors
-/// It is in none of them, cannot be read, or is too large.
+/// The format is unknown, or the file cannot be read or is too large.
 pub fn decode(
     name: &str,
     bytes: &[u8],
@@ -56,7 +56,7 @@ pub fn decode(
     let mut most = image::Limits::default();
     most.max_image_width = Some(limits.of("texture-size").min(u32::MAX.into()) as u32);
     most.max_image_height = most.max_image_width;
-    // A decoder holds the file's own channels, of up to four bytes each, beside what it returns.
+    // In addition to its result, a decoder holds the file's own channels of up to four bytes each.
     most.max_alloc = Some(limits.of("scene-bytes").max(texels.saturating_mul(40)));
     reader.limits(most);
     let decoded = reader.decode().map_err(wrong)?;
@@ -80,7 +80,7 @@ pub fn decode(
     Ok(Image::rgba8(size, 1, reading.srgb, levels))
 }
 
-/// Numbers as floats of 16 bits, which every adapter filters. Larger ones become the largest.
+/// Converts to 16-bit floats, which every adapter can filter. Clamps to the largest one.
 fn halves(numbers: &[f32]) -> Vec<u8> {
     let most = half::f16::MAX.to_f32();
     let half = |n: &f32| half::f16::from_f32(n.clamp(-most, most)).to_le_bytes();

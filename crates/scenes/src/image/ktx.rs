@@ -1,4 +1,4 @@
-//! KTX2: textures in a format of the GPU's, with all their mip levels.
+//! Reads KTX2: textures in GPU formats with all their mip levels.
 
 use std::io::Read as _;
 
@@ -16,7 +16,7 @@ pub(super) const MAGIC: [u8; 12] = *b"\xabKTX 20\xbb\r\n\x1a\n";
 /// Reads a KTX2 file.
 ///
 /// # Errors
-/// It is broken or too large, or has a format that WebGPU has not.
+/// The file is broken or too large, or has a format that WebGPU lacks.
 pub fn decode(
     name: &str,
     bytes: &[u8],
@@ -34,7 +34,7 @@ pub fn decode(
     let layers = u64::from(header.layer_count.max(1))
         .saturating_mul(header.face_count.max(1).into())
         .saturating_mul(depth.into());
-    // 16 bytes a texel are the most that a format has.
+    // No format has more than 16 bytes per texel.
     let most = (u64::from(width) * u64::from(height)).saturating_mul(layers);
     let most = most.saturating_mul(16).saturating_mul(4) / 3;
     let stored = reader.levels().fold(0, |sum: u64, level| {
@@ -86,7 +86,7 @@ pub fn decode(
         }
     }
     let is_bytes = image.format.remove_srgb_suffix() == TextureFormat::Rgba8Unorm;
-    // Only a file that asks for levels has none.
+    // Only a file that asks for levels to be generated has none.
     if let ([_], true, 1, true) = (
         image.levels.as_slice(),
         is_bytes,
@@ -99,7 +99,7 @@ pub fn decode(
     Ok(image)
 }
 
-/// The bytes of a level.
+/// The decompressed bytes of a level.
 fn uncompressed(header: &Header, data: &[u8], length: u64) -> Result<Vec<u8>, String> {
     let mut out = Vec::new();
     let failed = |e: std::io::Error| format!("a level cannot be decompressed: {e}");
@@ -114,14 +114,14 @@ fn uncompressed(header: &Header, data: &[u8], length: u64) -> Result<Vec<u8>, St
             let decoder = flate2::read::ZlibDecoder::new(data);
             decoder.take(length).read_to_end(&mut out).map_err(failed)?;
         }
-        // Its blocks are told from what they are, by the colour model.
+        // The caller refuses this scheme, because its texels are ETC1S.
         Some(SupercompressionScheme::BasisLZ) => {}
         Some(other) => return Err(format!("its levels are compressed as {other:?}")),
     }
     Ok(out)
 }
 
-/// Turns blocks of UASTC into those of BC7, which have the same size.
+/// Transcodes blocks of UASTC to BC7, which have the same size.
 #[cfg(feature = "basis")]
 fn uastc(image: &mut Image, srgb: bool) -> Result<(), String> {
     use basis_universal::{
@@ -142,7 +142,7 @@ fn uastc(image: &mut Image, srgb: bool) -> Result<(), String> {
                 num_blocks_x: across,
                 num_blocks_y: down,
                 has_alpha: true,
-                // Whole blocks: the crate makes room for no more than these.
+                // A whole number of blocks, because the crate allocates no more.
                 original_width: across * 4,
                 original_height: down * 4,
             };

@@ -8,17 +8,17 @@ pub use decode::decode;
 use preshade_draw::scene::SceneError;
 use preshade_draw::scene::image::Recipe;
 
-/// How to read the texels of a file that does not say it.
+/// How to read texels of a file that does not specify it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Reading {
-    /// Whether bytes are sRGB-encoded. Floats never are, and a KTX2 file says it.
+    /// Whether 8-bit texels are sRGB-encoded. Ignored for floats and KTX2 files.
     pub srgb: bool,
-    /// Whether to compute mip levels, where the file has none.
+    /// Whether to generate mip levels if the file has none.
     pub mips: bool,
 }
 
 impl Reading {
-    /// How a scene file wants its texture's file read.
+    /// The reading that a scene file's texture entry specifies.
     pub fn of(recipe: &Recipe) -> Self {
         Self {
             srgb: recipe.srgb.unwrap_or(true),
@@ -27,5 +27,5 @@ impl Reading {
     }
 }
 
-/// Gets the bytes of an image before they are allocated.
+/// Checks the size of an image in bytes before it is allocated.
 pub(crate) type Hold<'a> = &'a dyn Fn(u64) -> Result<(), SceneError>;

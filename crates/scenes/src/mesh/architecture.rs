@@ -290,7 +290,6 @@ pub struct Curtain {
     pub size: [f32; 2],
     /// Cells across and down.
     pub segments: [u32; 2],
-    /// Number of folds.
     pub folds: f32,
     /// Depth of a fold.
     pub amplitude: f32,

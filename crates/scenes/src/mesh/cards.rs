@@ -13,7 +13,6 @@ use preshade_draw::scene::Mesh;
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Cards {
-    /// Number of cards.
     pub count: u32,
     /// Width and height of each.
     pub size: [f32; 2],

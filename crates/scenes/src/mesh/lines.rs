@@ -70,7 +70,6 @@ impl WireSphere {
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(deny_unknown_fields)]
 pub struct Vertices {
-    /// Number of vertices.
     pub count: u32,
 }
 

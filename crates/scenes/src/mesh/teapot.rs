@@ -11,7 +11,7 @@ use preshade_draw::scene::Mesh;
 #[derive(Clone, Copy, Debug, PartialEq, Deserialize)]
 #[serde(default, deny_unknown_fields)]
 pub struct Teapot {
-    /// Height.
+    /// Height in scene units.
     pub size: f32,
     /// Cells of each of its 32 patches, 1 to 256: around the axis of its body (a quarter turn) or
     /// tube (half a turn), and along it.
@@ -84,7 +84,7 @@ type Patch = [[Vec3; 4]; 4];
 enum Rows {
     /// Along the axis of a body or tube.
     Along,
-    /// Around the axis.
+    /// Around that axis.
     Round,
 }
 
@@ -183,7 +183,7 @@ fn weights(t: f32) -> [f32; 4] {
     [u * u * u, 3.0 * t * u * u, 3.0 * t * t * u, t * t * t]
 }
 
-/// Their derivatives.
+/// Derivatives of [`weights`].
 fn slope(t: f32) -> [f32; 4] {
     let u = 1.0 - t;
     [

@@ -1,4 +1,4 @@
-//! Inputs that make a shader discard some fragments and keep others.
+//! Finds inputs that make a shader discard some fragments and keep others.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
@@ -13,18 +13,18 @@ use super::flow::{BufferRead, StageFlow};
 use preshade_draw::scene::layout::leaf_shape;
 use preshade_draw::scene::{Image, Value, material};
 
-/// Values by path, and images by texture.
+/// Values by path, and images by texture name.
 #[derive(Default)]
 pub(super) struct DiscardInputs {
     pub values: BTreeMap<String, Value>,
     pub textures: BTreeMap<String, Arc<Image>>,
 }
 
-/// The middle of what a texture's channel ranges over.
+/// The middle of a texture channel's range.
 const MIDDLE: f64 = 0.5;
 
-/// The inputs that decide the discards of a fragment stage: a pattern for the texture that a
-/// discard compares, a threshold in the middle of its range, and the flags that switch it on.
+/// The inputs that decide the discards of a fragment stage. The texture in the comparison gets a
+/// pattern, the threshold the middle of its range, and the flags the values that enable it.
 pub(super) fn inputs(flow: &StageFlow<'_, '_>) -> DiscardInputs {
     let mut found = DiscardInputs::default();
     let mut seen = BTreeSet::new();
@@ -79,10 +79,10 @@ fn integer(flow: &StageFlow<'_, '_>, context: ContextId, e: Handle<Expression>) 
     }
 }
 
-/// One term of a sum, as far as it matters here.
+/// One term of a sum.
 #[derive(Default)]
 struct Term {
-    /// Textures, each with the channel that is read; `None` for several.
+    /// Textures, each with the channel that is read. `None` for several channels.
     textures: Vec<(Handle<GlobalVariable>, Option<u32>)>,
     numbers: Vec<BufferRead>,
 }
@@ -100,7 +100,7 @@ fn compared(
         return;
     }
     for term in &terms {
-        // A factor of the texture leaves its range as it is.
+        // A factor of the texture gets 1, which preserves the texture's range.
         let number = match term.textures.is_empty() {
             true => MIDDLE,
             false => 1.0,
@@ -114,8 +114,8 @@ fn compared(
     }
 }
 
-/// Gives a scalar that is compared with something that varies, such as a dither pattern, a number
-/// in the middle of 0 and 1. By their names, some are 1, as an opacity is, or next to 0.
+/// Gives 0.5 to a uniform that is compared with a varying value, such as a dither pattern, if its
+/// made-up value is close to 0 or 1.
 fn halves(flow: &StageFlow<'_, '_>, terms: &[ValueId], found: &mut DiscardInputs) {
     let module = flow.values.graph.module();
     let is_input = |v: &ValueId| flow.input(*v).is_some();
@@ -158,12 +158,12 @@ fn summands(flow: &StageFlow<'_, '_>, mut work: Vec<ValueId>) -> Vec<ValueId> {
     found
 }
 
-/// The textures and the numbers that a value is a product of.
+/// The textures and numbers that are factors of a value.
 fn term(flow: &StageFlow<'_, '_>, value: ValueId) -> Term {
     let module = flow.values.graph.module();
     let mut term = Term::default();
     let mut seen = BTreeSet::new();
-    // Each value with the component that is read of it.
+    // Each value with the component that is read from it.
     let mut work = vec![(value, None)];
     while let Some((value, mut channel)) = work.pop() {
         if !seen.insert(value) || is_control(flow, value) {
@@ -213,20 +213,20 @@ fn pointee<'m>(module: &'m naga::Module, ty: &TypeInner) -> Option<&'m TypeInner
     }
 }
 
-/// Gives a float a number, in all its components, whatever its name means.
+/// Gives a float variable this number in all components, regardless of its name.
 fn fill(flow: &StageFlow<'_, '_>, read: &BufferRead, number: f64, found: &mut DiscardInputs) {
     let module = flow.values.graph.module();
     let Some((1, _, scalar)) = leaf_shape(&module.types[read.ty].inner) else {
         return;
     };
     if scalar.kind == ScalarKind::Float {
-        // One number stands for all: the variable may be an array of vectors.
+        // One number fills the variable, even if it is an array of vectors.
         let number = Value::Numbers(vec![number]);
         found.values.entry(read.text(module)).or_insert(number);
     }
 }
 
-/// Gives a texture a pattern whose channel is now high, now low.
+/// Gives a texture a pattern with high and low values in this channel.
 fn pattern(
     flow: &StageFlow<'_, '_>,
     texture: Handle<GlobalVariable>,
@@ -253,7 +253,7 @@ fn pattern(
     }
 }
 
-/// Gives an integer that a discard depends on the value that the condition asks for.
+/// Gives an integer that a discard depends on the value that the condition requires.
 fn flag(
     flow: &StageFlow<'_, '_>,
     side: ValueId,

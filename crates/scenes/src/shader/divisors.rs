@@ -1,5 +1,5 @@
-//! Numbers for the uniforms of a bare shader that divide. A division by 0 is no number, and a picture
-//! of it is black.
+//! Values for uniforms of a bare shader that are divisors. A division by 0 would draw a black
+//! picture.
 
 use std::collections::BTreeMap;
 
@@ -10,7 +10,7 @@ use super::flow::{BufferRead, StageFlow};
 use preshade_draw::scene::Value;
 use preshade_draw::scene::layout::leaf_shape;
 
-/// A whole number with several steps: 1 would be a division that changes nothing.
+/// An integer divisor. 1 would have no effect.
 const PARTS: f64 = 4.0;
 
 /// A float nearer to 0 than this is replaced.
@@ -18,9 +18,9 @@ const NEAR: f64 = 0.25;
 
 /// A division, or a remainder, by uniforms.
 pub(super) struct Division {
-    /// What is divided.
+    /// The dividend.
     pub divided: Option<ValueId>,
-    /// The uniforms whose product divides.
+    /// The uniforms whose product is the divisor.
     pub by: Vec<BufferRead>,
 }
 
@@ -46,8 +46,8 @@ pub(super) fn divisions(
     values.into_iter().filter_map(of).collect()
 }
 
-/// A value, by path, for each uniform of a stage that divides and whose made-up number is 0 or
-/// near to it.
+/// A value, by path, for each uniform divisor of a stage that is an integer, or whose made-up value
+/// is close to 0.
 pub(super) fn numbers(flow: &StageFlow<'_, '_>) -> BTreeMap<String, Value> {
     let module = flow.values.graph.module();
     let all = divisions(flow, 0..flow.values.values.len());

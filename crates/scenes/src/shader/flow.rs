@@ -1,4 +1,4 @@
-//! The dataflow of a shader stage: which bound variables and inputs a value comes from.
+//! The dataflow of a shader stage: the bound variables and inputs behind each value.
 
 use std::cmp::Reverse;
 use std::collections::{BTreeMap, BTreeSet, BinaryHeap};
@@ -23,7 +23,7 @@ pub struct StageFlow<'g, 'p> {
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct BufferRead {
     pub global: Handle<GlobalVariable>,
-    /// The struct members that lead to it. Array elements are not told apart.
+    /// The struct members that lead to it. All elements of an array count as one.
     pub members: Vec<u32>,
     /// The type at the end of `members`, without arrays around it.
     pub ty: Handle<Type>,
@@ -70,13 +70,14 @@ impl BufferRead {
         text
     }
 
-    /// Whether the host gives it, one number for the whole draw.
+    /// Whether the host sets it, with one value for the whole draw.
     pub fn is_uniform(&self, module: &Module) -> bool {
         let space = module.global_variables[self.global].space;
         matches!(space, AddressSpace::Uniform | AddressSpace::Immediate)
     }
 
-    /// What it would be in the scene of a bare shader, by its name; `None` if the name has a conventional meaning.
+    /// Its made-up value in the scene of a bare shader. `None` if its name has a conventional
+    /// meaning.
     pub(super) fn made_up(&self, module: &Module) -> Option<Vec<f64>> {
         bind::made_up(&self.text(module), &module.types[self.ty].inner)
     }
@@ -87,7 +88,7 @@ impl BufferRead {
     }
 }
 
-/// The element of an array of arrays; other types as they are.
+/// The element type of nested arrays. Other types are returned unchanged.
 pub(crate) fn element(module: &Module, mut ty: Handle<Type>) -> Handle<Type> {
     while let TypeInner::Array { base, .. } = module.types[ty].inner {
         ty = base;
@@ -95,20 +96,20 @@ pub(crate) fn element(module: &Module, mut ty: Handle<Type>) -> Handle<Type> {
     ty
 }
 
-/// Most names that one value is passed on by.
+/// The most names that a value is followed through.
 const MOST_NAMES: usize = 64;
 
-/// The values behind one value, by how indirectly they enter it.
+/// The values that one value depends on, with the indirectness of each.
 #[derive(Default)]
 pub struct Nearest {
-    /// Steps from the root to each value.
+    /// Indirectness of each value.
     pub cost: BTreeMap<ValueId, u32>,
-    /// The user of each value on the shortest way.
+    /// The user of each value on the most direct path.
     user: BTreeMap<ValueId, ValueId>,
 }
 
 impl Nearest {
-    /// The values from the root to `value`.
+    /// The values on the path from the root to `value`.
     pub fn way(&self, value: ValueId) -> Vec<ValueId> {
         let mut way = vec![value];
         let mut at = value;
@@ -124,7 +125,7 @@ impl Nearest {
 /// How indirectly a matrix enters its product with a vector or a scalar.
 pub(crate) const MATRIX_OF_PRODUCT: u32 = 10;
 
-/// An operand of a vertex stage's inputs that is more indirect than this is no position.
+/// A vertex input that is more indirect than this is not a position.
 pub(crate) const MOST_INDIRECT: u32 = 20;
 
 pub(crate) fn location(io: &Io) -> Option<u32> {
@@ -141,7 +142,7 @@ impl<'g, 'p> StageFlow<'g, 'p> {
         Some(Self { values })
     }
 
-    /// The values that a value depends on, with itself.
+    /// The values that a value depends on, including itself.
     pub fn behind(&self, value: ValueId) -> BTreeSet<ValueId> {
         let mut found = BTreeSet::from([value]);
         let mut work = vec![value];
@@ -152,7 +153,7 @@ impl<'g, 'p> StageFlow<'g, 'p> {
         found
     }
 
-    /// The entry point's input that a value is.
+    /// Index of the entry point's input that a value reads.
     pub fn input(&self, value: ValueId) -> Option<usize> {
         match self.values.values[value].node {
             Node::Input(input) => Some(input),
@@ -160,7 +161,7 @@ impl<'g, 'p> StageFlow<'g, 'p> {
         }
     }
 
-    /// The expression of a value, with the members that it selects of a struct.
+    /// The expression of a value, with the struct members that it selects.
     pub fn expression(&self, value: ValueId) -> Option<(ContextId, &'g Expression, &[u32])> {
         match &self.values.values[value].node {
             Node::Expression(context, e, path) => {
@@ -218,7 +219,7 @@ impl<'g, 'p> StageFlow<'g, 'p> {
         Some(read)
     }
 
-    /// The number that chooses the element which a value loads from an array.
+    /// The index with which a value loads an array element.
     pub fn index(&self, value: ValueId) -> Option<ValueId> {
         let (context, Expression::Load { pointer }, _) = self.expression(value)? else {
             return None;
@@ -233,7 +234,7 @@ impl<'g, 'p> StageFlow<'g, 'p> {
         }
     }
 
-    /// The operand that a value passes on unchanged: a variable's content, a call's result.
+    /// Follows values that only pass on an operand: a variable's content or a call's result.
     pub fn through(&self, mut value: ValueId) -> ValueId {
         // A loop-carried value would lead back to itself.
         for _ in 0..MOST_NAMES {
@@ -262,8 +263,7 @@ impl<'g, 'p> StageFlow<'g, 'p> {
         value
     }
 
-    /// The variables that a value is a product of. Conversions and the choice of a component change
-    /// none of them.
+    /// The variables that are factors of a value. Conversions and swizzles are looked through.
     pub fn factors(&self, value: ValueId) -> Vec<BufferRead> {
         let (mut found, mut seen) = (Vec::new(), BTreeSet::new());
         let mut work = vec![value];
@@ -307,8 +307,8 @@ impl<'g, 'p> StageFlow<'g, 'p> {
         matches!(self.values.values[value].node, Node::Control(..))
     }
 
-    /// The values that a value is made of, each with how indirectly it enters: 0 for a term of a
-    /// sum or the vector that a matrix multiplies, more for a factor, an index or a condition.
+    /// The values behind `root`, each with its indirectness: 0 for a term of a sum or the vector
+    /// that a matrix multiplies, more for a factor, an index or a condition.
     pub fn nearest(&self, root: ValueId) -> Nearest {
         let mut found = Nearest::default();
         let mut work = BinaryHeap::from([Reverse((0, root))]);
@@ -376,7 +376,7 @@ impl<'g, 'p> StageFlow<'g, 'p> {
         Some((rows, scalar.kind))
     }
 
-    /// Whether a value is an element of a runtime-sized array, with scalars of these kinds.
+    /// Whether a value reads an element of a runtime-sized array with scalars of these kinds.
     pub(crate) fn is_array_read(&self, value: ValueId, kinds: &[ScalarKind]) -> bool {
         let module = self.values.graph.module();
         self.read(value).is_some_and(|read| {
@@ -390,7 +390,7 @@ impl<'g, 'p> StageFlow<'g, 'p> {
         })
     }
 
-    /// The variable of a pointer, and the steps into it; `None` for a dynamic index.
+    /// The variable of a pointer, and the path into it. `None` for a dynamic index.
     fn pointed(
         &self,
         mut context: ContextId,

@@ -1,4 +1,4 @@
-//! Numbers of iterations for the loops of a bare shader.
+//! Iteration counts for the loops of a bare shader.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,12 +9,11 @@ use super::flow::StageFlow;
 use preshade_draw::scene::Value;
 use preshade_draw::scene::layout::leaf_shape;
 
-/// Iterations where the shader leaves them to the host: enough that first, middle and last ones
-/// differ.
+/// Iterations if the host decides them. With four, the first, middle and last ones differ.
 const TURNS: f64 = 4.0;
 
-/// A value for each integer that a loop's counter is compared with, by path. The loop would not run
-/// with 0.
+/// A value, by path, for each integer that a loop's counter is compared with. With 0 the loop would
+/// not run.
 pub(super) fn counts(flow: &StageFlow<'_, '_>) -> BTreeMap<String, Value> {
     let module = flow.values.graph.module();
     let cycles = flow.values.cycles().iter().filter(|c| c.len() > 1);

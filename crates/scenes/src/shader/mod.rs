@@ -1,4 +1,4 @@
-//! What a shader's inputs are for, by its dataflow, and the scene of a bare shader.
+//! Infers the roles of a shader's inputs from its dataflow, and makes the scene of a bare shader.
 
 mod discards;
 mod divisors;

@@ -1,4 +1,4 @@
-//! What a shader's inputs are for, by the dataflow of its stages. Names decide only between
+//! Infers the roles of a shader's inputs from the dataflow of its stages. Names only decide between
 //! inputs that the dataflow allows.
 
 use std::collections::{BTreeMap, BTreeSet};
@@ -19,7 +19,7 @@ use preshade_draw::scene::bind::{is_instance_data, known_stream};
 use preshade_draw::scene::layout::{leaf_shape, runtime_array};
 use preshade_draw::scene::{Image, Semantic, Value};
 
-/// The inputs of a shader whose purpose is known.
+/// The inferred roles of a shader's inputs.
 #[derive(Default)]
 pub(crate) struct Roles {
     /// Mesh stream by attribute name.
@@ -28,22 +28,22 @@ pub(crate) struct Roles {
     pub values: BTreeMap<String, Value>,
     /// Images by the name of the texture.
     pub textures: BTreeMap<String, std::sync::Arc<Image>>,
-    /// The buffer that the vertex stage fetches its vertices from, if names do not tell.
+    /// The buffer that the vertex stage fetches its vertices from, unless its names identify it.
     pub pulled: Option<Pulled>,
     /// Whether an attribute or a buffer holds the mesh's positions.
     pub has_mesh: bool,
     /// Whether the shader places each object itself.
     pub is_placed: bool,
-    /// Whether data by instance places its instances.
+    /// Whether per-instance data places the instances.
     pub is_instanced: bool,
-    /// Whether the number of the instance reaches the position.
+    /// Whether the instance index affects the position.
     pub uses_instance: bool,
-    /// Matrices by instance in buffers whose names mean nothing.
+    /// Per-instance matrices in buffers whose names have no known meaning.
     pub instance_matrices: Vec<BufferRead>,
 }
 
 impl Roles {
-    /// Reads the dataflow of both stages. A stage that is too large to analyse has no roles. `given`
+    /// Infers the roles from both stages. A stage that is too large to analyse gets none. `given`
     /// are the values that the scene sets.
     pub fn of(parsed: &Parsed, given: &BTreeMap<String, Value>) -> Self {
         let mut this = Self::default();
@@ -57,7 +57,7 @@ impl Roles {
         let fragment = fragment.and_then(|name| stage(ShaderStage::Fragment, name));
         match &vertex {
             Some(vertex) => this.vertices(vertex, fragment.as_ref(), given),
-            // Without its dataflow, assume the usual matrices.
+            // Assume the usual matrices if there is no dataflow.
             None => this.is_placed = true,
         }
         for stage in vertex.iter().chain(&fragment) {
@@ -74,7 +74,7 @@ impl Roles {
         this
     }
 
-    /// The values that the renderer provides, by path.
+    /// The paths of values that the renderer provides.
     pub fn semantics(&self) -> impl Iterator<Item = (String, Semantic)> {
         self.values.iter().filter_map(|(path, value)| match value {
             Value::Semantic(name) => Some((path.clone(), Semantic::from_name(name)?)),
@@ -128,7 +128,7 @@ impl Roles {
         }
     }
 
-    /// Finds the buffer of positions; `None`: the shader makes its vertices itself.
+    /// Finds the buffer of positions. `None` if the shader generates its vertices.
     fn pull(&mut self, flow: &StageFlow<'_, '_>, near: &Nearest) -> Option<ValueId> {
         let mut found: Vec<(u32, ValueId)> = near
             .cost
@@ -147,8 +147,8 @@ impl Roles {
         Some(*value)
     }
 
-    /// Gives 0 to the integers that are added to the number of a vertex: each mesh begins where its
-    /// buffer does.
+    /// Gives 0 to the integers that are added to the vertex index, because each mesh starts at the
+    /// beginning of its buffer.
     fn first_vertices(&mut self, flow: &StageFlow<'_, '_>, vertex: ValueId) {
         let module = flow.values.graph.module();
         for value in flow.behind(vertex) {
@@ -176,8 +176,8 @@ impl Roles {
         }
     }
 
-    /// Gives 1 to the uniforms that divide made-up numbers on their way to a position without a
-    /// mesh, such as a window's size: those numbers lie between 0 and 1, not between 0 and 1920.
+    /// Gives 1 to uniforms that divide made-up numbers on the way to a position without a mesh,
+    /// such as a window's size. Those numbers range from 0 to 1, not from 0 to 1920.
     fn divisors(&mut self, flow: &StageFlow<'_, '_>, position: ValueId) {
         let module = flow.values.graph.module();
         let is_made_up = |v: &ValueId| {
@@ -200,7 +200,7 @@ impl Roles {
         }
     }
 
-    /// Gives texture coordinates to the attributes that a texture is sampled at.
+    /// Assigns texture coordinates to the attributes at which a texture is sampled.
     fn texture_coordinates(
         &mut self,
         flow: &StageFlow<'_, '_>,
@@ -239,7 +239,8 @@ impl Roles {
             inputs.sort_unstable();
             for (cost, input) in inputs {
                 let io = &flow.values.inputs[input];
-                // Two numbers with the name of something else are texture coordinates all the same.
+                // A two-component attribute is used as texture coordinates even if its name means
+                // something else.
                 let known = known_stream(io.name.as_deref().unwrap_or(""));
                 let is_unknown = !matches!(known, Some("uv" | "uv1"));
                 if cost < MOST_INDIRECT
@@ -253,7 +254,7 @@ impl Roles {
         }
     }
 
-    /// Gives the remaining attributes without a known name a stream of their type.
+    /// Assigns a stream of the right type to the remaining attributes without a known name.
     fn other_attributes(&mut self, flow: &StageFlow<'_, '_>, taken: &mut BTreeSet<usize>) {
         let name = |io: &Io| io.name.clone().unwrap_or_default();
         let mut has_normal = flow
@@ -278,7 +279,7 @@ impl Roles {
         }
     }
 
-    /// Gives the attributes and the array of a skin their meanings.
+    /// Assigns the roles of a skin's attributes and matrix array.
     fn skin(&mut self, flow: &StageFlow<'_, '_>, taken: &mut BTreeSet<usize>) {
         let (module, inputs) = (flow.values.graph.module(), &flow.values.inputs);
         for skin in skin::skins(flow) {
@@ -292,7 +293,7 @@ impl Roles {
         }
     }
 
-    /// Gives the matrices on the way to the position, outermost first, the camera.
+    /// Assigns the camera's matrices to those on the way to the position, outermost first.
     fn camera(&mut self, module: &Module, chain: &[BufferRead], given: &BTreeMap<String, Value>) {
         let said = |read: &BufferRead| {
             let path = read.text(module);
@@ -302,7 +303,7 @@ impl Roles {
             }
         };
         let chain = chain.iter().map(|read| (read, said(read)));
-        // A joint moves vertices of its own, and is no matrix of the camera.
+        // Joints are no camera matrices: each moves only its own vertices.
         let (chain, names): (Vec<_>, Vec<_>) = chain
             .filter(|(_, name)| *name != Some(Semantic::Joints))
             .unzip();
@@ -315,7 +316,7 @@ impl Roles {
         }
     }
 
-    /// Gives a matrix without a known name that multiplies the normal the normal matrix.
+    /// Assigns the normal matrix to matrices without a known name that multiply the normal.
     fn normal_matrices(&mut self, flow: &StageFlow<'_, '_>) {
         let module = flow.values.graph.module();
         let is_normal = |value: &ValueId| {
@@ -350,7 +351,7 @@ impl Roles {
         self.values.extend(values);
     }
 
-    /// Finds whether objects and instances have places of their own.
+    /// Infers whether the shader places objects and instances.
     fn placement(&mut self, flow: &StageFlow<'_, '_>, position: ValueId) {
         let module = flow.values.graph.module();
         for value in flow.behind(position) {
@@ -387,8 +388,8 @@ impl Roles {
     }
 }
 
-/// The attribute that is the position: one with that name, or else the most direct one whose name
-/// means nothing else.
+/// The position attribute: by name, or else the most direct attribute whose name has no other
+/// meaning.
 fn position_attribute(flow: &StageFlow<'_, '_>, near: &Nearest) -> Option<ValueId> {
     let mut found: Vec<(u32, u32, u32, ValueId)> = Vec::new();
     for (value, cost) in &near.cost {
@@ -414,7 +415,8 @@ fn position_attribute(flow: &StageFlow<'_, '_>, near: &Nearest) -> Option<ValueI
     found.first().map(|(.., value)| *value)
 }
 
-/// The camera's matrices for a chain with these names, outermost first. May be shorter than it.
+/// The camera matrices for a chain with these names, outermost first. May be shorter than the
+/// chain.
 fn camera_of(names: &[Option<Semantic>]) -> &'static [Semantic] {
     use Semantic::{Model, ModelView, ModelViewProjection, Projection, View, ViewProjection};
     let chains: &[&[Semantic]] = match names.len() {
@@ -442,7 +444,7 @@ fn camera_of(names: &[Option<Semantic>]) -> &'static [Semantic] {
     best
 }
 
-/// The uniform matrices that multiply a vector on the way from the position, outermost first.
+/// The uniform matrices that multiply a vector on the path to the position, outermost first.
 fn matrices(flow: &StageFlow<'_, '_>, way: &[ValueId]) -> Vec<BufferRead> {
     let mut found = Vec::new();
     for (value, next) in way.iter().zip(way.iter().skip(1)) {
@@ -455,17 +457,17 @@ fn matrices(flow: &StageFlow<'_, '_>, way: &[ValueId]) -> Vec<BufferRead> {
     found
 }
 
-/// Which matrix of a product of matrices is the outermost, that is, applied last.
+/// The outermost factor in a product of matrices: the one applied last.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Outermost {
-    /// `a` of `a * b * vector`.
+    /// As `a` in `a * b * vector`.
     First,
-    /// `b` of `vector * a * b`.
+    /// As `b` in `vector * a * b`.
     Last,
 }
 
 impl Outermost {
-    /// The same of the transposed product.
+    /// The outermost factor in the transposed product.
     fn turned(self) -> Self {
         match self {
             Self::First => Self::Last,
@@ -474,7 +476,7 @@ impl Outermost {
     }
 }
 
-/// A matrix times a vector, or a vector times a matrix: naga reads a `row_major` matrix as the
+/// A product of a matrix and a vector, in either order. naga reads a `row_major` matrix as the
 /// transpose of a column-major one.
 struct Product {
     matrix: ValueId,

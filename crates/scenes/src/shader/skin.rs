@@ -1,5 +1,5 @@
-//! Finds skins by the dataflow of a vertex stage: the components of one attribute choose matrices of
-//! an array, and those of another one weight these matrices or what they transform.
+//! Finds skins in the dataflow of a vertex stage. Components of one attribute select matrices of an
+//! array, and those of another attribute weight these matrices or their results.
 
 use std::collections::BTreeMap;
 
@@ -8,11 +8,11 @@ use preshade_passes::analysis::values::ValueId;
 
 use super::flow::{BufferRead, MATRIX_OF_PRODUCT, MOST_INDIRECT, StageFlow, location};
 
-/// One matrix with its weight.
+/// A matrix and its weight.
 pub(super) struct Skin {
-    /// The input that chooses the matrix.
+    /// Index of the input that selects the matrix.
     pub joints: usize,
-    /// The input that weights it.
+    /// Index of the input that weights it.
     pub weights: usize,
     /// The array of matrices.
     pub matrices: BufferRead,
@@ -30,7 +30,7 @@ pub(super) fn skins(flow: &StageFlow<'_, '_>) -> Vec<Skin> {
         .collect()
 }
 
-/// The matrices that an input chooses, by the value that loads them: the input, and the array.
+/// The matrices that an input selects, by the value that loads them.
 fn chosen(flow: &StageFlow<'_, '_>) -> BTreeMap<ValueId, (usize, BufferRead)> {
     let module = flow.values.graph.module();
     let values = 0..flow.values.values.len();
@@ -46,7 +46,7 @@ fn chosen(flow: &StageFlow<'_, '_>) -> BTreeMap<ValueId, (usize, BufferRead)> {
         .collect()
 }
 
-/// The skin that a product of a scalar is a part of.
+/// The skin in a product with a scalar weight.
 fn weighted(
     flow: &StageFlow<'_, '_>,
     product: ValueId,
@@ -75,7 +75,7 @@ fn weighted(
     })
 }
 
-/// The attribute of several components that a value is most directly made of.
+/// The most direct vector attribute behind a value.
 fn nearest_input(flow: &StageFlow<'_, '_>, value: ValueId) -> Option<usize> {
     let near = flow.nearest(value);
     let inputs = near.cost.iter().filter_map(|(value, cost)| {

@@ -1,5 +1,5 @@
-//! Makes up a scene for a bare shader by reflection: enough overlapping objects to tell a good
-//! variant from a bad one.
+//! Makes a scene for a bare shader by reflection, with enough overlapping objects to distinguish
+//! good variants from bad ones.
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -21,11 +21,12 @@ use preshade_draw::scene::{
     Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, Stream, Value,
 };
 
-/// A scene for a material of which only shader and state are known: a floor, boxes and spheres in
-/// three rows, in three draw orders. Values, textures and attributes follow the conventions of
-/// [`bind`](preshade_draw::scene::bind). If a program generates its own vertices, its arrays and index comparisons
-/// decide how many. Instanced programs get a field of instances; skinned or morphed ones get joints
-/// or targets.
+/// A scene for a material of which only shader and state are known: a floor, and boxes and spheres
+/// in three rows, in three draw orders.
+///
+/// Values, textures and attributes follow the conventions of [`bind`](preshade_draw::scene::bind).
+/// If a program generates its vertices, its arrays and index comparisons determine their number.
+/// Instanced programs get a field of instances; skinned or morphed ones get joints or targets.
 pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
     let name = parsed
         .program
@@ -64,7 +65,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
         depth_format: state.depth_format,
         depth_direction: state.depth_direction,
         samples: state.multisample.count,
-        // Neither dark nor bright, so that both dark and bright materials show.
+        // A medium colour: dark and bright materials both stand out.
         clear_color: [0.3, 0.38, 0.48, 1.0],
         cameras: vec![Camera {
             name: "front".to_owned(),
@@ -104,7 +105,7 @@ pub fn synthesise(parsed: Parsed, state: MaterialState) -> Scene {
     }
 }
 
-/// Meshes, and draws of them that do not share a place.
+/// Meshes and draws at distinct places.
 fn objects(
     parsed: &Parsed,
     state: &MaterialState,
@@ -115,7 +116,7 @@ fn objects(
     let shapes = shapes(wants, state.primitive.topology);
     let mut meshes: Vec<Mesh> = Vec::new();
     let mut draws = Vec::new();
-    // Without a matrix of each object, the vertices themselves have to be elsewhere.
+    // Without a matrix per object, the vertices themselves are moved.
     let is_moved = !roles.is_placed && !wants.instances;
     for (shape, transform) in places(wants, shapes.len(), is_moved) {
         let transform_of_draw = if is_moved { Mat4::IDENTITY } else { transform };
@@ -180,11 +181,11 @@ fn objects(
     (meshes, draws)
 }
 
-/// The mesh data that a program needs.
+/// The mesh data that a program reads.
 struct Wants {
-    /// It reads vertex data from attributes or storage.
+    /// Whether it reads vertex data from attributes or storage.
     data: bool,
-    /// Number of vertices that it generates, if it reads none.
+    /// Number of vertices that it generates if it reads none.
     own_vertices: u32,
     instances: bool,
     skin: bool,
@@ -224,8 +225,8 @@ impl Wants {
 }
 
 /// Number of vertices for a program that generates them from `vertex_index`: the length of its
-/// longest vector array, or the largest number that it compares an index with plus 1. Rounded up to
-/// whole triangles, at least one.
+/// longest vector array, or one more than the largest number that it compares an index with.
+/// Rounded up to whole triangles, at least one.
 fn own_vertices(program: &Program) -> u32 {
     let module = program.module();
     let arrays = module.types.iter().filter_map(|(_, t)| match t.inner {
@@ -263,7 +264,6 @@ fn own_vertices(program: &Program) -> u32 {
     most.unwrap_or(3).max(3).next_multiple_of(3)
 }
 
-/// The shapes of the objects.
 fn shapes(wants: &Wants, topology: Topology) -> Vec<Mesh> {
     let mut meshes = if !wants.data {
         vec![
@@ -307,8 +307,8 @@ fn shapes(wants: &Wants, topology: Topology) -> Vec<Mesh> {
     meshes
 }
 
-/// Gives a mesh colours that follow its positions. A shader that shows only vertex colours would
-/// otherwise be plain white.
+/// Gives a mesh colours that follow its positions. Otherwise a shader that only shows vertex
+/// colours would draw plain white.
 fn paint(mesh: &mut Mesh) {
     let Some(Stream::Float {
         components: 3,
@@ -335,8 +335,8 @@ fn paint(mesh: &mut Mesh) {
     mesh.streams.insert("color".to_owned(), painted);
 }
 
-/// The shape and transform of each object. A shader that generates its own vertices gets three
-/// places if it reads a matrix of each object.
+/// The shape and transform of each object. A shader that generates its vertices gets three places
+/// if it reads a matrix per object.
 fn places(wants: &Wants, meshes: usize, is_moved: bool) -> Vec<(usize, Mat4)> {
     let row = |z: f32, count: usize, width: f32| {
         (0..count).map(move |i| {

@@ -1,4 +1,4 @@
-//! Vertex data for a shader that fetches its vertices from a storage buffer.
+//! Generates vertex data for a shader that fetches its vertices from a storage buffer.
 
 use std::collections::BTreeMap;
 
@@ -12,20 +12,20 @@ use preshade_draw::scene::{Mesh, Value};
 
 /// A storage buffer of vertices.
 pub(crate) struct Pulled {
-    /// The variable: a runtime-sized array, or a struct with nothing else in it.
+    /// Name of the variable: a runtime-sized array, or a struct with only such an array.
     name: String,
     element: Handle<Type>,
-    /// The members of an element that lead to the position.
+    /// Path of members from an element to its position.
     position: Vec<u32>,
-    /// Numbers of a vertex in an array of scalars.
+    /// Scalars per vertex, in an array of scalars.
     stride: usize,
-    /// Arrays of indices, by name.
+    /// Names of the index arrays.
     indices: Vec<String>,
 }
 
 impl Pulled {
-    /// The buffer that `value` is read from; `None`: its names tell what it holds, or it is laid
-    /// out in a way that is not understood.
+    /// The buffer that `value` is read from. `None` if its names have a known meaning, or if its
+    /// layout is not supported.
     pub fn of(flow: &StageFlow<'_, '_>, value: ValueId) -> Option<Self> {
         let module = flow.values.graph.module();
         let read = flow.read(value)?;
@@ -38,7 +38,7 @@ impl Pulled {
         };
         let element = runtime_array(module, global.ty)?;
         let index = flow.behind(value);
-        // A member of a struct is an offset or an id, and no list of indices.
+        // A struct member is an offset or an id, but no list of indices.
         let is_list = |global: &naga::GlobalVariable| {
             let element = runtime_array(module, global.ty);
             element.is_some_and(|e| leaf_shape(&module.types[e].inner).is_some())

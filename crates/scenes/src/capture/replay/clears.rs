@@ -1,4 +1,4 @@
-//! Clears that do not fill the target: WebGL's scissor and masks hold for them.
+//! Clears that do not fill the target: WebGL applies its scissor and masks to them.
 
 use preshade_plan::safety::Checks;
 use wgpu::util::DeviceExt as _;
@@ -9,7 +9,7 @@ use crate::capture::Error;
 use preshade_frames::file::{Clear, RenderPassDescriptor};
 
 impl Replay<'_> {
-    /// A triangle over the targets, with the clear's scissor and masks.
+    /// Draws a triangle over the targets, with the clear's scissor and masks.
     pub(super) fn partial_clear(
         &mut self,
         clear: &Clear,

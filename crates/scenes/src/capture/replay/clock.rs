@@ -1,9 +1,9 @@
-//! The GPU's own clock, around commands.
+//! Measures commands with the GPU's own clock.
 
 use crate::capture::Error;
 use preshade_draw::render::Gpu;
 
-/// Two timestamps and the buffers that they are read through.
+/// Two timestamps, and the buffers to read them through.
 pub(super) struct Clock {
     queries: wgpu::QuerySet,
     resolved: wgpu::Buffer,
@@ -14,7 +14,8 @@ pub(super) struct Clock {
 const SIZE: u64 = 16;
 
 impl Clock {
-    /// `None` on adapters without timestamps, and on software adapters, whose timestamps say nothing.
+    /// `None` on adapters without timestamps. Also `None` on software adapters, whose timestamps
+    /// are meaningless.
     pub fn new(gpu: &Gpu) -> Result<Option<Self>, Error> {
         if !gpu.has_timestamps() || gpu.adapter().kind == "software" {
             return Ok(None);
@@ -49,7 +50,7 @@ impl Clock {
         encoder.copy_buffer_to_buffer(&self.resolved, 0, &self.read, 0, SIZE);
     }
 
-    /// Seconds from start to stop, after the commands were submitted.
+    /// Seconds from start to stop, once the commands were submitted.
     pub fn seconds(&self, gpu: &Gpu) -> Result<f64, Error> {
         let bytes = gpu.read_buffer(&self.read)?;
         let mut ticks = bytes.as_chunks::<8>().0.iter();

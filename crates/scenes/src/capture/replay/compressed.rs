@@ -1,4 +1,4 @@
-//! Writes texels to textures. Compressed ones that the adapter cannot read are decoded.
+//! Writes texels to textures. Decodes compressed texels that the adapter does not support.
 
 use std::sync::Arc;
 
@@ -9,7 +9,8 @@ use preshade_frames::file::{DataName, Extent, TexelLayout, TexelPlace};
 use preshade_frames::folder::get;
 
 impl Replay<'_> {
-    /// The format that stands for one on this adapter: compressed texels that it cannot read are decoded.
+    /// The format to use on this adapter: that of the decoded texels, if it does not support the
+    /// compressed ones.
     pub(super) fn readable(&self, format: wgpu::TextureFormat) -> wgpu::TextureFormat {
         match preshade_draw::render::textures::is_readable(self.gpu, format) {
             true => format,
@@ -17,7 +18,7 @@ impl Replay<'_> {
         }
     }
 
-    /// Writes texels, decoded where the adapter cannot read them as they are.
+    /// Writes texels to a texture of the capture. Decodes them if necessary.
     pub(super) fn write_texture(
         &mut self,
         destination: &TexelPlace,
@@ -43,7 +44,7 @@ impl Replay<'_> {
         self.write_texels(of.format, to, bytes, layout.wgpu(), size.wgpu(), place)
     }
 
-    /// Writes texels of a format, decoded where the texture has another one.
+    /// Writes texels of a format. Decodes them if the texture has another format.
     pub(super) fn write_texels(
         &self,
         format: wgpu::TextureFormat,
@@ -54,7 +55,7 @@ impl Replay<'_> {
         place: &str,
     ) -> Result<(), Error> {
         if to.texture.format() != format {
-            // Blocks may reach beyond the level, and texels may not.
+            // Blocks may extend beyond the level, but texels may not.
             let level = to.texture.size();
             let level = level.mip_level_size(to.mip_level, to.texture.dimension());
             size.width = size.width.min(level.width.saturating_sub(to.origin.x));

@@ -1,4 +1,4 @@
-//! Depths that a command writes: they are drawn, since WebGPU copies to few of their formats.
+//! Writes depths by drawing them, because WebGPU allows copies to few depth formats.
 
 use super::Replay;
 use crate::capture::Error;
@@ -6,13 +6,14 @@ use preshade_draw::render::depths::{self, Place};
 use preshade_draw::scene::Image;
 use preshade_frames::file::{Extent, TexelPlace};
 
-/// Whether depths of this format are drawn, as WebGPU copies none to it.
+/// Whether depths of this format have to be drawn, because WebGPU does not allow a copy.
 pub(super) fn is_drawn(format: wgpu::TextureFormat) -> bool {
     format.has_depth_aspect() && format != wgpu::TextureFormat::Depth16Unorm
 }
 
 impl Replay<'_> {
-    /// Writes a whole level of depths, which are floats whatever the format: WebGL computed them by what WebGPU lacks.
+    /// Writes a whole level of depths. They are floats in every format, because WebGL may have
+    /// computed them in ways that WebGPU lacks.
     pub(super) fn write_depths(
         &mut self,
         texture: &wgpu::Texture,

@@ -1,6 +1,8 @@
-//! Shaders of a replay whose loops end. The page's browser drew them to an end, but another driver's rounding may keep a
-//! loop from it, and a loop without end hangs a GPU. Scenes made of the frame are drawn with a check that reports this
-//! ([`preshade_draw::render`]); a replay leaves such a loop and says nothing.
+//! Makes every loop in a replay's shaders end.
+//!
+//! The loops ended in the page's browser, but another driver's rounding may keep one running, and
+//! an endless loop hangs the GPU. Scenes have a check that reports this
+//! ([`preshade_draw::render`]). A replay leaves the loop without a report.
 
 use std::borrow::Cow;
 use std::sync::Arc;
@@ -11,14 +13,14 @@ use preshade_plan::program::Program;
 use shader_text::source::{Language, SourceMap};
 use wgpu::ShaderSource;
 
-/// The module, or a copy of it in which every loop ends.
+/// The module, or a copy with bounded loops.
 pub(super) fn module(program: &Program) -> Module {
-    // A loop around a barrier cannot be left by some of its invocations: it stays as it is.
+    // A loop around a barrier stays unbounded, because some invocations cannot leave it alone.
     let cut = bounded::cut(program).ok().flatten();
     cut.as_ref().unwrap_or(program).module().clone()
 }
 
-/// The source as it is, unless a loop of it may not end.
+/// The source, or its module with bounded loops if one may not end.
 pub(super) fn source(source: ShaderSource<'static>) -> ShaderSource<'static> {
     let read = match &source {
         ShaderSource::Wgsl(text) => naga::front::wgsl::parse_str(text).ok(),

@@ -1,7 +1,7 @@
-//! Executes captured commands on wgpu as they were.
+//! Executes the original commands of a capture on wgpu.
 //!
-//! Objects are made when a command first needs them. A pipeline or a bind group that wgpu or the
-//! adapter refuses is reported once, its draws are left out, and everything else is executed.
+//! Objects are created on first use. If wgpu or the adapter refuses a pipeline or a bind group, the
+//! replay reports it once, leaves out its draws, and executes everything else.
 
 mod clears;
 mod clock;
@@ -27,25 +27,25 @@ use preshade_frames::file::{Command, DataName, TexelPlace};
 use preshade_frames::folder::{Capture, get};
 use webgl::Programs;
 
-/// Something that the replay left out.
+/// A part of the capture that the replay left out.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct LeftOut {
-    /// The object: `render pipeline 3`.
+    /// The object, such as `render pipeline 3`.
     pub what: String,
     pub why: String,
 }
 
-/// A capture on a device.
+/// A capture that is being replayed on a device.
 pub(crate) struct Replay<'a> {
     gpu: &'a Gpu,
     capture: &'a Capture,
     objects: Objects,
     programs: Programs,
-    /// What the CPU knows of buffers: WebGL's are made for each draw.
+    /// Buffer contents on the CPU: WebGL's buffers are rebuilt from them for each draw.
     contents: Contents,
     encoder: Option<wgpu::CommandEncoder>,
     left_out: BTreeMap<LeftOut, u64>,
-    /// The render pipeline whose draws are not executed.
+    /// The render pipeline whose draws are skipped.
     hidden: Option<usize>,
     is_set_up: bool,
 }
@@ -56,17 +56,16 @@ impl std::fmt::Debug for Replay<'_> {
     }
 }
 
-/// Where a frame ends for the replay.
+/// How far to execute a frame.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Until {
-    /// After its last command.
     End,
-    /// Before the command of this number.
+    /// Up to the command of this index, without it.
     Command(usize),
 }
 
 impl<'a> Replay<'a> {
-    /// A capture before its first frame.
+    /// Starts before the first frame.
     pub fn new(gpu: &'a Gpu, capture: &'a Capture) -> Self {
         Self {
             gpu,
@@ -81,20 +80,21 @@ impl<'a> Replay<'a> {
         }
     }
 
-    /// Executes no draws of this render pipeline from now on.
+    /// Skips the draws of this render pipeline from now on. `None`: of none.
     pub(super) fn hide(&mut self, pipeline: Option<usize>) {
         self.hidden = pipeline;
     }
 
-    /// What was left out so far, and how often.
+    /// Parts that were left out so far, and how often.
     pub fn left_out(&self) -> &BTreeMap<LeftOut, u64> {
         &self.left_out
     }
 
-    /// Executes one frame, and before the first one what the capture does once. Frames have to be executed in order.
+    /// Executes one frame, and before the first one the capture's setup. Frames have to be executed
+    /// in order.
     ///
     /// # Errors
-    /// The capture names objects that it does not have, data is missing, or the device is lost.
+    /// The capture refers to missing objects, data is missing, or the device is lost.
     pub fn frame(&mut self, frame: usize, until: Until) -> Result<(), Error> {
         let capture = self.capture;
         if !std::mem::replace(&mut self.is_set_up, true) {
@@ -114,9 +114,11 @@ impl<'a> Replay<'a> {
         self.flush()
     }
 
-    /// Executes one frame again and returns the seconds of each command that runs on the GPU; 0 for
-    /// writes. A GPU's own clock measures, or the wall clock on adapters without one. No other job draws on a shared
-    /// adapter meanwhile.
+    /// Executes one frame again. Returns the seconds that each command takes on the GPU, or 0 for
+    /// writes.
+    ///
+    /// Uses the GPU's own clock, or the wall clock on adapters without one. Meanwhile no other job
+    /// draws on a shared adapter.
     ///
     /// # Errors
     /// As [`Self::frame`].
@@ -158,7 +160,7 @@ impl<'a> Replay<'a> {
 
     fn command(&mut self, command: &Command, place: &str) -> Result<(), Error> {
         if self.capture.file.source.api.is_webgl() {
-            // Its buffers are made for each draw, from what the CPU knows.
+            // WebGL's buffers are rebuilt for each draw, from the contents on the CPU.
             self.contents.apply(self.capture, command, &[])?;
             if matches!(
                 command,
@@ -284,7 +286,7 @@ impl<'a> Replay<'a> {
         commands(self.encoder.get_or_insert_with(new))
     }
 
-    /// Submits what was encoded so far. Writes by the queue come after it.
+    /// Submits the commands encoded so far. Queue writes come after them.
     fn flush(&mut self) -> Result<(), Error> {
         if let Some(encoder) = self.encoder.take() {
             self.gpu.submit("a captured command", encoder)?;
@@ -296,7 +298,7 @@ impl<'a> Replay<'a> {
         *self.left_out.entry(LeftOut { what, why }).or_default() += 1;
     }
 
-    /// The picture that the page showed after a frame that was executed, upright.
+    /// The picture of an executed frame, top row first.
     ///
     /// # Errors
     /// The frame has no canvas, or the device is lost.

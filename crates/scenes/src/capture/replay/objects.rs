@@ -1,4 +1,4 @@
-//! wgpu's objects of a capture, made when they are first needed.
+//! wgpu objects for a capture, created on first use.
 
 use std::collections::BTreeMap;
 
@@ -16,7 +16,7 @@ use preshade_frames::file::{
 };
 use preshade_frames::folder::get;
 
-/// What was made so far, by number.
+/// Objects created so far, by index.
 #[derive(Default)]
 pub(super) struct Objects {
     buffers: BTreeMap<usize, wgpu::Buffer>,
@@ -30,10 +30,10 @@ pub(super) struct Objects {
     compute_pipelines: BTreeMap<usize, Made<wgpu::ComputePipeline>>,
 }
 
-/// An object, or why there is none.
+/// An object, or why it could not be created.
 type Made<T> = Result<T, String>;
 
-/// A failure that concerns one object only. A lost device, or a capture that is broken, ends the
+/// Separates failures of a single object from a lost device or a broken capture, which end the
 /// replay.
 fn refused<T>(made: Result<T, Error>) -> Result<Made<T>, Error> {
     match made {
@@ -61,7 +61,7 @@ impl Replay<'_> {
         let file = &self.capture.file;
         let of = get(&file.buffers, index, "buffer", place)?;
         let start = file.start.buffers.iter().find(|b| b.buffer == index);
-        // Mapping is the writer's business: its writes are commands.
+        // The recorder turned mapped writes into commands.
         let mut usage = wgpu::BufferUsages::from_bits_truncate(of.usage);
         usage -= wgpu::BufferUsages::MAP_READ | wgpu::BufferUsages::MAP_WRITE;
         usage |= wgpu::BufferUsages::COPY_DST | wgpu::BufferUsages::COPY_SRC;
@@ -148,7 +148,7 @@ impl Replay<'_> {
         Ok(texture)
     }
 
-    /// Depths cannot be copied to on all adapters, so they are drawn.
+    /// Draws the start content of a depth texture. Not all adapters can copy to depths.
     fn start_depths(&self, index: usize, texture: &wgpu::Texture) -> Result<(), Error> {
         let view = View {
             texture: index,
@@ -179,7 +179,7 @@ impl Replay<'_> {
         self.sampler_like(of, place)
     }
 
-    /// A sampler; equal ones are one.
+    /// A sampler. Equal descriptors share one.
     pub(super) fn sampler_like(
         &mut self,
         of: &Sampler,
@@ -216,7 +216,7 @@ impl Replay<'_> {
         };
         let source = ending::source(source);
         let made = self.gpu.checked(&label, || {
-            // A page's shader was drawn with all of WGSL's checks.
+            // The page's shader ran with all of WGSL's checks.
             self.gpu.shader(
                 Checks::ALL,
                 wgpu::ShaderModuleDescriptor {
@@ -514,7 +514,7 @@ fn named(constants: &[(String, f64)]) -> Vec<(&str, f64)> {
     constants.iter().map(|(n, v)| (n.as_str(), *v)).collect()
 }
 
-/// The layout of a pipeline that exists.
+/// The layout of a pipeline, which must exist.
 fn derived<T>(made: Made<T>, label: &str) -> Result<T, Error> {
     made.map_err(|why| {
         Error::Render(preshade_draw::render::Error::Refused {
@@ -530,7 +530,7 @@ fn texture_descriptor<'l>(of: &'l Texture, label: &'l str) -> wgpu::TextureDescr
         usage |= wgpu::TextureUsages::COPY_SRC | wgpu::TextureUsages::COPY_DST;
     }
     if of.format.is_depth_stencil_format() {
-        // Start content is drawn, and what a pass left is read in a shader.
+        // Start content is drawn, and results of a pass are read in a shader.
         usage |= wgpu::TextureUsages::RENDER_ATTACHMENT | wgpu::TextureUsages::TEXTURE_BINDING;
     }
     wgpu::TextureDescriptor {
@@ -545,7 +545,7 @@ fn texture_descriptor<'l>(of: &'l Texture, label: &'l str) -> wgpu::TextureDescr
     }
 }
 
-/// Size of a level in whole blocks: all of its layers, or one.
+/// Size of a level in whole blocks, with all layers or one.
 fn level_size(of: &Texture, level: u32, one_layer: bool) -> wgpu::Extent3d {
     let size = of.size.wgpu().mip_level_size(level, of.dimension);
     let size = size.physical_size(of.format);
@@ -558,7 +558,7 @@ fn level_size(of: &Texture, level: u32, one_layer: bool) -> wgpu::Extent3d {
     }
 }
 
-/// Bytes of a row of blocks, and rows of blocks of a layer.
+/// Bytes in a row of blocks, and rows of blocks in a layer.
 fn rows(
     format: wgpu::TextureFormat,
     aspect: wgpu::TextureAspect,
@@ -670,7 +670,7 @@ pub(super) fn primitive(of: &RenderPipeline) -> wgpu::PrimitiveState {
     wgpu::PrimitiveState {
         topology: topology(p.topology),
         strip_index_format: match p.topology {
-            // The indices are ours.
+            // The generated indices have 32 bits.
             Topology::LineLoop => Some(wgpu::IndexFormat::Uint32),
             _ => p.strip_index_format.map(index_format),
         },
@@ -686,7 +686,7 @@ pub(super) fn primitive(of: &RenderPipeline) -> wgpu::PrimitiveState {
     }
 }
 
-/// WebGL's bytes become 16 bits.
+/// Indices of 8 bits are widened to 16.
 pub(super) fn index_format(of: IndexFormat) -> wgpu::IndexFormat {
     match of {
         IndexFormat::Uint8 | IndexFormat::Uint16 => wgpu::IndexFormat::Uint16,

@@ -1,4 +1,4 @@
-//! Render and compute passes of the replay: objects first, then commands.
+//! Replays render and compute passes: creates the objects first, then encodes the commands.
 
 use super::Replay;
 use super::objects::index_format;
@@ -8,8 +8,8 @@ use preshade_frames::file::{
 };
 use preshade_frames::pass::{self, Step};
 
-/// A command of a render pass with its objects. Draws whose pipeline or bind group was left out are
-/// not among them.
+/// A render pass command with its objects. Draws with a refused pipeline or bind group are left
+/// out.
 pub(super) enum Encoded {
     Pipeline(wgpu::RenderPipeline),
     Group(u32, Option<wgpu::BindGroup>, Vec<u32>),
@@ -25,10 +25,10 @@ pub(super) enum Encoded {
     StencilReference(u32),
 }
 
-/// Why the next draws or dispatches are not executed.
+/// Reasons to skip the next draws or dispatches.
 #[derive(Default)]
 struct Missing {
-    /// The pipeline is that of [`Replay::hide`].
+    /// Whether [`Replay::hide`] names the pipeline.
     hidden: bool,
     pipeline: Option<(String, String)>,
     groups: std::collections::BTreeMap<u32, (String, String)>,
@@ -102,7 +102,7 @@ impl Replay<'_> {
             .as_ref()
             .map(|(d, view, format)| depth_attachment(d, view, *format));
         let gpu = self.gpu;
-        // Errors of a pass belong to it, and not to a later command.
+        // Errors of a pass must not be reported for a later command.
         let label = format!("{place} {}", descriptor.label);
         let made = gpu.checked(&label, || {
             self.encode(|e| {
@@ -120,7 +120,7 @@ impl Replay<'_> {
         Ok(made?)
     }
 
-    /// Makes what a command needs.
+    /// Creates the objects that a command needs.
     fn prepare(
         &mut self,
         command: &DrawCommand,

@@ -1,4 +1,4 @@
-//! Reads contents back.
+//! Reads contents of buffers and textures back.
 
 use super::Replay;
 use crate::capture::Error;
@@ -12,7 +12,7 @@ impl Replay<'_> {
     /// The bytes of a buffer.
     ///
     /// # Errors
-    /// There is no such buffer, or the device is lost.
+    /// The buffer does not exist, or the device is lost.
     pub fn read_buffer(&mut self, buffer: usize) -> Result<Vec<u8>, Error> {
         self.flush()?;
         let what = format!("buffer {buffer}");
@@ -33,17 +33,17 @@ impl Replay<'_> {
         Ok(bytes)
     }
 
-    /// The levels and layers that a view shows.
+    /// The levels and layers of a view.
     ///
     /// # Errors
-    /// There is no such texture, or the device is lost.
+    /// The texture does not exist, or the device is lost.
     pub fn read_view(&mut self, view: &View) -> Result<Image, Error> {
         self.flush()?;
         let place = format!("texture {}", view.texture);
         let texture = self.texture(view.texture, &place)?.clone();
         let of = get(&self.capture.file.textures, view.texture, "texture", &place)?;
         let mut of = of.clone();
-        // Compressed texels may have been decoded.
+        // Compressed texels may have been decoded on upload.
         of.format = self.readable(of.format);
         let of = &of;
         let shown = Shown::of(of, view);

@@ -1,6 +1,5 @@
-//! Draws of WebGL in the replay. A program becomes a module whose positions have their y negated, so
-//! that the first row of every texture is the bottom one, as in WebGL. Then no copy, no upload and no
-//! texture coordinate needs a change.
+//! Replays draws of WebGL. Its modules negate the y of positions, so that row 0 of every texture is
+//! the bottom row, as in WebGL. Copies, uploads and texture coordinates then need no change.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -23,14 +22,14 @@ use preshade_frames::file::RenderPipeline;
 use preshade_frames::folder::get;
 use preshade_frames::pass::{PassDraw, TexturePart};
 
-/// What was made of WebGL's objects so far.
+/// Objects created for WebGL so far.
 #[derive(Default)]
 pub(super) struct Programs {
-    /// Materials by render pipeline.
+    /// Programs by render pipeline.
     materials: BTreeMap<usize, Result<Program, String>>,
     /// Pipelines by render pipeline and vertex layout.
     pipelines: BTreeMap<(usize, String), Result<wgpu::RenderPipeline, String>>,
-    /// Buffers by content and usage.
+    /// Buffers by hash of their content and usage.
     buffers: BTreeMap<(u128, u32), wgpu::Buffer>,
 }
 
@@ -43,7 +42,7 @@ struct Program {
 }
 
 impl Replay<'_> {
-    /// What a draw needs, or why it is left out.
+    /// The encoded commands of a draw. Empty if it is left out.
     pub(super) fn draw_of_webgl(
         &mut self,
         draw: &PassDraw,
@@ -188,7 +187,7 @@ impl Replay<'_> {
         let targets: Vec<Option<wgpu::ColorTargetState>> =
             fragment.map(|t| t.as_ref().map(color_target)).collect();
         let mut primitive = primitive(of);
-        // Negated positions turn the other way.
+        // Negated positions reverse the winding.
         primitive.front_face = match primitive.front_face {
             wgpu::FrontFace::Ccw => wgpu::FrontFace::Cw,
             wgpu::FrontFace::Cw => wgpu::FrontFace::Ccw,
@@ -236,8 +235,8 @@ impl Replay<'_> {
         made.map_err(Left::Out)
     }
 
-    /// Bindings of depth textures that the program reads as floats, and of their samplers: WebGPU's own
-    /// layout would want to filter them.
+    /// Bindings of depth textures that the program reads as floats, and of their samplers. WebGPU's
+    /// derived layout would demand filtering.
     fn unfiltered(
         &mut self,
         draw: &PassDraw,
@@ -264,7 +263,7 @@ impl Replay<'_> {
         Ok(found)
     }
 
-    /// The layout of a program some of whose textures are not filtered.
+    /// The layout of a program with some unfiltered textures.
     fn layout_of(
         &self,
         label: &str,
@@ -317,7 +316,7 @@ impl Replay<'_> {
         made.map_err(|e| Left::Out(e.to_string()))
     }
 
-    /// The bind groups of a draw, by group.
+    /// The bind groups of a draw, by group index.
     fn groups_of(
         &mut self,
         draw: &PassDraw,
@@ -379,7 +378,7 @@ impl Replay<'_> {
         Ok(made)
     }
 
-    /// The view of a sampled texture: of a depth format its depth.
+    /// The view of a sampled texture. For a depth format, its depth aspect.
     fn sampled_view(
         &mut self,
         found: &preshade_frames::file::SampledTexture,
