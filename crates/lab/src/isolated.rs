@@ -7,14 +7,13 @@ use preshade_draw::render::NOT_MEASURED;
 use preshade_plan::budget::Budget;
 use preshade_plan::contract::{Contract, Verdict};
 
-/// Measures a variant beside the original in a process of its own: that of a recipe by its number from 1, or with 0
-/// the original alone.
+/// Measures a variant against the original in a process of its own. The number selects the recipe,
+/// from 1; 0 is the original alone.
 pub type Alone<'a> = &'a dyn Fn(usize) -> Result<Report, String>;
 
-/// Measures the original, and then each of `recipes` beside it. `keep` gets the results so far.
+/// Measures the original, and then each of `recipes` against it. `keep` gets the results so far.
 ///
-/// # Errors
-/// Why the original was not measured.
+/// # Errors Why the original was not measured.
 pub fn apart(
     recipes: &[Recipe],
     budget: Option<Budget>,
@@ -78,8 +77,8 @@ pub fn resumed(
     outcome
 }
 
-/// The variant of a recipe, beside the original. What its pictures leave untested becomes a part of
-/// `whole`, and is no longer a mere warning there.
+/// The variant of a recipe, measured against the original. Moves the reasons why its pictures test
+/// too little from the warnings of `whole` to `whole.untested`.
 fn variant(
     whole: &mut Report,
     index: usize,

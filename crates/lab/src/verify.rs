@@ -25,7 +25,7 @@ pub struct Request {
     pub settings: Settings,
 }
 
-/// What a caller may tell on the way.
+/// News that a caller may print on the way.
 #[derive(Clone, Debug)]
 pub enum News {
     Progress(VerifyProgress),
@@ -41,10 +41,10 @@ pub struct Answer {
     pub variants: Vec<Variant>,
 }
 
-/// The scene in which draws that need versions of their own, if a recipe specialises, are materials of their own.
+/// The scene with a material of its own for each draw that needs its own version, if a recipe
+/// specialises.
 ///
-/// # Errors
-/// A recipe names what no material has.
+/// # Errors A recipe names something that no material has.
 pub fn grouped(scene: Scene, recipes: &[Recipe]) -> Result<Scene, Error> {
     let steps = recipes.iter().flat_map(|r| r.steps.clone());
     let all = Recipe {

@@ -1,4 +1,4 @@
-//! What each adapter said of each variant of each input.
+//! The results of each adapter for each variant of each input.
 
 use std::collections::BTreeMap;
 
@@ -12,12 +12,12 @@ use crate::measure::variant::{EVERY_REFUSES, without_remedy};
 use crate::search::plan::choose::WORTHWHILE;
 use preshade_draw::render::AdapterReport;
 
-/// What jobs have in common whose figures may be compared.
+/// The properties that jobs must share if their figures are compared.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub struct Subject<'a> {
     /// The scene, frame folder or shader files.
     pub input: &'a [String],
-    /// The flags, apart from those that say whether something is timed.
+    /// The flags, without those that request timing.
     pub arguments: Vec<&'a str>,
     /// The version of preshade that measured.
     pub version: &'a str,
@@ -25,19 +25,19 @@ pub struct Subject<'a> {
     pub files: &'a BTreeMap<String, String>,
 }
 
-/// Each variant, and what each adapter said of it, by [`super::adapter_id`].
+/// For each variant, the result of each adapter, by [`super::adapter_id`].
 pub type Variants<'a> = BTreeMap<&'a str, BTreeMap<&'a str, Said<'a>>>;
 
 pub type Rows<'a> = BTreeMap<Subject<'a>, Variants<'a>>;
 
-/// What one adapter said of a variant.
+/// The result of one adapter for a variant.
 #[derive(Clone, Debug, Default)]
 pub struct Said<'a> {
     /// The report of its job on pictures, or why there is none.
     picture: Option<Drawn<'a>>,
     /// The report of a timing job, which compares pictures too. One that is broken comes first.
     timed: Option<&'a VariantReport>,
-    /// Its speedups, one of each run, or what stands in their place.
+    /// Its speedups, one of each run, or the reason why a run has none.
     pub times: Vec<Result<Estimate, &'a str>>,
 }
 
@@ -47,9 +47,7 @@ type Drawn<'a> = Result<&'a VariantReport, (Reason, &'a str)>;
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Standing {
-    /// It does.
     Holds,
-    /// It does not.
     Broken,
     /// It was run, and nothing was compared.
     NotMeasured,
@@ -79,7 +77,7 @@ fn is_broken(variant: &VariantReport) -> bool {
 }
 
 impl<'a> Said<'a> {
-    /// What it drew, or why it drew nothing. A contract that any job breaks is broken.
+    /// The report of its pictures, or why there is none. A contract that any job breaks is broken.
     fn drawn(&self) -> Option<Drawn<'a>> {
         match (self.picture, self.timed) {
             (_, Some(timed)) if is_broken(timed) => Some(Ok(timed)),
@@ -89,7 +87,7 @@ impl<'a> Said<'a> {
         }
     }
 
-    /// The report on what it drew.
+    /// The report, if it has pictures.
     pub fn report(&self) -> Option<&'a VariantReport> {
         self.drawn()?.ok()
     }
@@ -153,7 +151,7 @@ fn variant(measured: &Measured) -> Option<&VariantReport> {
 }
 
 impl Results {
-    /// What each adapter said of each variant. Jobs of [`EVERY`] candidate are left out.
+    /// The results of each adapter for each variant. Jobs of [`EVERY`] candidate are left out.
     pub fn rows(&self) -> Rows<'_> {
         let mut rows = Rows::new();
         let of_variants = self.jobs.values().filter(|m| m.job.variant != EVERY);
@@ -219,7 +217,7 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// Its input, and what tells it from others of that input in `rows`.
+    /// Its input, and any property in which it differs from others of that input in `rows`.
     pub fn title(&self, rows: &Rows<'_>) -> String {
         let mut title = self.input.join(" ");
         let others = || rows.keys().filter(|s| s.input == self.input);

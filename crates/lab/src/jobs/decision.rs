@@ -1,4 +1,5 @@
-//! What to draw with on a fleet: one variant for all adapters, and the frontier of error and time over them.
+//! The choice for a fleet: one variant for all adapters, and the frontier of error and time over
+//! them.
 
 use std::collections::BTreeSet;
 
@@ -48,15 +49,14 @@ pub struct OfAdapter {
     pub adapter: String,
     /// The variant. `None`: the original.
     pub choice: Option<String>,
-    /// Its median speedup.
     pub speedup: Option<f64>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FleetVariant {
-    /// As after `--variant`.
+    /// Written as after `--variant`.
     pub variant: String,
-    /// What it promises. `None`: nothing drew it.
+    /// `None`: nothing drew it.
     pub contract: Option<Contract>,
     /// Adapters that found that it holds.
     pub holds: usize,
@@ -66,14 +66,13 @@ pub struct FleetVariant {
     pub pays: usize,
     /// Geometric mean of its median speedups. An adapter without a time counts as 1: it draws the original.
     pub speedup: f64,
-    /// Each adapter that said something.
+    /// Each adapter with a result.
     pub adapters: Vec<OnAdapter>,
 }
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct OnAdapter {
     pub adapter: String,
-    /// Whether it holds.
     pub standing: Standing,
     /// The reason if it does not.
     #[serde(skip_serializing_if = "String::is_empty")]
@@ -83,7 +82,7 @@ pub struct OnAdapter {
     pub slower: bool,
     /// Its median speedup; of several runs the geometric mean.
     pub speedup: Option<f64>,
-    /// Speedups of each run.
+    /// One of each run.
     pub runs: Vec<Estimate>,
     /// Why runs have no time.
     #[serde(skip_serializing_if = "Vec::is_empty")]
@@ -106,7 +105,7 @@ impl FleetVariant {
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 #[error("no job has a time{}", .why.as_ref().map_or(String::new(), |w| format!(": {w}")))]
 pub struct NoTimes {
-    /// What a timing job said. `None`: there is none.
+    /// The reason of a timing job. `None`: there is none.
     pub why: Option<String>,
 }
 
@@ -262,7 +261,7 @@ impl FleetFrontier {
 /// A variant on the plane of error and time.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FleetPoint {
-    /// As after `--variant`.
+    /// Written as after `--variant`.
     pub variant: String,
     /// The worst of all adapters. `None`: nothing was compared.
     pub error: Option<f64>,
@@ -274,7 +273,7 @@ pub struct FleetPoint {
     pub fate: FleetFate,
 }
 
-/// What became of a variant.
+/// The place of a variant relative to the frontier.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum FleetFate {
@@ -282,13 +281,12 @@ pub enum FleetFate {
     Frontier,
     /// Another is as good in both and better in one.
     Beaten {
-        /// The other.
+        /// The better variant.
         by: String,
     },
     /// Its error is over the limit.
     BeyondBudget,
     Broken {
-        /// On which adapter.
         adapter: String,
         r#where: String,
     },

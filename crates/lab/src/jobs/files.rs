@@ -64,8 +64,7 @@ pub fn jobs(path: &Path) -> Result<Vec<Job>, FileError> {
 
 /// Reads merged results.
 ///
-/// # Errors
-/// As [`FileError`] says.
+/// # Errors It cannot be read, or is of another kind or version.
 pub fn results(file: &Path) -> Result<Results, FileError> {
     let wrong = "it is not what `preshade merge -o` writes, or of another version";
     read(file, wrong, (|r: &Results| &r.schema, SCHEMA))
@@ -73,8 +72,7 @@ pub fn results(file: &Path) -> Result<Results, FileError> {
 
 /// Reads a result.
 ///
-/// # Errors
-/// As [`FileError`] says.
+/// # Errors It cannot be read, or is of another kind or version.
 pub fn outcome(file: &Path) -> Result<Outcome, FileError> {
     read(file, NO_RESULT, (|o: &Outcome| &o.schema, OUTCOME_SCHEMA))
 }

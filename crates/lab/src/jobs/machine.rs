@@ -20,7 +20,7 @@ pub struct Machine {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct MachineCard {
     pub adapter: AdapterReport,
-    /// Tells it from others of that adapter, as [`super::Run::card`].
+    /// Identifies it among cards of that adapter, as [`super::Run::card`].
     pub card: String,
 }
 
@@ -39,10 +39,9 @@ impl Machine {
     }
 }
 
-/// What a fleet has of one adapter, and what that did.
+/// An adapter of a fleet: its machines, and its finished jobs.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct FleetAdapter {
-    /// Name, driver and backend.
     pub adapter: AdapterReport,
     /// The machines that are known to have it.
     pub machines: BTreeSet<String>,

@@ -10,10 +10,10 @@ use super::{
 };
 use preshade_draw::render::AdapterReport;
 
-/// What an adapter says of a variant.
+/// A made-up result of an adapter for a variant.
 #[derive(Clone, Copy, Debug)]
 pub(crate) enum Made {
-    /// Pictures: whether it holds.
+    /// Pictures; the flag: the contract holds.
     Picture(&'static str, &'static str, bool),
     /// Pictures that hold, with a mean FLIP.
     Error(&'static str, &'static str, f64),
@@ -22,7 +22,7 @@ pub(crate) enum Made {
     Broken(&'static str, &'static str),
     /// No picture: the adapter was lost.
     Lost(&'static str, &'static str),
-    /// No time: the same.
+    /// No time: the adapter was lost.
     LostTime(&'static str, &'static str),
 }
 

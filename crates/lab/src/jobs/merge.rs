@@ -30,7 +30,7 @@ pub struct Merged {
     pub answers: BTreeMap<String, Answer>,
 }
 
-/// What one adapter said of a job.
+/// The result of one adapter for a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum Answer {
@@ -76,7 +76,7 @@ pub enum MergeError {
     /// One job, one adapter, one driver, two pictures: the driver or preshade is not deterministic.
     #[error("the results of {job} on {adapter} differ:\n  {}\n  {}", .both[0], .both[1])]
     Differ {
-        /// Its input and variant.
+        /// Input and variant.
         job: String,
         /// Name and driver.
         adapter: String,
@@ -88,7 +88,6 @@ pub enum MergeError {
         "two timing jobs shared {adapter} of {host}: {} and {}", .both[0], .both[1]
     )]
     Overlap {
-        /// Name and driver.
         adapter: String,
         host: String,
         /// Input and variant of both.
@@ -170,7 +169,7 @@ impl Results {
         }
     }
 
-    /// Adds one outcome. Returns a contradiction to what is there.
+    /// Adds one outcome. Returns a contradiction to an earlier one.
     fn add(&mut self, outcome: Outcome) -> Option<MergeError> {
         let id = adapter_id(&outcome.adapter);
         let adapter = title(&outcome.adapter);
@@ -288,7 +287,7 @@ impl Measured {
             format!("{:?}: {error}", v.verdict)
         });
         let told: Vec<String> = told.collect();
-        // Reports that differ elsewhere still have to be told apart.
+        // Reports that differ elsewhere need different texts too.
         let all = serde_json::to_string(self).unwrap_or_default();
         format!("{} [{}]", told.join("; "), super::hash(all.as_bytes()))
     }
@@ -359,7 +358,7 @@ mod tests {
         Outcome {
             job: Job {
                 kind: Kind::Time,
-                // Lists may say different things of one job.
+                // Lists may estimate one job differently.
                 seconds: job as f64,
                 ..of.job
             },

@@ -1,8 +1,8 @@
 //! Measurements as jobs that any scheduler can run, and the union of their results.
 //!
-//! A [`Job`] is one variant of one input: pictures, or times. An [`Outcome`] is what one adapter said
-//! of one job, in a file of its own. [`Results::merge`] is their union: it does not depend on how the
-//! jobs were shared out, on the order, or on how often a job ran.
+//! A [`Job`] is one variant of one input: pictures, or times. An [`Outcome`] is the result of one
+//! job on one adapter, in a file of its own. [`Results::merge`] is their union: it does not depend
+//! on how the jobs were shared out, on the order, or on how often a job ran.
 
 mod answers;
 pub mod decision;
@@ -78,10 +78,10 @@ pub struct Outcome {
     pub schema: String,
     /// The version of preshade that measured it.
     pub version: String,
-    /// The job, without what differs between lists: its filter and its estimate.
+    /// The job, without the fields that differ between lists: its filter and its estimate.
     pub job: Job,
     pub adapter: AdapterReport,
-    /// When and beside what it ran. `None`: a picture, which depends on neither.
+    /// When it ran, and with which load. `None`: a picture, which depends on neither.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub run: Option<Run>,
     pub result: JobResult,
@@ -108,7 +108,6 @@ pub struct Run {
     pub load: Option<[f64; 2]>,
 }
 
-/// What came of a job.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum JobResult {
@@ -131,7 +130,7 @@ pub enum JobResult {
 pub enum Found {
     /// The report of `verify` on one variant, with an empty `command`, and for pictures without any time.
     Report(Box<Report>),
-    /// Those of [`EVERY`] candidate.
+    /// The measurements of [`EVERY`] candidate.
     Exhausted(Box<Exhaustive>),
 }
 

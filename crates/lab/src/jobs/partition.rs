@@ -1,7 +1,7 @@
 //! Shares of a list of jobs.
 
-/// One of several shares of a list: `hash:3/16` is the third of sixteen. A job's key alone says to
-/// which share it belongs, so a list that grows moves no job.
+/// One of several shares of a list: `hash:3/16` is the third of sixteen. A job's key alone decides
+/// its share, so a list that grows moves no job.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Partition {
     /// From 1.

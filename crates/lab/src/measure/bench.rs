@@ -1,11 +1,11 @@
-//! Plans drawn beside the original, view by view: compared, and timed.
+//! Draws plans together with the original, view by view: compares and times them.
 
 use super::unsteady::Original;
 use super::{Clock, Error, Session, Subject, Timing, TimingSettings, View, time};
 use preshade_draw::render::Rendered;
 use preshade_draw::scene::Frame;
 
-/// Something that is drawn beside the original, which is the first.
+/// A frame in the comparison. The original is the first.
 pub(crate) trait Contestant<'a> {
     fn subject(&mut self) -> &mut Subject<'a>;
 
@@ -20,7 +20,7 @@ pub(crate) trait Contestant<'a> {
     /// Its frame is aimed at a view.
     fn aimed(&mut self, _view: &View) {}
 
-    /// Draws it no more.
+    /// Removes it from the comparison.
     fn quit(&mut self, error: &Error) {
         self.subject().quit(error);
     }
@@ -43,11 +43,10 @@ pub(crate) enum Repeat {
     BeforeBlame,
 }
 
-/// Draws a view with all, and holds each picture against the original's. Returns what the original shows. One that
-/// cannot be drawn is drawn no more.
+/// Draws a view with all, and compares each picture with the original's. Returns the original's
+/// picture. A contestant that cannot be drawn is removed.
 ///
-/// # Errors
-/// The original cannot be drawn, or the adapter is lost.
+/// # Errors The original cannot be drawn, or the adapter is lost.
 pub(crate) fn compare<'a>(
     contestants: &mut [impl Contestant<'a>],
     (view, frame): (&View, &Frame),

@@ -1,5 +1,5 @@
-//! What the draws bind: textures that no frame writes, those that hold infinite numbers, and depth
-//! ranges.
+//! The resources that draws bind: textures that no frame writes, those that hold infinite numbers,
+//! and depth ranges.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -9,17 +9,17 @@ use super::originals;
 use preshade_draw::scene::bind::{self, TextureContent};
 use preshade_draw::scene::{Scene, SceneError};
 
-/// What is known of a material's texture.
+/// Properties of a material's texture.
 #[derive(Clone, Copy, Debug)]
 pub struct Texels {
-    /// Whether it holds, in every draw, what it held at the start of the frame, and preshade did not make
-    /// it up.
+    /// Whether it has, in every draw, its content from the start of the frame, and preshade did not
+    /// make that up.
     pub is_steady: bool,
     /// Whether it holds NaN or an infinite number in any draw.
     pub is_infinite: bool,
 }
 
-/// What the draws of a scene bind in its first frame.
+/// The resources that the draws of a scene bind in its first frame.
 #[derive(Clone, Debug, Default)]
 pub struct Bound {
     pub textures: BTreeMap<MaterialTexture, Texels>,

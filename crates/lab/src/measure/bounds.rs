@@ -99,7 +99,7 @@ fn over(draws: &mut [MaterialTriangles]) -> Result<Option<(Distance, u64)>, Stri
     Ok(Some((worst, triangles)))
 }
 
-/// Of nothing.
+/// The distance of no triangles.
 const NONE: Distance = Distance {
     max: 0.0,
     roundings: 0.0,

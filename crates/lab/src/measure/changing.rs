@@ -34,7 +34,7 @@ pub fn changing(scene: &Scene) -> Result<Vec<Changing>, SceneError> {
         };
         let Some(pass) = plan.main() else { continue };
         if draw.captured.is_some() {
-            // One frame does not tell what the next one changes.
+            // One frame does not show which values the next one changes.
             let uniforms = pass.bindings.iter();
             let uniforms = uniforms.filter(|b| b.kind == BindingKind::Uniform);
             found.extend(uniforms.map(|b| Changing {

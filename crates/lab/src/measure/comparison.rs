@@ -1,5 +1,5 @@
-//! Two authors' programs of one material, drawn in one scene: where their depths or pictures
-//! differ, and what each takes.
+//! Two authors' programs of one material, drawn in one scene: the differences of their depths or
+//! pictures, and the time of each.
 
 use preshade_plan::state::MaterialState;
 use preshade_validate::agree::Relation;
@@ -16,7 +16,7 @@ use preshade_draw::scene::{DrawOrder, Frame, Scene};
 use preshade_scenes::ShaderForm;
 use preshade_scenes::{StandIn, stand_in};
 
-/// What the two are compared by.
+/// The pictures that are compared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Look {
     /// The depths from the scene's cameras.
@@ -28,7 +28,7 @@ pub enum Look {
 }
 
 impl Look {
-    /// What a relation is judged by.
+    /// The pictures that decide a relation.
     pub fn of(relation: Relation) -> Self {
         match relation {
             Relation::Same => Self::Color,
@@ -46,9 +46,9 @@ pub struct Beside {
     pub covered: u64,
     /// Of these, the first program alone draws so many.
     pub lost: u64,
-    /// The second alone.
+    /// Of these, the second program alone draws so many.
     pub kept: u64,
-    /// Both, at other depths.
+    /// Of these, both draw so many at other depths.
     pub moved: u64,
     /// Their largest distance, in steps between neighbouring 32-bit floats.
     pub moved_steps: u64,
@@ -81,7 +81,7 @@ impl Drawn for Beside {
             ),
             // A light's matrix may be rounded otherwise, and its depths are biased.
             Relation::Shadow => (apart > 0, format!("{apart} depths")),
-            // These say nothing of what the other decides.
+            // Each of these two ignores the part that the other decides.
             Relation::Position => (self.moved > 0, format!("{} depths", self.moved)),
             Relation::Discard => (apart > 0 && self.moved == 0, format!("{apart} depths")),
             _ => (
@@ -229,16 +229,14 @@ fn drawn(
     })
 }
 
-/// What two programs draw at a sample.
+/// The drawing of two programs at a sample.
 #[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
 enum Cell {
     Nothing,
     Equal,
     /// Both draw, at other depths.
     Moved,
-    /// The second alone draws.
     Kept,
-    /// The first alone draws.
     Lost,
 }
 
@@ -267,7 +265,7 @@ fn moved_steps(before: &Rendered, after: &Rendered, cells: &[Cell]) -> u64 {
     moved.map(|((a, b), _)| ulps(*a, *b)).max().unwrap_or(0)
 }
 
-/// Orange: drawn without depth.
+/// Orange: a program draws, without depth.
 const LOST: [u8; 3] = [244, 144, 66];
 /// Blue: depth where nothing is drawn.
 const KEPT: [u8; 3] = [66, 160, 255];

@@ -143,14 +143,14 @@ impl<'s> Looked<'s> {
     }
 }
 
-/// Whether a number of a captured draw may be a setting, such as a switch or the strength of an effect. One frame
-/// does not tell what the next one changes, so a guess has to do: the guard catches what it gets wrong. Numbers of
-/// cameras, clocks and objects are seldom whole.
+/// Whether a number of a captured draw may be a setting, such as a switch or the strength of an
+/// effect. One frame does not show which values the next one changes, so this is a guess: the guard
+/// catches a wrong one. Numbers of cameras, clocks and objects are seldom whole.
 fn is_setting(scalar: &UniformScalar, number: f64) -> bool {
     !scalar.is_of_matrix && (scalar.ty != ScalarType::F32 || [-1.0, 0.0, 1.0].contains(&number))
 }
 
-/// The scalars of uniforms that do not change, and of which `keep` takes the number.
+/// The scalars of uniforms that do not change and whose number `keep` accepts.
 fn uniforms(
     material: &Material,
     bound: &DrawBindings,

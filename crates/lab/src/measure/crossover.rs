@@ -43,12 +43,11 @@ pub struct Crossover {
 /// The value at which a ratio crosses 1 between two measured values, interpolated logarithmically.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct Crossing {
-    /// Of the medians.
+    /// Crossing of the medians.
     pub value: f64,
     /// Of the ends of the ratios' intervals; `None`: they do not pass 1 on that side within the
     /// series.
     pub low: Option<f64>,
-    /// As `low`.
     pub high: Option<f64>,
 }
 

@@ -14,7 +14,7 @@ use preshade_draw::render::Rendered;
 pub struct DepthReport {
     /// Materials with such a pass. No other material is drawn.
     pub materials: Vec<String>,
-    /// What the passes leave out of the author's decisions about coverage.
+    /// Parts of the author's decisions about coverage that the passes leave out.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub left_out: Vec<String>,
     /// Pixels with anything in them, over all cameras.
@@ -29,9 +29,9 @@ pub struct DepthReport {
 
 /// The words of a verdict on passes of one kind.
 pub(super) struct Words {
-    /// It leaves something out.
+    /// The pass, in a sentence about its parts that are left out.
     pub pass: &'static str,
-    /// It is exact.
+    /// The pass, in a sentence about exactness.
     pub exact: &'static str,
     /// Why nothing was compared.
     pub unseen: &'static str,

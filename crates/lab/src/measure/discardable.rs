@@ -1,8 +1,9 @@
 //! Whether the draws of a scene can discard a fragment at all.
 //!
-//! An override or a uniform may switch an alpha test off: no texel of `rgba8unorm` is below 0. Then no
-//! picture shows a discarded fragment, and none is asked for. `specialize` tells: where the values of
-//! the draws, and the ranges of their textures' formats, decide each discard, it leaves none.
+//! An override or a uniform may switch an alpha test off: no texel of `rgba8unorm` is below 0. Then
+//! no picture shows a discarded fragment, and `verify` requires none. `specialize` decides: if the
+//! values of the draws, and the ranges of their textures' formats, decide each discard, it leaves
+//! none.
 
 use std::collections::BTreeMap;
 
@@ -17,8 +18,9 @@ use preshade_compiler::command::rewrite::stage_may_discard;
 use preshade_draw::scene::bind::{self, BufferBinding, TextureBinding, TextureContent};
 use preshade_draw::scene::{Scene, SceneError};
 
-/// Whether a draw of the material of `plan` can discard a fragment in any frame. Values and textures
-/// that preshade made up decide nothing, nor does what cannot be read or specialised.
+/// Whether a draw of the material of `plan` can discard a fragment in any frame. Values and
+/// textures that preshade made up decide nothing. Nor do values that cannot be read, and plans that
+/// cannot be specialised.
 pub(super) fn can_discard(scene: &Scene, plan: &Plan) -> bool {
     let Some(pass) = plan.main() else {
         return false;
@@ -33,7 +35,7 @@ pub(super) fn can_discard(scene: &Scene, plan: &Plan) -> bool {
     })
 }
 
-/// The overrides, and what uniforms and texels lie within in all draws and frames.
+/// The overrides, and bounds of uniforms and texels over all draws and frames.
 fn values(
     scene: &Scene,
     plan: &Plan,
@@ -102,8 +104,8 @@ fn uniform(scalar: &UniformScalar, buffers: &[BufferBinding]) -> Option<Assumed>
     })
 }
 
-/// What the channels of a texture that the scene gives lie within, by its format. Filtering, borders
-/// and reads outside stay within it, too.
+/// Bounds of the channels of a texture that the scene gives, by its format. Filtering, borders and
+/// reads outside stay within them, too.
 fn texels(texture: &TextureBinding) -> Vec<Assumed> {
     let TextureContent::Image(image) = &texture.content else {
         return Vec::new();

@@ -33,9 +33,10 @@ pub struct ErrorLadder {
     pub beyond_step: u64,
     #[serde(default)]
     pub pixels: u64,
-    /// Mean of the FLIP error map, 0..1 (Andersson et al. 2020): the largest over all colour targets,
-    /// of their colours and of their alpha. Float values outside of 0..1 are seen through exposures
-    /// and a tone map. A pixel counts 1 where integers differ, or a value that is not finite.
+    /// Mean of the FLIP error map, 0..1 (Andersson et al. 2020): the largest over all colour
+    /// targets, of their colours and of their alpha. Float values outside of 0..1 are displayed by
+    /// exposures and a tone map. A pixel counts 1 where integers differ, or a value that is not
+    /// finite.
     pub flip_mean: f64,
     /// 99th percentile of FLIP, likewise.
     pub flip_p99: f64,

@@ -1,9 +1,9 @@
 //! FLIP (Andersson et al. 2020, 2021) of everything that a pass writes.
 //!
 //! Each target has a map of its colours and a map of its alpha, which is a channel like the others:
-//! a host may blend by it, or keep a roughness in it. A value between 0 and 1 is seen as it is
-//! displayed. If a float target has values outside of 0..1, both pictures are also seen through
-//! exposures and a tone map, as in FLIP's variant for HDR; negative values are seen as their
+//! a host may blend by it, or keep a roughness in it. A value between 0 and 1 counts as it is
+//! displayed. If a float target has values outside of 0..1, both pictures are also displayed by
+//! exposures and a tone map, as in FLIP's variant for HDR; negative values are displayed as their
 //! magnitudes. The exposures come from the original. A pixel counts as fully wrong where integers
 //! differ, or where a value that is not finite does.
 
@@ -13,8 +13,8 @@ use preshade_draw::render::picture::srgb_encode;
 /// Width and height of a tile, in pixels: a quarter of a degree at FLIP's viewing distance.
 pub(super) const TILE: usize = 16;
 
-/// Most exposures through which a target is seen. Between two neighbours lie at most four stops of
-/// the 20 below the brightest value.
+/// The most exposures that display a target. Between two neighbours lie at most four stops of the
+/// 20 below the brightest value.
 const MOST_EXPOSURES: u32 = 6;
 
 /// Values this far below the brightest are not exposed for.
@@ -89,7 +89,7 @@ fn map(size: [u32; 2], a: &[Rgb], b: &[Rgb], is_linear: bool) -> Option<Vec<f32>
     map
 }
 
-/// Whether two values differ, one of which is not finite.
+/// Whether two values differ and at least one of them is not finite.
 fn is_torn(p: f32, q: f32) -> bool {
     let is_same = p == q || (p.is_nan() && q.is_nan());
     !(is_same || p.is_finite() && q.is_finite())
@@ -98,7 +98,7 @@ fn is_torn(p: f32, q: f32) -> bool {
 /// How values become a displayed picture.
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Look {
-    /// 1, or -1 to see what is negative.
+    /// 1, or -1 to display negative values.
     sign: f32,
     tone: Tone,
 }
@@ -174,7 +174,7 @@ fn exposures(picture: &[Rgb]) -> Option<Vec<f32>> {
     Some(exposures.filter(|e| e.is_finite()).collect())
 }
 
-/// What [`tone_map`] takes to 0.85.
+/// The value that [`tone_map`] maps to 0.85.
 const NEARLY_WHITE: f32 = 2.117;
 
 /// The filmic curve that FLIP uses (Narkowicz 2016, exposed by 0.6), of a value from 0.

@@ -98,7 +98,7 @@ fn measured(
             continue;
         };
         let worst = ErrorLadder::worst_of(&references, &drawn)?;
-        // Whether it is finite is seen by itself: a target of fixed point holds no NaN.
+        // Interpolation shows whether it is finite: a target of fixed point holds no NaN.
         let points = match detail {
             Detail::Choice => Points::Few,
             Detail::Table => Points::Many,
@@ -107,7 +107,7 @@ fn measured(
         let interpolation = Error::unless_lost(interpolation)?.flatten();
         let is_finite = interpolation.is_none_or(|i| i.not_finite == 0);
         let bound = match detail {
-            // Nothing bounds a value that was seen to be NaN.
+            // Nothing bounds a value that was NaN.
             Detail::Table if is_finite => value.bound(session),
             Detail::Choice | Detail::Table => None,
         };
@@ -348,8 +348,8 @@ impl Settled {
     }
 }
 
-/// Makes the choices that recipes leave to measurement. `facts` gets what they rest on. `progress` gets the
-/// part done of the current step.
+/// Makes the choices that recipes leave to measurement. Adds the measurements behind them to
+/// `facts`. `progress` gets the part done of the current step.
 pub fn settled(
     session: &Session<'_>,
     recipes: Vec<Recipe>,

@@ -37,9 +37,8 @@ impl Points {
     }
 }
 
-/// Measures a value. `alone` has, by material index, the plans that interpolate this value and
-/// nothing else. `None`: no plan can be tessellated (a flat varying, say), or there are too many
-/// triangles.
+/// Measures a value. `alone` has, by material index, the plans that interpolate this value only.
+/// `None`: no plan can be tessellated (a flat varying, say), or there are too many triangles.
 pub fn interpolation(
     session: &Session<'_>,
     alone: &BTreeMap<usize, Plan>,

@@ -1,7 +1,7 @@
 //! Finds T-junctions between draws: edges that one draw divides and its neighbour does not.
 //!
-//! New vertices lie on the edge in real numbers, but the rasteriser snaps them to its grid beside
-//! it. Pixels along the edge may show the background or be drawn twice. Within one draw all edges
+//! New vertices lie on the edge in real numbers, but the rasteriser snaps them to its grid off the
+//! edge. Pixels along the edge may show the background or be drawn twice. Within one draw all edges
 //! are divided alike.
 
 use std::cmp::Reverse;

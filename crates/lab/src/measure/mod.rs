@@ -1,14 +1,13 @@
-//! Measures variants beside the original: accuracy, work and time.
+//! Measures variants against the original: accuracy, work and time.
 //!
 //! A [`Session`] owns a scene on an adapter. [`Subject`]s are plans that it draws in [`View`]s.
 //! [`mod@verify`] draws, compares, counts and times every view, and [`record`] holds the results.
 //!
 //! [`error`] compares pictures, [`shading`] counts fragments and depth ties, [`timing`] times
 //! frames, [`statistics`] reads the adapter's counters, [`shadow`] draws shadow passes under the
-//! light, and [`outputs`] auxiliary pictures. [`frequency`], [`mod@interpolation`] and [`bounds`] find values that can be interpolated.
-//! [`mod@changing`], [`mod@constants`], [`mod@ranges`] and [`mod@undrawn`] read a scene's files
-//! without drawing.
-//! [`mod@junctions`] finds T-junctions,
+//! light, and [`outputs`] auxiliary pictures. [`frequency`], [`mod@interpolation`] and [`bounds`]
+//! find values that can be interpolated. [`mod@changing`], [`mod@constants`], [`mod@ranges`] and
+//! [`mod@undrawn`] read a scene's files without drawing. [`mod@junctions`] finds T-junctions,
 //! [`mod@rasterizer`] tests the adapter's rasteriser, and [`on_adapter`] runs both versions on
 //! numbers. [`crossover`] finds the value of a scene's variable at which one variant overtakes
 //! another.
@@ -100,7 +99,7 @@ pub enum Error {
     /// Two pictures of different kinds.
     #[error(transparent)]
     Mismatch(#[from] error::Mismatch),
-    /// A recipe names what no material of the scene has.
+    /// A recipe names something that no material of the scene has.
     #[error(transparent)]
     Recipe(#[from] preshade_compiler::recipe::RecipeError),
     /// A value of the scene does not fit its variable.
@@ -115,12 +114,12 @@ pub enum Error {
 }
 
 impl Error {
-    /// As [`preshade_draw::render::Error::is_lost`].
+    /// See [`preshade_draw::render::Error::is_lost`].
     pub fn is_lost(&self) -> bool {
         matches!(self, Self::Render(error) if error.is_lost())
     }
 
-    /// Its text, for a sentence that says already that something was not measured.
+    /// Its text, for a sentence that already begins with "not measured".
     pub fn reason(&self) -> String {
         self.to_string()
             .replace(preshade_draw::render::NOT_MEASURED, "")
@@ -134,7 +133,7 @@ impl Error {
         )
     }
 
-    /// What was measured, or nothing if it cannot be.
+    /// The measurement, or `None` if it is impossible. A lost adapter stays an error.
     pub(crate) fn unless_lost<T, E: Into<Self>>(found: Result<T, E>) -> Result<Option<T>, Self> {
         match found.map_err(Into::into) {
             Ok(found) => Ok(Some(found)),

@@ -2,8 +2,9 @@
 //! program, and velocities with the positions of two frames.
 //!
 //! The positions are independent of the variant: the interpreter runs the author's whole vertex
-//! stage in both frames, and triangles are rasterised here. Numbers of draws and instances, drawn by
-//! a second program, say which triangles a pixel may show. For velocities, no texture is filtered.
+//! stage in both frames, and triangles are rasterised here. A second program draws the numbers of
+//! draws and instances, which show the triangles that a pixel may belong to. For velocities, no
+//! texture is filtered.
 
 use preshade_passes::transforms::outputs::{self, Outputs};
 use preshade_plan::contract::Verdict;
@@ -39,13 +40,13 @@ pub struct OutputsReport {
     pub speedup: Option<Estimate>,
 }
 
-/// Velocities against positions.
+/// The comparison of velocities with positions.
 #[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
 pub struct VelocityReport {
     pub pixels: u64,
     /// Covered pixels that were not compared: of a triangle that was not evaluated, of a point that
     /// was behind the camera, or where triangles of one instance lie so close that the depth does
-    /// not tell which was drawn.
+    /// not identify the drawn one.
     pub left_out: u64,
     /// Largest way of a pixel between the frames, in pixels.
     pub longest: f64,
@@ -62,11 +63,11 @@ pub struct VelocityReport {
 /// The part of a pixel that a velocity may be wrong by.
 pub const TOLERANCE: f64 = 1.0 / 256.0;
 
-/// The part of the covered pixels that may be left out: a verdict on fewer would say too little.
+/// The part of the covered pixels that may be left out. With fewer compared, there is no verdict.
 pub const MOST_LEFT_OUT: f64 = 0.05;
 
-/// Beyond this part, a difference says nothing either: another triangle may have been taken for the one
-/// drawn.
+/// Beyond this part, a difference is no evidence either: another triangle may have been taken for
+/// the one drawn.
 const MOST_BY_CHANCE: f64 = 0.5;
 
 impl OutputsReport {

@@ -1,5 +1,5 @@
-//! Holds each material of a frame to its own promise. The weakest promise of all materials is kept
-//! by pictures in which another material breaks its own.
+//! Checks each material of a frame by its own promise. A picture may keep the weakest promise of
+//! all materials although one material breaks its own.
 
 use preshade_plan::contract::Contract;
 use preshade_plan::plan::{Phase, Plan};
@@ -98,8 +98,8 @@ impl<'a> Group<'a> {
     }
 }
 
-/// Whether a plan may cover other pixels than its original: its positions move, or a discard turns on
-/// what it approximates.
+/// Whether a plan may cover other pixels than its original: its positions move, or a discard
+/// depends on an approximated value.
 fn may_cover_otherwise(plan: &Plan) -> bool {
     let turns = match &plan.contract {
         Contract::Exact { .. } => false,
@@ -119,8 +119,8 @@ fn mask<'a>(session: &'a Session<'a>, members: &[bool]) -> Result<Prepared<'a>, 
     let format = super::shading::count_format(session.gpu(), session.originals());
     let mut plans = Vec::new();
     for (plan, is_member) in session.originals().iter().zip(members) {
-        // What is blended over a pixel joins the colour of what is below: it owns no pixel, and takes
-        // those that it covers from others.
+        // A blended material joins its colour to the one below. So it owns no pixel, and takes the
+        // pixels that it covers from others.
         let is_blended = plan.passes.iter().any(|pass| pass.phase == Phase::Blended);
         let mut plan = match is_blended {
             false => counting_plan(plan, format, &counting)?,

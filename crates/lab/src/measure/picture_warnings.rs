@@ -45,7 +45,7 @@ impl Colours {
         }
     }
 
-    /// A warning if no wrong colour could be seen.
+    /// A warning if no picture could show a wrong colour.
     pub(crate) fn warning(&self) -> Option<String> {
         (self.pictures > 0 && self.seen.len() <= PLAIN).then(|| {
             "only the silhouette was tested, because every picture of the original has one flat \
@@ -104,7 +104,7 @@ pub(crate) fn overlapping_draws(scene: &Scene) -> impl Iterator<Item = String> {
     })
 }
 
-/// Whether something is seen once no face is dropped: every triangle faces away
+/// Whether a picture is no longer empty once no face is culled: every triangle faces away.
 pub(crate) fn faces_away(
     session: &Session<'_>,
     frames: &[(&Frame, DrawOrder)],
@@ -142,8 +142,8 @@ pub(crate) fn draws(
     Ok(false)
 }
 
-/// The opaque materials that may discard with the scene's values, and of which no fragment is discarded
-/// in any of `frames`. Materials of one shader count together.
+/// The opaque materials that may discard with the scene's values, but have no discarded fragment in
+/// any of `frames`. Materials of one shader count together.
 pub(crate) fn undiscarded<'s>(
     session: &'s Session<'_>,
     frames: &[(&Frame, DrawOrder)],
@@ -193,8 +193,8 @@ pub(crate) fn unsteady(pixels: u64) -> Option<String> {
 /// Most branches that a message names.
 const BRANCHES: usize = 4;
 
-/// The branches of which the pictures show one way only, where a plan of `plans` promises a budget:
-/// the budget says nothing about the other ways. `None`: there are none.
+/// The branches that the pictures show one way only, where a plan of `plans` promises a budget: the
+/// budget does not cover the other ways. `None`: there are none.
 pub fn undrawn<'p>(scene: &Scene, plans: impl Iterator<Item = &'p Plan>) -> Option<String> {
     let budgeted = plans.filter(|plan| !plan.contract.budgets().is_empty());
     let budgeted: BTreeSet<&str> = budgeted.map(|plan| plan.material.as_str()).collect();
@@ -216,7 +216,7 @@ pub fn undrawn<'p>(scene: &Scene, plans: impl Iterator<Item = &'p Plan>) -> Opti
     (!each.is_empty()).then(|| format!("{}{more}: {what}", each.join("; ")))
 }
 
-/// A branch of which the pictures show one way only, and the values that decide it.
+/// A branch that the pictures show one way only, and the values that decide it.
 fn unrun(branch: &Undrawn) -> String {
     let values: Vec<String> = branch.values.iter().map(drawn_value).collect();
     let which = match &branch.location {
@@ -238,7 +238,7 @@ fn drawn_value(value: &Assumed) -> String {
     }
 }
 
-/// Whether the plan decides anew which fragments its material has: in another pass, on the
+/// Whether the plan changes how the fragments of its material are decided: in another pass, on the
 /// assumption that a discard is repeated, or by values under which nothing is discarded.
 pub(crate) fn decides_coverage(plan: &Plan) -> bool {
     plan.passes.iter().any(|pass| pass.role != Role::Main)

@@ -1,8 +1,8 @@
-//! Where the time of a view goes, by experiment: one kind of work after the other is left out, and the frame is
-//! timed beside the original.
+//! The shares of a view's time, by experiment: one kind of work after the other is left out, and
+//! the frame is timed against the original.
 //!
-//! A part is the time that the frame is shorter by, over its time. What runs side by side on the adapter overlaps,
-//! so parts need not add up to 1.
+//! A part is the time that the frame is shorter by, over its time. Work that runs side by side on
+//! the adapter overlaps, so parts need not add up to 1.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -28,7 +28,7 @@ pub(crate) const SCHEMA: &str = "preshade.profile.v1";
 pub struct Profile {
     pub schema: String,
     pub scene: String,
-    /// What of a captured frame it is, with its part of the frame's time.
+    /// The part of a captured frame that it is, with its share of the frame's time.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
     /// Width and height, in pixels.
@@ -42,20 +42,21 @@ pub struct Profile {
 /// Where the time of one view goes.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ViewProfile {
-    /// Camera, frame and order.
     #[serde(flatten)]
     pub view: View,
     pub clock: Clock,
     /// Milliseconds a frame.
     pub time_ms: Estimate,
-    /// The part of the pass itself and its draw calls: what is left if each draws one triangle that fails the depth
-    /// test. The attachments are cleared, resolved and stored all the same. `None`: a pass without depth.
+    /// The part of the pass itself and its draw calls: the rest, if each draws one triangle that
+    /// fails the depth test. The attachments are cleared, resolved and stored all the same. `None`:
+    /// a pass without depth.
     pub draws: Option<Estimate>,
     /// The part of all further vertices and triangles.
     pub vertices: Option<Estimate>,
     /// The materials with the largest parts, largest first.
     pub materials: Vec<MaterialProfile>,
-    /// Materials whose fragments could not be left out, or not what decides where they draw. No part has that time.
+    /// Materials whose fragments, or whose decisions about coverage, could not be left out. No part
+    /// has that time.
     #[serde(skip_serializing_if = "Vec::is_empty")]
     pub kept: Vec<String>,
 }
@@ -65,24 +66,26 @@ pub struct ViewProfile {
 pub struct MaterialProfile {
     pub material: String,
     pub draws: usize,
-    /// The part of its fragments, but for what decides where it draws: it writes depth all the same, but no colour. A
-    /// driver that compiles both stages together also leaves out what the vertex stage computes for them. Of a material
-    /// whose fragment stage writes depth, the part of all of it.
+    /// The part of its fragments, except decisions about coverage: it still writes depth, but no
+    /// colour. A driver that compiles both stages together also leaves out the vertex stage's work
+    /// for them. If the fragment stage writes depth, it is the part of the whole stage.
     pub fragments: Estimate,
-    /// The part of what decides where it draws, a discard for example. It is at least this: the frame draws what the
-    /// material hid. `None`: nothing decides, or it was not told apart.
+    /// The part of decisions about coverage, a discard for example. It is at least this: the frame
+    /// draws the parts that the material hid. `None`: nothing decides, or it was not measured
+    /// separately.
     pub coverage: Option<Estimate>,
-    /// The part of its textures' texels: what they take beyond one texel each. `None`: they decide coverage, or
-    /// the vertex stage reads them.
+    /// The part of its textures' texels: their time beyond one texel each. `None`: they decide
+    /// coverage, or the vertex stage reads them.
     pub textures: Option<Estimate>,
-    /// The part of the rest of its fragment stage, but for what decides a discard. `None`: not told apart.
+    /// The part of the rest of its fragment stage, except discards. `None`: not measured
+    /// separately.
     pub arithmetic: Option<Estimate>,
     /// The part of writing its colours.
     pub fill: Option<Estimate>,
 }
 
 impl ViewProfile {
-    /// The largest part, and what it is of. `None`: none is above 0 beyond noise.
+    /// The largest part, with its name. `None`: none is above 0 beyond noise.
     pub fn bound_by(&self) -> Option<(String, Estimate)> {
         let frame = [
             ("the pass and its draw calls", self.draws),
@@ -110,7 +113,7 @@ impl ViewProfile {
 /// Most materials whose fragments are left out one after the other.
 const LOOKED_AT: usize = 32;
 
-/// Most materials that are told apart further.
+/// Most materials whose parts are measured separately.
 const TOLD_APART: usize = 6;
 
 /// Profiles the first frame of each camera, in the scene's first order.
@@ -260,7 +263,7 @@ fn told_apart(
     Ok([part_of(1), part_of(2)])
 }
 
-/// Frames to be timed beside each other. `None`: one that the adapter does not draw.
+/// Frames to be timed together. `None`: one that the adapter does not draw.
 struct Frames<'s> {
     session: &'s Session<'s>,
     frame: &'s Frame,
@@ -389,7 +392,7 @@ fn replace(pass: &mut GpuPass, program: Program, programs: &mut BTreeMap<String,
     programs.insert(name, program);
 }
 
-/// Writes no colour.
+/// Disables colour writes.
 fn mask(pass: &mut GpuPass) {
     for target in pass.targets.iter_mut().flatten() {
         target.write_mask = 0;

@@ -133,7 +133,7 @@ pub fn ranges(scene: &Scene) -> Result<Vec<SourceRange>, SceneError> {
 /// The vertices that were run.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum Coverage {
-    /// All, in all frames.
+    /// All vertices, in all frames.
     All,
     SomeFrames,
     /// Some, in one frame or more.
@@ -149,7 +149,7 @@ impl Coverage {
 }
 
 struct Sample {
-    /// Vertices and instances.
+    /// Vertex and instance indices.
     vertices: Vec<(u32, u32)>,
     /// Step between frames.
     every: usize,
@@ -224,7 +224,7 @@ struct Ends {
     numbers: BTreeMap<Source, Vec<Numbers>>,
 }
 
-/// All numbers.
+/// The range of all finite numbers.
 const ANYTHING: [f32; 2] = [f32::MIN, f32::MAX];
 
 impl Ends {
@@ -305,7 +305,7 @@ impl Ends {
         }
     }
 
-    /// Widens the ranges of varyings that were not seen at all vertices in all frames.
+    /// Widens the ranges of varyings, unless all vertices were run in all frames.
     fn settle<'a>(&mut self, seen: Coverage, outputs: impl Iterator<Item = &'a naga::Binding>) {
         let by = match seen {
             Coverage::All => return,

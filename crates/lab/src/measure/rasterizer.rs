@@ -15,7 +15,7 @@ use preshade_draw::scene::{DrawOrder, Image, Material, Mesh, Scene, Stream};
 use preshade_scenes::ShaderForm;
 use shader_text::options;
 
-/// Pixels of a side.
+/// Width and height in pixels.
 const SIZE: u32 = 16;
 /// Difference between the texels of two neighbouring mip levels, of 255.
 const STEP: u8 = 30;

@@ -26,7 +26,7 @@ impl<'a> Session<'a> {
     }
 
     /// As [`Self::new`], for a search: its frames share shaders and pipelines, so that their
-    /// [`Prepared::creation`] is not what a host would take.
+    /// [`Prepared::creation`] is shorter than a host's.
     pub fn sharing(
         gpu: &'a Gpu,
         scene: &'a Scene,

@@ -1,4 +1,4 @@
-//! What is timed, and how long.
+//! The views to time, and how long.
 
 use super::{TimingSettings, View};
 

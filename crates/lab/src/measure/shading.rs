@@ -31,7 +31,7 @@ pub enum CountProgram {
     /// A program with the pass's discards, depth output and coverage alpha, which otherwise returns
     /// 1 at location 0.
     Sliced {
-        /// Both stages.
+        /// It has both stages.
         program: Program,
         /// Vertex entry point; the same position bits as the pass's own.
         vertex: String,
@@ -54,9 +54,9 @@ pub struct Shading {
 /// [`Shading`] as it is reported.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 pub struct ShadingSummary {
-    /// Fragments (samples, under MSAA).
+    /// Under MSAA, samples.
     pub fragments: u64,
-    /// Covered pixels (samples).
+    /// Under MSAA, samples.
     pub covered: u64,
     /// Fragments a covered pixel: 1.00 is the least there can be. 0 where nothing is covered.
     pub per_pixel: f64,
@@ -223,7 +223,7 @@ fn counted(
 /// and no such pixels is no evidence.
 pub fn facts(session: &Session<'_>) -> Result<Facts, Error> {
     let (ties, undiscarded) = depth_ties(session)?;
-    // The real scene may have what a made-up one lacks.
+    // The real scene may have ties where a made-up one has none.
     let evidence = |n: &u64| *n > 0 || !session.scene().is_made_up;
     Ok(Facts {
         depth_ties: Some(ties).filter(evidence),
@@ -328,7 +328,6 @@ fn near_plane_pixels(session: &Session<'_>) -> Result<Option<u64>, Error> {
 /// Whether fragments that a material discards count as tying.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Discarded {
-    /// Only those that survive.
     LeftOut,
     /// All, as if nothing were discarded.
     Counted,

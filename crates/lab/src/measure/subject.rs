@@ -1,4 +1,4 @@
-//! The plans of a frame, drawn beside the original and held to their contract.
+//! The plans of a frame, drawn against the original and checked by their contract.
 
 use preshade_plan::contract::Verdict;
 use preshade_plan::guard::Assumed;
@@ -55,7 +55,6 @@ impl<'a> Subject<'a> {
         }
     }
 
-    /// Builds the frame.
     pub fn build(&mut self) -> Result<&Prepared<'a>, render::Error> {
         let prepared = self.session.prepare(&self.plans)?;
         Ok(self.prepared.insert(prepared))
@@ -71,7 +70,7 @@ impl<'a> Subject<'a> {
         self.prepared.as_ref()
     }
 
-    /// Whether it can be drawn and has kept its contract so far.
+    /// Whether it can be drawn and has not broken its contract so far.
     pub fn is_standing(&self) -> bool {
         self.prepared.is_some() && !matches!(self.verdict, Verdict::Broken { .. })
     }
@@ -138,12 +137,11 @@ impl<'a> Subject<'a> {
     }
 
     /// Compares a picture with the original's and checks the promise of all materials together, and
-    /// then each material's own. The first broken view, named as the view writes itself, is the
-    /// verdict.
+    /// then each material's own. The verdict names the first broken view.
     ///
     /// # Errors
     ///
-    /// Pictures of different kinds; what draws the materials' places cannot be drawn.
+    /// Pictures of different kinds; the picture of the materials' places cannot be drawn.
     pub(super) fn compare(
         &mut self,
         (view, frame): (&View, &Frame),
@@ -197,11 +195,11 @@ impl<'a> Subject<'a> {
         Ok(self.held(view, reference, picture)?.1.is_some())
     }
 
-    /// Holds a picture against the reference: adds their difference, and decides the verdict.
+    /// Compares a picture with the reference: adds their difference, and decides the verdict.
     ///
     /// # Errors
     ///
-    /// Pictures of different kinds; what draws the materials' places cannot be drawn.
+    /// Pictures of different kinds; the picture of the materials' places cannot be drawn.
     pub fn judge(
         &mut self,
         view: (&View, &Frame),

@@ -58,11 +58,11 @@ pub struct Estimate {
     pub median: f64,
     /// 2.5th percentile of the bootstrap's medians.
     pub low: f64,
-    /// 97.5th percentile.
+    /// 97.5th percentile of the bootstrap's medians.
     pub high: f64,
 }
 
-/// Milliseconds a frame.
+/// A time in milliseconds a frame.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 pub struct FrameTime {
     #[serde(flatten)]
@@ -74,7 +74,6 @@ pub struct FrameTime {
 /// The time of one variant, and its ratio to the first.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Timing {
-    /// Milliseconds a frame.
     pub time: FrameTime,
     /// The first variant's time over this one's, from samples of the same round. 1 for the first.
     pub speedup: Estimate,

@@ -1,9 +1,9 @@
 //! Finds the ways through a draw's branches that no draw takes. Reads the scene's frames and needs
 //! no adapter.
 //!
-//! A picture shows nothing of the arm that no draw takes, so a measured budget says nothing about
-//! it. The partial evaluator of `specialize` decides each branch for the uniforms of each draw in
-//! each frame.
+//! A picture shows nothing of the arm that no draw takes, so a measured budget does not cover it.
+//! The partial evaluator of `specialize` decides each branch for the uniforms of each draw in each
+//! frame.
 
 use std::collections::{BTreeMap, BTreeSet};
 

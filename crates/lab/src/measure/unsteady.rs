@@ -1,5 +1,5 @@
-//! Pixels of a captured frame that differ when the original is drawn twice. They say nothing about a variant, so they
-//! are left out of its comparison, and counted.
+//! Pixels of a captured frame that differ when the original is drawn twice. They are no evidence
+//! about a variant, so they are left out of its comparison, and counted.
 
 use std::cell::OnceCell;
 use std::sync::Arc;
@@ -21,7 +21,6 @@ pub(crate) struct Original {
     pub picture: Rendered,
     /// By sample: whether the pixel was the same in all pictures. `None`: every difference counts.
     steady: Option<Vec<bool>>,
-    /// Samples of a pixel.
     samples: usize,
     is_redrawn: bool,
     /// Its first colours, which reports of all variants share.
@@ -29,7 +28,8 @@ pub(crate) struct Original {
 }
 
 impl Original {
-    /// A picture of which no second one is known. In a scene that a user wrote, every difference counts.
+    /// A picture without a second one so far. In a scene that a user wrote, every difference
+    /// counts.
     pub fn new(picture: Rendered, scene: &Scene) -> Self {
         let depth = picture.depth.as_ref();
         let samples = depth.map_or(1, |d| d.samples.max(1) as usize);
@@ -73,7 +73,8 @@ impl Original {
         })
     }
 
-    /// Notes where another picture of the original differs, and returns what is left of the difference.
+    /// Marks the pixels in which another picture of the original differs. Returns it without the
+    /// differences that are left out.
     pub fn repeated(&mut self, again: Rendered) -> Rendered {
         let Some(steady) = &mut self.steady else {
             return again;
@@ -172,7 +173,7 @@ mod tests {
         let mut first = original(true);
         assert_eq!(first.repeated(picture(&[7])), first.picture);
         assert_eq!(first.unsteady(), 1);
-        // What else differs is the variant's.
+        // Other differences are the variant's.
         assert_eq!(first.steadied(picture(&[7, 9])), picture(&[9]));
         // Another pixel in the next picture.
         assert_eq!(first.repeated(picture(&[8])), first.picture);

@@ -1,4 +1,4 @@
-//! A recipe on a scene: one plan a material, refusals kept beside.
+//! A recipe on a scene: one plan a material, and the refusals.
 
 use preshade_passes::rebuild::count;
 use preshade_plan::pass::{Facts, Refusal};
@@ -22,8 +22,8 @@ pub struct Variant {
     pub kept: Vec<KeptMaterial>,
 }
 
-/// Applies `recipe` to every material. Refused steps are skipped, as `rewrite` skips them, and kept
-/// with their reasons.
+/// Applies `recipe` to every material. Refused steps are skipped, as `rewrite` skips them, and
+/// listed with their reasons.
 pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
     let frame = Frame {
         materials: originals,
@@ -31,7 +31,7 @@ pub fn variant(originals: &[Plan], recipe: &Recipe, facts: &Facts) -> Variant {
     };
     let (plans, skipped) = pipeline::apply_in(frame, recipe, facts, &mut |_, _, _| true);
     let kept: Vec<KeptMaterial> = skipped.iter().map(|s| kept(s, &plans)).collect();
-    // A choice made by measurement is kept as the values it selected.
+    // A choice made by measurement is written as the values that it selected.
     let written = super::written_out(recipe, facts);
     Variant {
         recipe: written.as_ref().unwrap_or(recipe).to_string(),
@@ -112,7 +112,7 @@ pub(crate) fn unwritten(recipe: &Recipe) -> Variant {
     }
 }
 
-/// The counting stage of a pass: the slice that decides whether a fragment is kept. If the slice
+/// The counting stage of a pass: the slice that decides whether a fragment survives. If the slice
 /// does not validate (a bug), every fragment counts.
 pub fn counting(plan: &Plan, pass: &GpuPass) -> CountProgram {
     match count::program(plan, pass) {

@@ -12,7 +12,7 @@ pub(super) fn needs_invariant_original(contract: &Contract) -> bool {
     contract.given().contains(&Assumption::InvariantOriginal)
 }
 
-/// What the plans of a frame promise together.
+/// The joint promise of the plans of a frame.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Promise {
     /// The contract of all together.
@@ -57,7 +57,8 @@ pub(super) fn keeps_positions(plan: &Plan) -> bool {
         .passes
         .iter()
         .any(|pass| pass.geometry.subdivision().is_some());
-    // A budget does not tell whether the id joined the author's vertex stage, which moves positions.
+    // A budget does not show whether the id joined the author's vertex stage, which moves
+    // positions.
     let joined = plan.passes.iter().any(|pass| pass.role == Role::Ids)
         && !plan.contract.budgets().is_empty()
         && !shadow::has_invariant_position(plan);

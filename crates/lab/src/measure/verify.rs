@@ -34,7 +34,7 @@ impl VerifyProgress {
         }
     }
 
-    /// Progress within `view` of `views`, of which `part` is done.
+    /// Progress in `view` of `views`. `part` of it is done.
     fn of_view(view: usize, part: f64, views: usize, what: String) -> Self {
         Self::at(0.1 + 0.9 * (view as f64 + part) / views as f64, what)
     }
@@ -218,7 +218,7 @@ impl Run<'_, '_> {
             .into_iter()
             .collect();
         warnings.extend(picture_warnings::overlapping_draws(self.session.scene()));
-        // If the pictures are empty, the verdicts say so.
+        // If the pictures are empty, the verdicts report it.
         warnings.extend(self.colours.warning().filter(|_| !nothing));
         warnings.extend(picture_warnings::unsteady(self.unsteady));
         let frames: Vec<_> = self.views.iter().map(|(v, f)| (*f, v.order)).collect();
@@ -237,7 +237,8 @@ impl Run<'_, '_> {
         let mut untested = Vec::new();
         for materials in undiscarded {
             let is_decided = materials.iter().any(|m| deciding.contains(m));
-            // A captured frame is what the user has: nobody can add a fragment that is discarded.
+            // A captured frame is all that the user has: nobody can add a fragment that is
+            // discarded.
             let list = if is_decided && !self.session.scene().is_captured() {
                 &mut untested
             } else {
@@ -251,7 +252,7 @@ impl Run<'_, '_> {
         let plans = drawn.flat_map(|(_, variant)| &variant.plans);
         let mut unbudgeted = None;
         if let Some(branches) = picture_warnings::undrawn(scene, plans) {
-            // The guard of a real scene keeps a host to what was drawn.
+            // For a real scene, the guard limits a host to the drawn values.
             match scene.is_made_up {
                 true => unbudgeted = Some(branches),
                 false => warnings.push(branches),
@@ -275,7 +276,7 @@ impl Run<'_, '_> {
             pictures.extend(picture);
         }
         if let Some(why) = unbudgeted {
-            // A promise without a budget does not rest on what was drawn.
+            // A promise without a budget does not depend on the drawn values.
             report.void(&why, |v| {
                 v.verdict == Verdict::Holds && !v.contract.budgets().is_empty()
             });

@@ -99,7 +99,7 @@ const COLORS: [&str; 8] = [
     "#222222", "#0072b2", "#d55e00", "#009e73", "#cc79a7", "#e69f00", "#56b4e9", "#8a6d00",
 ];
 
-/// Axes of logarithms.
+/// Logarithmic axes.
 struct Axes {
     x: [f64; 2],
     y: [f64; 2],

@@ -99,7 +99,7 @@ pub fn decision(decision: &Decision) -> String {
             ];
             cells.extend(estimate(at.time_ms.as_ref()));
             cells.extend(estimate(at.speedup.as_ref()));
-            // The worst of all views: pictures are not compared apart.
+            // The worst of all views: the pictures have no columns of their own.
             cells.extend(error(plan.error.as_ref()));
             cells.push(
                 plan.cost

@@ -121,7 +121,7 @@ pub(crate) fn policy(decision: &Decision) -> Vec<String> {
         .collect()
 }
 
-/// What another order of the draws gains in a view, if it pays.
+/// The gain of another order of the draws in a view, if it pays.
 fn sorted(view: &ViewReport) -> Option<String> {
     let sorted = view.sorted.as_ref().filter(|s| s.pays())?;
     Some(format!(
@@ -133,7 +133,7 @@ fn sorted(view: &ViewReport) -> Option<String> {
     ))
 }
 
-/// What a pre-pass of some draws gains in a view, if it pays.
+/// The gain of a pre-pass of some draws in a view, if it pays.
 fn ahead(view: &ViewReport) -> Option<String> {
     let ahead = view.ahead.as_ref().filter(|a| a.pays())?;
     Some(format!(
@@ -185,8 +185,8 @@ pub(crate) fn switch_cost(cost: &SwitchCost) -> String {
     )
 }
 
-/// Each view with the plans that matter in it, and how much faster each is than the original. Their
-/// times are not printed: each was measured beside an original of its own.
+/// Each view with the plans that matter in it, and the speedup of each over the original. Their
+/// times are not printed: each was measured against an original of its own.
 fn views(decision: &Decision) -> Vec<String> {
     let predicted = match decision.clock {
         Some(_) => "",

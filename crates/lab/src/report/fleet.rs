@@ -178,7 +178,7 @@ pub fn frontier(of: &FleetFrontier) -> String {
     text.trim_end().to_owned()
 }
 
-/// What became of a variant, in words.
+/// The fate in words.
 pub(crate) fn fate(fate: &FleetFate) -> String {
     match fate {
         FleetFate::Frontier => "on the frontier".to_owned(),

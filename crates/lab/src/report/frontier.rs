@@ -55,7 +55,7 @@ pub(crate) fn said(found: &Exploration) -> Vec<String> {
     said.chain(chosen).chain(warnings).collect()
 }
 
-/// Whether no candidate was measured beside the original.
+/// Whether no candidate was measured against the original.
 pub fn is_unmeasured(found: &Exploration) -> bool {
     let measured = |p: &Point| p.name != ORIGINAL && p.error.is_some();
     !found.points.iter().any(measured)

@@ -35,9 +35,10 @@ pub(super) fn verdict(report: &Report, v: &VariantReport) -> String {
 }
 
 /// The sentence. A variant is worth shipping if it keeps its contract, is faster in at least one
-/// timed view and faster in the mean of all: of those that are drawn front to back, if some are. It counts as faster in a view if the whole 95 %
-/// interval of its speedup is above 1, and as slower if all of it is below. Of several, the one with
-/// the best mean is named; the number is its mean over the views in which it is faster.
+/// timed view, and is faster in the mean of all. If some views are drawn front to back, the mean is
+/// of those. It counts as faster in a view if the whole 95 % interval of its speedup is above 1,
+/// and as slower if all of it is below. Of several, the sentence names the one with the best mean;
+/// the number is its mean over the views in which it is faster.
 pub(crate) fn headline(report: &Report) -> String {
     let broken: Vec<String> = drawn(report)
         .filter(|v| matches!(v.verdict, Verdict::Broken { .. }))
@@ -85,8 +86,8 @@ pub fn nothing_pays(report: &Report) -> bool {
     is_timed && is_of_frame && not_measured(report).is_none() && best(report).is_none()
 }
 
-/// What variants are for that draw nothing but pictures beside the frame, and their cost beside the
-/// main passes. `None`: one draws the frame in another way.
+/// The use of variants that draw only pictures in addition to the frame, and their cost relative to
+/// the main passes. `None`: one draws the frame in another way.
 fn aside(report: &Report) -> Option<String> {
     let costs: Option<Vec<String>> = drawn(report)
         .filter(|v| matches!(v.verdict, Verdict::Holds))
@@ -168,7 +169,7 @@ fn not_drawn(report: &Report) -> String {
     recipe.map_or(String::new(), |recipe| format!(" Not drawn: {recipe}."))
 }
 
-/// Why the pictures say nothing about any variant. `None`: they do.
+/// Why the pictures are no evidence about any variant. `None`: they are.
 fn not_measured(report: &Report) -> Option<String> {
     let mut whys = report.untested.clone();
     // Nothing else matters on an adapter that does not repeat itself.
@@ -463,7 +464,7 @@ mod tests {
             }
             said(vec![one])
         };
-        // What pays in no order that an engine draws in is not worth shipping.
+        // A variant that pays only in an order that no engine draws in is not worth shipping.
         let nothing = "`a` is not worth shipping on this adapter: ship the original.";
         assert_eq!(of([1.0 / 1.14, 1.5, 1.5]), nothing);
         let told = of([1.5, 1.5, 1.0 / 1.14]);
@@ -564,7 +565,7 @@ mod tests {
             said(vec![refused()]),
             "Not measured: every material refuses it."
         );
-        // What is said of one is not said of all.
+        // A sentence about one variant does not hold for all.
         let holds = variant("b", &[("wall", 1.5)], Verdict::Holds);
         assert_eq!(
             said(vec![refused(), holds]),

@@ -38,11 +38,11 @@ pub enum PageError {
 /// The parts of every page.
 struct Shell {
     title: String,
-    /// What a reader needs first.
+    /// The conclusion.
     headline: String,
     /// Where and how it was measured.
     about: String,
-    /// What else a reader needs.
+    /// Further sentences for the reader.
     said: Vec<String>,
     /// The command that makes it again.
     command: String,

@@ -1,4 +1,4 @@
-//! Merged results: what each adapter said of each variant of each input.
+//! Merged results: the results of each adapter for each variant of each input.
 
 use std::collections::BTreeMap;
 

@@ -26,7 +26,7 @@ pub use headline::nothing_pays;
 
 use preshade_draw::render::AdapterReport;
 
-/// What was drawn, and where: the name of a scene, with the part of a captured frame.
+/// The scene and the adapter: the name of a scene, with the part of a captured frame.
 fn place(
     scene: &str,
     part: Option<&str>,

@@ -16,7 +16,7 @@ pub(crate) struct Panel {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub(crate) struct Mark {
     pub height: f64,
-    /// In a word.
+    /// One word.
     pub name: &'static str,
 }
 
@@ -240,7 +240,6 @@ fn ends(values: impl Iterator<Item = f64>) -> Option<(f64, f64)> {
         .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
 }
 
-/// A tick's number, short.
 fn number(value: f64) -> String {
     match value.abs() {
         v if v >= 1e9 => format!("{:.0}G", value / 1e9),

@@ -42,7 +42,8 @@ impl SweepReport {
         })
     }
 
-    /// The points apart by all parameters but the one along the side: a name, and the rows.
+    /// One series for each combination of all parameters but the one along the side: its name, and
+    /// its rows.
     fn series<'a>(&'a self, report: &'a Report) -> Vec<(String, Vec<SweepRow<'a>>)> {
         let mut all: Vec<(String, Vec<SweepRow<'a>>)> = Vec::new();
         for row in self.rows(report) {
@@ -107,7 +108,7 @@ impl SweepReport {
         out
     }
 
-    /// The points that were not drawn, or kept their materials as written, grouped by reason. Ends
+    /// The points that were not drawn, or left their materials as written, grouped by reason. Ends
     /// in an empty line.
     fn not_drawn(&self, left: &[&SweepRow<'_>]) -> String {
         let mut reasons: Vec<(&str, Vec<&str>)> = Vec::new();

@@ -48,7 +48,8 @@ pub fn render(report: &Report, coloured: bool) -> String {
     out
 }
 
-/// The metrics of the budgets, those of the variants and the one asked for, that have no column of their own.
+/// The metrics of the budgets that have no column of their own: those of the variants, and the
+/// requested one.
 fn budgeted(report: &Report) -> Vec<Metric> {
     let contracts = report.variants.iter().map(|v| v.contract.budgets());
     let asked = report.chosen.iter().map(|chosen| chosen.budget);
@@ -173,7 +174,7 @@ pub(super) fn notes(report: &Report) -> String {
             Verdict::Broken { r#where } => {
                 out.push_str(&format!("{}: broken at {}\n", v.name, r#where));
             }
-            // Of the original, it is said once.
+            // For the original, it is printed once.
             Verdict::NotMeasured { why }
                 if !is_swept && (i == 0 || unrepeated.as_ref() != Some(why)) =>
             {
@@ -187,8 +188,8 @@ pub(super) fn notes(report: &Report) -> String {
     out
 }
 
-/// Whether a printed speedup and the printed times beside it disagree in direction, or by more than
-/// 10 %.
+/// Whether a printed speedup and the printed times in its row disagree in direction, or by more
+/// than 10 %.
 fn is_paired_otherwise(variants: &[VariantReport]) -> bool {
     let time = |v: &VariantReport| v.time_ms.as_ref().map(|t| t.estimate.median);
     let [original, variants @ ..] = variants else {
@@ -213,7 +214,7 @@ fn is_swept(report: &Report, name: &str) -> bool {
     points.any(|p| p.variant == name)
 }
 
-/// The budgets of an approximation, each beside the measured value.
+/// The budgets of an approximation, each with the measured value.
 fn budgets(v: &VariantReport) -> String {
     let budgets = v.contract.budgets();
     let (Some(error), false) = (&v.error, budgets.is_empty()) else {

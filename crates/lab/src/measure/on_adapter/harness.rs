@@ -54,7 +54,7 @@ pub(crate) struct Harness {
     pub source: Module,
     /// The layout of a draw's input words.
     pub given: Vec<Given>,
-    /// Words of a draw.
+    /// Number of input words of a draw.
     pub words_in: u32,
     /// The uniforms and buffers of a draw, with type and first byte in the struct of all, and the
     /// words of that struct.

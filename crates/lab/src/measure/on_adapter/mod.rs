@@ -23,8 +23,8 @@ use preshade_validate::{By, Check, Effort};
 use harness::{ENTRY, Harness, buffers, harness, value, words};
 use preshade_draw::render::Gpu;
 
-/// Holds a variant against the original it was made of, on an adapter. `told` gets each promise
-/// before its turn.
+/// Compares a variant with the original that it was made of, on an adapter. `told` gets each
+/// promise before its turn.
 pub fn validate_on(
     gpu: &Gpu,
     original: &Plan,
@@ -136,7 +136,7 @@ fn dispatch(
         let output = buffer(bytes, Usage::STORAGE | Usage::COPY_SRC);
         let read = buffer(bytes, Usage::COPY_DST | Usage::MAP_READ);
         let all = [(0, &inputs[0]), (1, &output), (2, &inputs[1])];
-        // The pipeline has only what it reads.
+        // The pipeline has only the buffers that it reads.
         let own = all.iter().take(if harness.reads_buffers { 3 } else { 2 });
         let entry = own.map(|(binding, buffer)| wgpu::BindGroupEntry {
             binding: *binding,

@@ -25,8 +25,8 @@ pub(crate) struct Ours {
     pub slopes: Handle<GlobalVariable>,
     /// The bases and the scales of each texture's texels.
     pub textures: BTreeMap<Handle<GlobalVariable>, [Handle<GlobalVariable>; 2]>,
-    /// The struct that each uniform and buffer is a member of, in an array of one for each draw, and
-    /// the private variable with the draw's index.
+    /// The member of each uniform and buffer in the struct of one draw. There is an array of these
+    /// structs, one for each draw, and a private variable with the draw's index.
     pub buffers: BTreeMap<Handle<GlobalVariable>, u32>,
     pub all_buffers: Handle<GlobalVariable>,
     pub draw: Handle<GlobalVariable>,

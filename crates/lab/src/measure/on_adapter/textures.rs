@@ -5,7 +5,7 @@ use std::collections::BTreeMap;
 
 use naga::{AddressSpace, Arena, Expression, Function, GlobalVariable, Handle, Module, Statement};
 
-/// What a call gives each argument, if it is a texture or a sampler.
+/// The variable that a call passes for each argument, if it is a texture or a sampler.
 type Given = Vec<Option<Handle<GlobalVariable>>>;
 
 /// Functions that a module may have in the end.

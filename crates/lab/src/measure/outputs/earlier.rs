@@ -33,8 +33,8 @@ pub fn earlier(scene: &Scene, allows: &dyn Fn(&Draw, &Draw) -> bool) -> Scene {
     earlier
 }
 
-/// Whether a variant says that the change of a draw may happen: it takes no buffer that changes as
-/// static, and it copies each attribute that changes. A recipe says both, so we believe it.
+/// Whether a variant allows the change of a draw: it takes no changing buffer as static, and it
+/// copies each attribute that changes. Both come from the recipe, so they are not checked.
 pub fn allowed(
     scene: &Scene,
     originals: &[Plan],

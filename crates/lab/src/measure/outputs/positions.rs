@@ -60,7 +60,7 @@ impl<'a> Drawn<'a> {
 }
 
 pub struct Positions<'a> {
-    /// Before and now.
+    /// The frame before, and this one.
     pub scenes: [&'a Scene; 2],
     pub frames: [Frame; 2],
     pub plans: &'a [Plan],

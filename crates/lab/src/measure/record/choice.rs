@@ -81,7 +81,8 @@ pub enum Choice {
     },
     /// None is within the budget.
     None {
-        /// The one that comes nearest, the fastest of several; `None`: none was drawn and kept its promise.
+        /// The variant nearest to the budget, the fastest of several; `None`: none was drawn and
+        /// held its promise.
         nearest: Option<String>,
         error: Option<f64>,
         /// The original's time over its own.

@@ -38,7 +38,6 @@ pub struct Report {
     pub part: Option<String>,
     /// Width and height, in pixels.
     pub resolution: [u32; 2],
-    /// Samples a pixel.
     pub samples: u32,
     /// The command that measured it.
     pub command: String,
@@ -52,18 +51,18 @@ pub struct Report {
     pub made_up: bool,
     /// Inputs that the scene does not give: filled by convention, or made up.
     pub assumed: Vec<Guessed>,
-    /// Notes about a captured frame: what the scene does not draw as the frame did, where its time goes, and how
-    /// its replay compares with the page.
+    /// Notes about a captured frame: parts that the scene draws differently, the shares of its
+    /// time, and how its replay compares with the page.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub notes: Vec<String>,
     /// Reasons to trust the pictures less: a single colour, or attributes that are made up.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub warnings: Vec<String>,
-    /// What the pictures leave untested, so that no verdict counts.
+    /// Reasons why the pictures test too little, so that no verdict counts.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub untested: Vec<String>,
-    /// The recipe with the largest static saving among those that nobody asked for and that were not
-    /// drawn, and what it saves. `None`: something that was drawn pays, or nothing saves enough.
+    /// The recipe with the largest static saving among those that were neither requested nor drawn,
+    /// with its saving. `None`: a drawn variant pays, or nothing saves enough.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub not_drawn: Option<String>,
     /// The original first, named [`ORIGINAL`].
@@ -100,7 +99,8 @@ pub struct VariantReport {
     pub outputs: Option<OutputsReport>,
     /// The self-tests of its plans, in the scene's order of materials. Empty where no plan has one.
     pub self_test: Vec<SelfTestReport>,
-    /// Edges that it divides in one draw and not in the draw beside it. Empty where nothing is subdivided.
+    /// Edges that it divides in one draw and not in the adjacent draw. Empty where nothing is
+    /// subdivided.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub junctions: Vec<Junction>,
     /// Materials of the scene that this variant draws as their author wrote them, and why.
@@ -169,7 +169,7 @@ pub struct ViewReport {
 }
 
 impl VariantReport {
-    /// A variant of which nothing is measured yet.
+    /// A variant without measurements.
     pub fn new(name: &str, recipe: &str, contract: Contract, verdict: Verdict) -> Self {
         Self {
             name: name.to_owned(),

@@ -1,5 +1,5 @@
-//! A report that is kept while a run goes on. If the run is killed, it has the results so far and
-//! the list of missing views.
+//! A report that is written while a run goes on. If the run is killed, it has the results so far
+//! and the list of missing views.
 
 use serde::{Deserialize, Serialize};
 
@@ -8,7 +8,7 @@ use super::Report;
 /// Version of the JSON that [`Unfinished`] serialises to.
 pub(crate) const SCHEMA: &str = "preshade.unfinished.v1";
 
-/// Name of the file that it is kept in. It is taken away once the report is written.
+/// Name of its file, which is removed once the report is written.
 pub const FILE: &str = "report.unfinished.json";
 
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]

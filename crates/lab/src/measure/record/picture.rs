@@ -1,4 +1,4 @@
-//! Pictures of one variant beside the original.
+//! Pictures of one variant and of the original.
 
 use std::sync::Arc;
 
@@ -38,7 +38,6 @@ pub struct Pictures {
     pub outputs: Vec<(String, Picture)>,
     /// Fragments of the original, if they were counted.
     pub overdraw_before: Option<Shading>,
-    /// Fragments of the variant.
     pub overdraw_after: Option<Shading>,
 }
 

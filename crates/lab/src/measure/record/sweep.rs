@@ -46,7 +46,7 @@ impl SweepReport {
 }
 
 impl Report {
-    /// Adds which of its variants, in the order of the sweeps' points, are the points of which sweep.
+    /// Adds the sweeps. Its variants are, in order, the points of one sweep after the other.
     pub fn add_sweeps(&mut self, sweeps: &[Sweep]) {
         let names = self.variants.iter().skip(1).map(|v| v.name.clone());
         let mut names = names.collect::<Vec<_>>().into_iter();

@@ -55,7 +55,8 @@ impl Measurement<'_> {
         let drawn = self.subject.prepared().is_some() && self.subject.error.is_some();
         let is_empty = drawn && self.covered == Some(0);
         match (&self.subject.verdict, lost) {
-            // An assumption of the contract does not hold, so it is neither kept nor broken.
+            // An assumption of the contract does not hold, so the contract neither holds nor is
+            // broken.
             (Verdict::Broken { r#where }, _)
                 if needs_invariant_original(&self.subject.judged.contract) =>
             {

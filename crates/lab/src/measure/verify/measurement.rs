@@ -106,7 +106,7 @@ impl<'a> Contestant<'a> for Measurement<'a> {
         let key = (error.flip_mean, error.changed_pixels);
         if key > self.worst.as_ref().map_or((0.0, 0), |w| w.0) {
             let pictures = match is_headline {
-                // Those are kept anyway.
+                // The headline's pictures are stored anyway.
                 true => None,
                 false => Pictures::new(&self.report.name, reference, picture),
             };

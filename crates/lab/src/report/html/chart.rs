@@ -35,7 +35,6 @@ pub(crate) struct Tick {
 /// A candidate in the chart.
 pub(crate) struct Dot {
     pub x: f64,
-    /// Height of the median.
     pub y: f64,
     /// Height of the interval's ends.
     pub low: f64,

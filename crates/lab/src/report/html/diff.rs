@@ -9,12 +9,12 @@ use preshade_compiler::emit::{Options, emit};
 use preshade_draw::scene::Scene;
 use preshade_plan::plan_file::Target;
 
-/// One emitted file beside the material as its author wrote it.
+/// One emitted file against the material as its author wrote it.
 pub(crate) struct Diff {
     pub name: String,
-    /// Lines added and removed.
+    /// Number of lines.
     pub added: usize,
-    /// Lines added and removed.
+    /// Number of lines.
     pub removed: usize,
     /// The changed lines with a few around them, and the number of lines left out.
     pub lines: Vec<Line>,
@@ -26,13 +26,13 @@ pub(crate) struct Line {
     pub text: String,
 }
 
-/// Lines around a change.
+/// Unchanged lines around a change.
 const AROUND: usize = 3;
 
 /// Most lines of a diff.
 const MOST: usize = 600;
 
-/// Every WGSL file of the plans that differs from the author's text, beside the printed original.
+/// Every WGSL file of the plans that differs from the author's text, against the printed original.
 pub(crate) fn of(scene: &Scene, plans: &[Plan]) -> Vec<Diff> {
     let mut diffs = Vec::new();
     for (material, plan) in scene.materials.iter().zip(plans) {

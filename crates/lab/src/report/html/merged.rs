@@ -33,7 +33,7 @@ struct Row<'a> {
     cells: Vec<Cell<'a>>,
 }
 
-/// What an adapter said of it.
+/// The result of an adapter for it.
 #[derive(Default)]
 struct Cell<'a> {
     word: &'static str,
@@ -49,7 +49,6 @@ struct Regret {
     text: String,
 }
 
-/// The page.
 pub fn page(
     results: &Results,
     regrets: &[RegretReport],

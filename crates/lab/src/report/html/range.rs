@@ -18,7 +18,7 @@ pub(crate) struct Strip {
     pub low: f64,
     pub median: f64,
     pub high: f64,
-    /// A ratio of 1.
+    /// Place of the ratio 1, in percent.
     pub even: f64,
     /// How the interval compares with 1: `faster`, `slower` or `level`.
     pub class: &'static str,

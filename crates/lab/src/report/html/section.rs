@@ -1,4 +1,4 @@
-//! One variant: its contract and verdict, its pictures, every view, its shaders beside the
+//! One variant: its contract and verdict, its pictures, every view, its shaders against the
 //! author's, its samples.
 
 use super::diff::Diff;
@@ -9,7 +9,7 @@ use crate::measure::{ErrorLadder, Shading};
 use crate::report::picture::flip;
 use crate::report::{frontier, sheet};
 
-/// The data of `variant.html`.
+/// The data for the template `variant.html`.
 #[derive(Default)]
 pub(crate) struct Section {
     pub id: usize,
@@ -41,7 +41,6 @@ pub(crate) struct Shot {
     pub variant: Option<String>,
     /// Their FLIP map; `None`: it would be black.
     pub flip: Option<String>,
-    /// The original's overdraw.
     pub before: Option<String>,
     pub after: Option<String>,
 }

@@ -37,7 +37,7 @@ struct Row {
     section: Option<usize>,
     name: String,
     verdict: String,
-    /// `broken`, or nothing.
+    /// Class of the row: `broken`, or empty.
     kept: &'static str,
     speedup: String,
     strip: Option<Strip>,
@@ -146,7 +146,7 @@ fn about(report: &Report) -> String {
     )
 }
 
-/// The number of variants that kept their contracts, and warnings.
+/// The number of variants whose contracts hold, and warnings.
 fn said(report: &Report) -> Vec<String> {
     let drawn = || report.variants.iter().filter(|v| v.name != ORIGINAL);
     let count = |is: fn(&Verdict) -> bool| drawn().filter(|v| is(&v.verdict)).count();

@@ -105,7 +105,7 @@ pub(crate) fn clock(clock: Option<Clock>) -> &'static str {
 /// The sign for an unknown value.
 pub(crate) const DASH: &str = "–";
 
-/// Milliseconds with their interval.
+/// A time in milliseconds, with its interval.
 pub(crate) fn ms(time: &Estimate) -> String {
     format!("{:.3} [{:.3}, {:.3}]", time.median, time.low, time.high)
 }

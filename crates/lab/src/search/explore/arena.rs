@@ -161,8 +161,8 @@ impl<'a> Arena<'a> {
             .collect()
     }
 
-    /// Indices of the candidates to verify, none of which another beats. If there are more than
-    /// `most`, [`pick`] chooses; the others keep the reason.
+    /// Indices of the candidates to verify that no other candidate beats. If there are more than
+    /// `most`, [`pick`] chooses; the others get the reason.
     pub(super) fn finalists(
         &mut self,
         most: usize,
@@ -184,7 +184,7 @@ impl<'a> Arena<'a> {
     }
 }
 
-/// How many variants can be timed beside the original within `left` seconds, and with how many
+/// How many variants can be timed against the original within `left` seconds, and with how many
 /// samples. `each` has the seconds of a frame, the fastest first. First choice: all variants with
 /// `samples` or fewer samples (an even number, at least [`FEWEST_SAMPLES`]). Second choice: the
 /// fastest of them. `None`: not even [`LEAST_RACING`].

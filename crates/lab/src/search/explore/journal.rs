@@ -77,7 +77,7 @@ pub struct Journal {
 }
 
 impl Journal {
-    /// One that is kept in memory alone.
+    /// A journal in memory, without a file.
     pub fn new() -> Self {
         Self::default()
     }

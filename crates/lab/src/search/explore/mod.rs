@@ -215,8 +215,8 @@ pub struct Explored {
 
 /// Searches for the recipes that no other beats in both error and time.
 ///
-/// `progress` gets each step and may stop the search. Measurements so far are returned, and kept in
-/// `journal`.
+/// `progress` gets each step and may stop the search. The measurements so far are then returned,
+/// and stay in `journal`.
 ///
 /// # Errors
 ///

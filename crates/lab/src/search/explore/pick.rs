@@ -3,9 +3,9 @@
 use super::Fate;
 use super::pareto::{Standing, dominators};
 
-/// Indices of at most `most` points to verify, none of which another beats. First come points
-/// within `budget`, spread along the frontier of their medians, with the fastest and the most
-/// accurate. Then come points as good as these, then points beyond the budget, nearest first.
+/// Indices of at most `most` points to verify that no other point beats. First come points within
+/// `budget`, spread along the frontier of their medians, with the fastest and the most accurate.
+/// Then come points as good as these, then points beyond the budget, nearest first.
 pub(super) fn pick(points: &[Standing], most: usize, budget: Option<f64>) -> Vec<usize> {
     let is_within = |i: &usize| budget.is_none_or(|most| points[*i].error <= most);
     let mut order: Vec<usize> = (0..points.len()).collect();

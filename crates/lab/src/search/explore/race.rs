@@ -26,7 +26,6 @@ pub(super) const CROSSED_BY: f64 = 0.75;
 /// Samples in the first rung of a race; each rung has twice those of the one before.
 pub(super) const FIRST_RUNG: usize = 6;
 
-/// Rungs of a race.
 pub(super) const RUNGS: u32 = 3;
 
 /// A candidate that takes so many times the original's time at first sight is not timed again.

@@ -55,7 +55,7 @@ impl<'a> Search<'a> {
             let verified: Vec<&str> = told.variants.iter().map(|v| v.name.as_str()).collect();
             let reopened = reopen(&mut points, &verified, metric, budget);
             report = Some(told);
-            // Another with the original beside it.
+            // One more variant, with the original.
             if watch.left(1.0) < one_more {
                 break;
             }
@@ -144,8 +144,8 @@ impl<'a> Search<'a> {
         fits.unwrap_or(1)
     }
 
-    /// The number of finalists that can be verified on the first frame of each camera beside the
-    /// original; at least one.
+    /// The number of finalists that can be verified, with the original, on the first frame of each
+    /// camera; at least one.
     pub(super) fn verifiable(&self, arena: &Arena<'_>, watch: &Watch<'_>) -> usize {
         let cameras = self.session.scene().cameras.len();
         let one = arena.verifying(cameras, self.compared(arena));
@@ -185,7 +185,7 @@ impl<'a> Search<'a> {
     }
 }
 
-/// A report with the variants of a later one beside its own.
+/// A report that also has the variants of a later one.
 fn with_more(mut report: Report, later: Report) -> Report {
     let is_new = |v: &VariantReport| report.variants.iter().all(|have| have.name != v.name);
     let new: Vec<VariantReport> = later.variants.into_iter().filter(is_new).collect();

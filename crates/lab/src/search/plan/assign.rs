@@ -18,12 +18,12 @@ use super::terms::Work;
 pub struct Assignment(pub Vec<usize>);
 
 impl Assignment {
-    /// Everything as written.
+    /// Every material as written.
     pub fn original(choices: &[Choices]) -> Self {
         Self(vec![0; choices.len()])
     }
 
-    /// Whether it is that.
+    /// Whether every material is as written.
     pub fn is_original(&self) -> bool {
         self.0.iter().all(|pick| *pick == 0)
     }
@@ -123,9 +123,9 @@ impl Assignment {
 pub struct Considered {
     /// The candidate of each material.
     pub assignment: Assignment,
-    /// The work, by view.
+    /// By view.
     pub work: Vec<Work>,
-    /// Milliseconds predicted, by view.
+    /// In milliseconds, by view.
     pub predicted: Vec<f64>,
     /// Materials that stay as written to make the plans fit.
     pub notes: Vec<String>,
@@ -138,7 +138,7 @@ pub struct FramePredictor<'a> {
     pub choices: &'a [Choices],
     /// The draws of each material.
     pub drawn: &'a [DrawCounts],
-    /// The counts, by view.
+    /// By view.
     pub counted: &'a [Counted],
     pub model: &'a Model,
     pub taken: Taken,

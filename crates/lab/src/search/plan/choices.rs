@@ -48,9 +48,9 @@ impl Choices {
     }
 }
 
-/// Applies each recipe to each material. Refused recipes are kept with their reasons. A recipe also
-/// counts as refused if it conflicts with the other materials, or makes the same plan as an earlier
-/// recipe.
+/// Applies each recipe to each material. Refused recipes are listed with their reasons. A recipe
+/// also counts as refused if it conflicts with the other materials, or makes the same plan as an
+/// earlier recipe.
 pub fn choices(originals: &[Plan], recipes: &[Recipe], facts: &Facts) -> Vec<Choices> {
     originals
         .iter()
@@ -96,7 +96,7 @@ pub fn choices(originals: &[Plan], recipes: &[Recipe], facts: &Facts) -> Vec<Cho
                     continue;
                 }
                 choices.candidates.push(Candidate {
-                    // A choice made by measurement is kept as the values it selected.
+                    // A choice made by measurement is written as the values that it selected.
                     recipe: measure::written_out(recipe, facts).unwrap_or_else(|| recipe.clone()),
                     counting: Counting::of(&plan, facts),
                     plan,

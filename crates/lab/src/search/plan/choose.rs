@@ -126,7 +126,7 @@ impl Table {
         }
     }
 
-    /// Whether `plan` is faster than `other` in that view, their intervals apart.
+    /// Whether `plan` is faster than `other` in that view, with intervals that do not overlap.
     pub(super) fn is_faster(&self, plan: usize, other: usize, view: usize) -> bool {
         match (self.at(plan, view), self.at(other, view)) {
             (Some(a), Some(b)) => a.low > b.high,

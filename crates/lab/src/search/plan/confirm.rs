@@ -9,7 +9,7 @@ use super::stage::{self, Runner};
 use crate::measure::{Estimate, Session, bench};
 use preshade_draw::scene::DrawOrder;
 
-/// The original beside itself differs by this on an idle machine, at most.
+/// The most that two measurements of the original differ by on an idle machine.
 const IDLE: f64 = 1.05;
 
 /// By how much the original differs from itself, as a factor of at least 1.
@@ -17,8 +17,8 @@ pub(super) fn apart(again: &Estimate) -> f64 {
     again.median.max(1.0 / again.median.max(f64::MIN_POSITIVE))
 }
 
-/// Measures the plans of `policy` beside the original and the original itself in every view, and
-/// replaces what the search measured of them. Returns the original against itself by view.
+/// Measures the plans of `policy` against the original, and the original against itself, in every
+/// view. Replaces the search's measurements of them. Returns the original against itself by view.
 pub(super) fn confirm(
     session: &Session<'_>,
     scouted: &Scouted,
@@ -50,8 +50,8 @@ pub(super) fn confirm(
     Ok(again)
 }
 
-/// The policy, or the original if a plan of it gains in no view more than the original differs from
-/// itself by. Adds what a reader has to know to `warnings`.
+/// The policy. If a plan of it gains in no view more than the original differs from itself by, the
+/// original. Adds the reasons to `warnings`.
 pub(super) fn held(
     policy: Policy,
     (scouted, frames): (&Scouted, &[Considered]),

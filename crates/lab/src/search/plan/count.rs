@@ -172,7 +172,7 @@ fn counting_plan(plan: &Plan, which: Which, channels: u8) -> Result<Plan, PlanEr
     Ok(out)
 }
 
-/// Whether an adapter draws on the CPU: sizes and times are then kept small.
+/// Whether an adapter draws on the CPU: sizes and times are then small.
 pub(crate) fn is_software(gpu: &Gpu) -> bool {
     gpu.adapter().kind == "software"
 }

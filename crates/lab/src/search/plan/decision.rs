@@ -103,7 +103,7 @@ pub struct PlanCost {
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
 pub struct PlanView {
-    /// Milliseconds a frame, predicted.
+    /// Milliseconds a frame.
     pub predicted_ms: f64,
     /// Milliseconds a frame, measured; `None`: not measured.
     pub time_ms: Option<Estimate>,
@@ -119,15 +119,15 @@ pub struct ViewReport {
     pub view: View,
     /// Fragments that the original shades for each pixel of the frame: the measure of the switch.
     pub shaded_per_pixel: f64,
-    /// Fragments it shades for each that is seen.
+    /// Fragments that it shades for each visible one.
     pub overdraw: f64,
     pub materials: Vec<Fragments>,
     /// The plan it is drawn with.
     pub plan: usize,
     /// The plan it would be drawn with if there were no other view.
     pub alone: usize,
-    /// The original's time over its own, of another pair of samples taken beside the chosen plans':
-    /// how far the machine can be trusted. `None`: nothing was chosen.
+    /// The original's time over its own, of another pair of samples from the same rounds as the
+    /// chosen plans': how far the machine can be trusted. `None`: nothing was chosen.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub again: Option<Estimate>,
     /// Another order of the draws, if the scene has one of its own and another one hides more.
@@ -149,7 +149,7 @@ pub struct SwitchCost {
 }
 
 impl SwitchCost {
-    /// Of two plans that are both kept.
+    /// The cost of two plans that a host holds both.
     pub fn of(below: &PlanCost, above: &PlanCost) -> Self {
         let alone = |plan: &PlanCost, other: &PlanCost| {
             let own = plan.targets.iter();

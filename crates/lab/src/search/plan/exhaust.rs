@@ -91,7 +91,6 @@ pub fn exhaust(
 #[derive(Clone, Copy)]
 pub(super) enum Rounds {
     Choosing,
-    /// For judging the choice.
     Judging,
 }
 

@@ -28,7 +28,7 @@ use preshade_draw::scene::Scene;
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 pub struct DrawCounts {
     pub draws: f64,
-    /// Vertices, each index once.
+    /// Each index counts once.
     pub vertices: f64,
     pub triangles: f64,
     pub instances: f64,
@@ -119,7 +119,7 @@ impl Counted {
         shaded / self.pixels().max(1.0)
     }
 
-    /// Fragments shaded for each that is seen: 1 where nothing is shaded in vain.
+    /// Shaded fragments for each visible one: 1 where nothing is shaded in vain.
     pub fn overdraw(&self) -> f64 {
         let sum = |of: fn(&Fragments) -> f64| self.materials.iter().map(of).sum::<f64>();
         let visible = sum(|m| m.visible);
@@ -133,7 +133,7 @@ impl Counted {
 /// The static cost of an entry point.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
 struct Cost {
-    /// Texture samples apart.
+    /// Without texture samples.
     ops: f64,
     samples: f64,
 }
@@ -244,7 +244,8 @@ impl Counting {
         self.shapes.iter().map(ops).sum()
     }
 
-    /// Operations of a vertex and of a fragment in what is drawn ahead of every main pass. `None`: nothing is.
+    /// Operations of a vertex and of a fragment in the passes that are drawn ahead of every main
+    /// pass. `None`: there are none.
     pub fn ahead_ops(&self) -> Option<[f64; 2]> {
         let early: Vec<&PassShape> = self.shapes.iter().filter(|s| s.is_early).collect();
         let ops = |cost: Cost| cost.ops + cost.samples;
@@ -337,7 +338,7 @@ impl Counting {
     }
 }
 
-/// Texels of what a pass draws to, for each pixel.
+/// Texels of a pass's targets, for each pixel.
 fn share(plan: &Plan, pass: &GpuPass) -> f64 {
     let mut names = pass
         .targets

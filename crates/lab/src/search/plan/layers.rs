@@ -1,4 +1,4 @@
-//! Each opaque draw of a view, drawn alone: its depths say which fragments of which other draws it hides.
+//! Draws each opaque draw of a view alone: its depths show which fragments of other draws it hides.
 
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{Phase, Plan};
@@ -18,7 +18,7 @@ const MOST: usize = 256;
 pub struct Layers {
     /// Runs of draws that may change places, by their place in the scene.
     pub runs: Vec<Vec<usize>>,
-    /// What each draw of each run draws alone.
+    /// For each draw of each run, its samples and depths when drawn alone.
     pub drawn: Vec<Vec<Layer>>,
     /// Operations of a fragment of each draw of the scene.
     pub costs: Vec<f64>,
@@ -89,7 +89,8 @@ fn runs(session: &Session<'_>, frame: &Frame) -> Result<Vec<Vec<usize>>, PlanErr
             None => false,
         };
         let own = own.filter(|_| is_movable);
-        // What a mask leaves of a hidden draw would show, if the draw that hides it wrote those channels before.
+        // Draws with other write masks start a new run: a hidden draw would show in the channels
+        // that its mask leaves.
         if own.is_none() || own != masks {
             runs.push(Vec::new());
             masks = own;

@@ -1,13 +1,13 @@
 //! Decides, for each material and view of a scene, which passes pay on this adapter.
 //!
-//! [`mod@choices`] applies the [candidates](super::candidates). [`frame_work`] computes the work of a frame
-//! from its plans and a few counts ([`count`]). [`model`] turns work into milliseconds and is
-//! fitted to the built-in frames of [`probes`]. [`assign`] ranks whole frames by prediction.
-//! [`stage`] draws and times the best beside the original. [`choose`] and [`mod@policy`] decide
+//! [`mod@choices`] applies the [candidates](super::candidates). [`frame_work`] computes the work of
+//! a frame from its plans and a few counts ([`count`]). [`model`] turns work into milliseconds and
+//! is fitted to the built-in frames of [`probes`]. [`assign`] ranks whole frames by prediction.
+//! [`stage`] draws and times the best against the original. [`choose`] and [`mod@policy`] decide
 //! from measurements alone. [`layers`] draws each opaque draw alone, so that [`sorting`] finds a
-//! better order of the draws and [`partial_prepass`] the draws that a pre-pass needs. [`scene`] does all of it for one scene, [`partial_results`] has the results on
-//! the way, and [`decision`] is the result. [`regret`] evaluates the choices where everything was
-//! measured ([`mod@exhaust`]).
+//! better order of the draws and [`partial_prepass`] the draws that a pre-pass needs. [`scene`]
+//! does all of it for one scene, [`partial_results`] has the results on the way, and [`decision`]
+//! is the result. [`regret`] evaluates the choices where everything was measured ([`mod@exhaust`]).
 //!
 //! A prediction decides only which plans are measured. A plan is chosen only if it was faster than
 //! the original on this adapter, beyond the noise of the clock.

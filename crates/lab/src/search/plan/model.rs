@@ -161,10 +161,9 @@ impl Model {
         }
     }
 
-    /// As JSON, to be kept for the adapter.
+    /// The model as JSON, for later runs on the adapter.
     ///
-    /// # Errors
-    /// A number that JSON has no word for.
+    /// # Errors A number that JSON cannot express.
     pub fn to_json(&self) -> Result<String, serde_json::Error> {
         serde_json::to_string_pretty(self)
     }

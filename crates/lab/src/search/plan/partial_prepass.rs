@@ -18,7 +18,7 @@ use super::layers::Layers;
 use crate::measure::{self, Estimate, Session, TimingSettings, compare};
 use preshade_draw::scene::{DrawOrder, Frame};
 
-/// Draws that go ahead in a depth pre-pass, measured beside the original.
+/// Draws that go ahead in a depth pre-pass, measured against the original.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Ahead {
     /// The recipe of their materials.
@@ -44,21 +44,21 @@ impl Ahead {
     }
 }
 
-/// The pre-pass of which a part may be left out.
+/// The pre-pass that may be drawn in part.
 pub const RECIPE: &str = "depth-prepass";
 
-/// The parts of what can be saved that the timed sets save.
+/// The parts of the possible saving that the timed sets reach.
 const PARTS: [f64; 3] = [0.5, 0.8, 0.95];
 
 /// The least part of the view's fragment operations that must be hidden for anything to be measured.
 const LEAST: f64 = 0.05;
 
-/// Times the best sets of draws ahead. `plans` have the pre-pass where a material takes it. `None`: too little is
-/// shaded in vain, or only all draws together are worth it, which is the plan of [`RECIPE`].
-/// [`preshade_draw::render::SceneInputs::set_frame`] must have set the uniforms of `frame`.
+/// Times the best sets of draws ahead. `plans` have the pre-pass where a material takes it. `None`:
+/// too little is shaded in vain, or only all draws together are worth it, which is the plan of
+/// [`RECIPE`]. [`preshade_draw::render::SceneInputs::set_frame`] must have set the uniforms of
+/// `frame`.
 ///
-/// # Errors
-/// The original cannot be drawn or timed, or the adapter is lost.
+/// # Errors The original cannot be drawn or timed, or the adapter is lost.
 pub fn measured(
     session: &Session<'_>,
     frame: &Frame,
@@ -159,8 +159,8 @@ fn worth(layers: &Layers, price: impl Fn(usize, usize) -> Option<f64>) -> Vec<Wo
     all
 }
 
-/// The sets to time: the best draws by their ratio, until they save a part of what can be saved. In the order of the
-/// scene.
+/// The sets to time: the best draws by their ratio, until they reach a part of the possible saving.
+/// In the order of the scene.
 fn sets(worth: &[Worth], layers: &Layers, of: usize) -> Vec<Vec<usize>> {
     let all: f64 = worth.iter().map(|w| w.saved).sum();
     let drawn = layers.runs.iter().flatten();

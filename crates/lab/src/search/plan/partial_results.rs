@@ -138,7 +138,7 @@ impl Unfinished {
         }
     }
 
-    /// Keeps the reason why a scene failed, beside its measurements.
+    /// Stores the reason why a scene failed, with its measurements.
     pub fn fail(&mut self, scene: &str, why: &str) {
         let known = self.scenes.iter().find(|s| s.scene == scene).cloned();
         let known = known.unwrap_or_else(|| SceneSoFar::new(scene, std::iter::empty()));

@@ -20,7 +20,7 @@ use preshade_draw::scene::DrawOrder;
 pub struct Switch {
     /// The plan while little is shaded in vain: its number in the decision.
     pub below: usize,
-    /// The plan above.
+    /// The plan while much is shaded in vain.
     pub above: usize,
     /// Go over to `above` where the measure exceeds this.
     pub on: f64,
@@ -66,7 +66,7 @@ pub enum Rule {
         /// Its number in the decision.
         plan: usize,
     },
-    /// Two, and a threshold.
+    /// Two plans, and the thresholds between them.
     Switch(Switch),
 }
 
@@ -258,7 +258,7 @@ mod tests {
     use super::super::choose::Speedup;
     use super::*;
 
-    /// Views of one order.
+    /// Views with one draw order, by their shaded fragments for each pixel.
     fn alike(shaded: &[f64]) -> Vec<Measure> {
         let of = |shaded: &f64| Measure {
             order: DrawOrder::Shuffled,

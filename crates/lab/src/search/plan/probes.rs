@@ -24,7 +24,7 @@ use preshade_scenes::ShaderForm;
 use shader_text::error::Color;
 use shader_text::options::Options;
 
-/// A frame.
+/// A built-in frame that the cost model is fitted to.
 #[derive(Clone, Copy)]
 struct Probe {
     vertex: &'static str,

@@ -34,7 +34,7 @@ pub struct RegretReport {
     pub clock: Option<Clock>,
     /// Width and height, in pixels; `None`: each scene's own.
     pub resolution: Option<[u32; 2]>,
-    /// Plans that a choice may measure beside the original.
+    /// Plans that a choice may measure in addition to the original.
     pub runners: usize,
     /// Fitted to the probes and to the scenes that are not held out.
     pub model: Model,
@@ -60,9 +60,9 @@ pub struct Summary {
     pub counted: usize,
     /// Median of the regrets, those that are not counted being 0.
     pub median: f64,
-    /// 95th percentile.
+    /// 95th percentile of the regrets.
     pub p95: f64,
-    /// The largest, and where.
+    /// The largest regret.
     pub worst: f64,
     /// Scene and view of the largest.
     pub worst_at: String,
@@ -102,7 +102,6 @@ pub struct SceneRegret {
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct ViewRegret {
-    /// Camera, frame and order.
     #[serde(flatten)]
     pub view: View,
     /// Fragments the original shades for each pixel of the frame.
@@ -244,7 +243,7 @@ fn rounded(ms: f64) -> f64 {
 
 #[derive(Clone, Copy, Debug)]
 pub struct Choosing {
-    /// Plans that a choice may measure beside the original.
+    /// Plans that a choice may measure in addition to the original.
     pub runners: usize,
     /// One plan, or two and a switch where that pays.
     pub hold: Hold,

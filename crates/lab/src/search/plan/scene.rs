@@ -41,8 +41,8 @@ pub struct Settings<'a> {
     pub timing: TimingSettings,
     /// Most frames of each camera to measure, evenly spaced from its first.
     pub frames_per_camera: usize,
-    /// Plans of the frame that are measured beside the original, before any refinement. Up to twice as many
-    /// if predictions are too coarse to tell them apart.
+    /// Plans of the frame that are measured against the original, before any refinement. Up to
+    /// twice as many if predictions are too coarse to rank them.
     pub runners: usize,
     /// Most plans to measure in refining the best one, if there are several materials.
     pub refinements: usize,
@@ -146,8 +146,8 @@ pub fn decide(
     match settings.timed {
         Timed::No => race.predict(),
         Timed::Yes => {
-            // A budget adds candidates, and the model is too coarse to choose among so many. It must not cost what
-            // is measured without one, or a budget would make the decision worse.
+            // A budget adds candidates, and the model is too coarse to choose among so many. Those
+            // without a budget are measured first, or a budget would make the decision worse.
             let is_kept = |c: &Choices| c.candidates.iter().all(|c| Taken::Keeping.has(c));
             let rounds: &[Taken] = match scouted.choices.iter().all(is_kept) {
                 true => &[Taken::All],
@@ -257,7 +257,7 @@ fn predicted_row(original: &[f64], frame: &Considered) -> Vec<Option<Estimate>> 
     .collect()
 }
 
-/// Frames that are drawn beside the original, compared and timed.
+/// Frames that are drawn against the original, compared and timed.
 struct Race<'a, 'p> {
     session: &'a Session<'a>,
     scouted: &'p Scouted,
@@ -265,7 +265,7 @@ struct Race<'a, 'p> {
     progress: &'p mut dyn FnMut(PlanProgress<'_>),
     /// The original first.
     frames: Vec<Considered>,
-    /// Those of `frames`.
+    /// One for each of `frames`.
     runners: Vec<Runner<'a>>,
     measured: Measured,
 }
@@ -292,7 +292,7 @@ impl<'a, 'p> Race<'a, 'p> {
         }
     }
 
-    /// Takes predictions for measurements.
+    /// Uses predictions instead of measurements.
     fn predict(&mut self) {
         self.frames = self.scouted.seen(self.settings.model).frames();
         let original = self.frames.first().map_or(&[][..], |f| &f.predicted);
@@ -356,8 +356,8 @@ impl<'a, 'p> Race<'a, 'p> {
         let Some(first) = new.first() else {
             return Ok(());
         };
-        // The original again, so that ratios are of samples taken side by side. The first time, it is beside itself:
-        // what gains less than they differ gains nothing.
+        // The original again, so that ratios are of samples from the same rounds. The first time,
+        // it is measured against itself: a plan that gains less than that difference gains nothing.
         let again = self.frames.len().min(1);
         let itself = (again == 0).then_some(first);
         let mut lot = Vec::new();
@@ -418,7 +418,7 @@ impl<'a, 'p> Race<'a, 'p> {
     }
 }
 
-/// The rule to draw by, and what the measurement of it says.
+/// The rule to draw by, and the results of its measurement.
 struct Chosen {
     policy: Policy,
     /// The original against itself, by view.
@@ -426,7 +426,7 @@ struct Chosen {
     warnings: Vec<String>,
 }
 
-/// What a switch depends on, by view.
+/// The measure that a switch depends on, by view.
 fn measures(scouted: &Scouted) -> Vec<Measure> {
     let counted = scouted.views.iter().zip(&scouted.counted);
     counted

@@ -12,7 +12,7 @@ use super::layers::{Layer, Layers};
 use crate::measure::{self, Estimate, Session, TimingSettings, compare};
 use preshade_draw::scene::{DrawOrder, Frame};
 
-/// Another order of the draws, measured beside the scene's own.
+/// Another order of the draws, measured against the scene's own.
 #[derive(Clone, Debug, PartialEq, Serialize)]
 pub struct Sorting {
     /// All draws in that order, by their place in the scene.
@@ -83,14 +83,13 @@ fn sorted(layers: &Layers) -> Option<Vec<usize>> {
     (saved > LEAST * all).then_some(order)
 }
 
-/// What some draws hide of each other.
+/// The fragments that some draws hide of each other.
 struct Hidden {
     count: usize,
     /// Operations of the fragments of draw `b` that lie behind draw `a`, at `a * count + b`.
     behind: Vec<f64>,
     /// Whether two draws have the same depth somewhere, at the same place.
     tied: Vec<bool>,
-    /// Operations of all fragments.
     all: f64,
 }
 
@@ -126,12 +125,12 @@ impl Hidden {
         }
     }
 
-    /// What `a` saves by going ahead of `b`, less what `b` would.
+    /// The saving of `a` ahead of `b`, less that of `b` ahead of `a`.
     fn gain(&self, a: usize, b: usize) -> f64 {
         self.behind[a * self.count + b] - self.behind[b * self.count + a]
     }
 
-    /// Operations of fragments that are drawn and hidden later, each once for what hides it.
+    /// Operations of fragments that are drawn and hidden later, once for each draw that hides them.
     fn lost(&self, order: &[usize]) -> f64 {
         let pairs = order.iter().enumerate();
         pairs
@@ -140,8 +139,8 @@ impl Hidden {
             .sum()
     }
 
-    /// The better of the given order and that by what a draw hides on balance, each improved by swaps of
-    /// neighbours. A swap happens only for a gain, so this ends.
+    /// The better of the given order and the order by the balance of hidden fragments, each
+    /// improved by swaps of neighbours. A swap happens only for a gain, so this ends.
     fn best(&self, given: &[usize]) -> Vec<usize> {
         let orders = [given.to_vec(), self.by_balance(given)].map(|mut order| {
             let mut is_changed = true;

@@ -13,7 +13,7 @@ pub enum Term {
     Vertices,
     /// Vertex invocations times the static cost of their stage.
     VertexOps,
-    /// Triangles, over all instances.
+    /// Counted in each instance.
     Triangles,
     /// Fragments that are rasterised and tested, shaded or not.
     Tested,
