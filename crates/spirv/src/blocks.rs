@@ -1,4 +1,4 @@
-//! The blocks of a function: what they lead to, and those that nothing leads to.
+//! Control flow between the blocks of a function, and removal of unreachable blocks.
 
 use std::collections::{HashMap, HashSet};
 
@@ -26,12 +26,12 @@ fn is_branch(i: &Instruction) -> bool {
     matches!(op, Op::Branch | Op::BranchConditional | Op::Switch)
 }
 
-/// The index among a branch's ids of its first target.
+/// Index of a branch's first target among its ids.
 fn first_target(i: &Instruction) -> usize {
     usize::from(i.class.opcode != Op::Branch)
 }
 
-/// The labels that a block leads to.
+/// The labels of a block's successors.
 pub(super) fn targets(block: &Block) -> impl Iterator<Item = Word> {
     let last = block.instructions.last().filter(|i| is_branch(i));
     last.into_iter().flat_map(|i| ids(i).skip(first_target(i)))
@@ -49,13 +49,13 @@ pub(super) fn retarget(block: &mut Block, from: Word, to: Word) {
     }
 }
 
-/// A block that a loop's header names.
+/// The header of the loop that a block ends.
 pub(super) struct LoopEnd {
     pub(super) header: Word,
     pub(super) is_merge: bool,
 }
 
-/// The merge and the continue blocks of all loops.
+/// The merge and continue blocks of all loops.
 pub(super) fn loop_ends(blocks: &[Block]) -> HashMap<Word, LoopEnd> {
     let mut all = HashMap::new();
     for block in blocks {
@@ -67,7 +67,8 @@ pub(super) fn loop_ends(blocks: &[Block]) -> HashMap<Word, LoopEnd> {
     all
 }
 
-/// Drops blocks that control never enters: naga's reader runs them with the function's first ones.
+/// Drops unreachable blocks, which naga's reader would execute with the first blocks of the
+/// function.
 pub(super) fn drop_unreachable(module: &mut Builder) {
     let mut functions = std::mem::take(&mut module.module_mut().functions);
     for function in &mut functions {
@@ -91,7 +92,7 @@ fn drop_in(module: &mut Builder, function: &mut Function) {
             open.extend(by_label.get(&label).into_iter().flat_map(|b| targets(b)));
         }
     }
-    // What a header names has to be there.
+    // The merge and continue blocks of a header have to exist.
     let mut named: HashMap<Word, Instruction> = HashMap::new();
     for (label, block) in by_label.iter().filter(|(label, _)| reached.contains(label)) {
         let merges = find(block, Op::LoopMerge).or_else(|| find(block, Op::SelectionMerge));

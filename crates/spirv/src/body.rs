@@ -1,5 +1,4 @@
-//! The blocks of a function while they change: by label, in their order, and with those that lead to
-//! each.
+//! The blocks of a function during changes: by label, in order, and with their predecessors.
 
 use std::collections::{BTreeSet, HashMap};
 
@@ -10,12 +9,12 @@ use super::blocks::targets;
 
 pub(super) struct Body {
     blocks: HashMap<Word, Block>,
-    /// The labels, each with the one that follows it.
+    /// The label that follows each label.
     next: HashMap<Word, Word>,
-    /// The labels, each with the one ahead of it.
+    /// The label that precedes each label.
     ahead: HashMap<Word, Word>,
     first: Option<Word>,
-    /// The blocks that lead to each.
+    /// The predecessors of each block.
     before: HashMap<Word, BTreeSet<Word>>,
 }
 
@@ -53,13 +52,13 @@ impl Body {
         self.blocks.get(&label)
     }
 
-    /// The blocks that lead to one.
+    /// The predecessors of a block.
     pub(super) fn before(&self, label: Word) -> &BTreeSet<Word> {
         static NONE: BTreeSet<Word> = BTreeSet::new();
         self.before.get(&label).unwrap_or(&NONE)
     }
 
-    /// Changes a block.
+    /// Changes a block, and updates the predecessors of its successors.
     pub(super) fn edit<T>(
         &mut self,
         label: Word,
@@ -80,7 +79,7 @@ impl Body {
         Some(result)
     }
 
-    /// Puts a new block behind another.
+    /// Inserts a new block after another.
     pub(super) fn insert_after(&mut self, at: Word, label: Word, instructions: Vec<Instruction>) {
         let next = self.next.get(&at).copied();
         self.link(at, label);
@@ -90,7 +89,7 @@ impl Body {
         self.create(label, instructions);
     }
 
-    /// Puts a new block ahead of another.
+    /// Inserts a new block before another.
     pub(super) fn insert_before(&mut self, at: Word, label: Word, instructions: Vec<Instruction>) {
         match self.ahead.get(&at).copied() {
             Some(ahead) => self.link(ahead, label),

@@ -1,16 +1,12 @@
-//! Makes a texture and a sampler of each combined image sampler, because naga's IR has no such
-//! thing. The reverse of `emit::spirv::combined`.
+//! Splits each combined image sampler into a texture and a sampler, because naga's IR has no such
+//! type. The reverse of `emit::spirv::combined`.
 //!
-//! ```text
-//! %t = OpVariable %ptr_sampled            %t = OpVariable %ptr_image
-//!                                         %s = OpVariable %ptr_sampler
-//! %1 = OpLoad %sampled %t                 %2 = OpLoad %image %t
-//!                                         %3 = OpLoad %sampler %s
-//!                                         %1 = OpSampledImage %sampled %2 %3
-//! ```
+//! ```text %t = OpVariable %ptr_sampled            %t = OpVariable %ptr_image %s = OpVariable
+//! %ptr_sampler %1 = OpLoad %sampled %t                 %2 = OpLoad %image %t %3 = OpLoad %sampler
+//! %s %1 = OpSampledImage %sampled %2 %3 ```
 //!
-//! Functions that receive the one receive both. If all indices of an array are constants, each
-//! element becomes a variable, else the array becomes two binding arrays.
+//! Functions that receive the one receive both. If all indices of an array are constant, each
+//! element becomes a variable. Otherwise the array becomes two binding arrays.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 
@@ -24,7 +20,7 @@ use crate::words::{
     storage_class,
 };
 
-/// A set and a binding.
+/// Descriptor set and binding.
 type BindingPlace = (u32, u32);
 
 /// A combined image sampler, or an array of them.
@@ -33,25 +29,25 @@ struct Variable {
     name: String,
     place: BindingPlace,
     image: Word,
-    /// Of an array.
+    /// Set for an array.
     length: Option<Length>,
-    /// A number for each element, if they become variables.
+    /// Number of elements, if each becomes a variable.
     elements: Option<u32>,
 }
 
 #[derive(Clone, Copy)]
 enum Length {
-    /// A constant's id.
+    /// Id of the constant.
     Of(Word),
     Unknown,
 }
 
-/// The bindings of the textures and samplers that each combined image sampler becomes, in all
-/// modules of a material.
+/// The bindings of the textures and samplers that replace combined image samplers, in all modules
+/// of a material.
 #[derive(Default)]
 pub(super) struct Places {
     taken: BTreeSet<BindingPlace>,
-    /// Texture and sampler by the place, and the element's index.
+    /// Texture and sampler, by the author's binding and the element's index.
     given: BTreeMap<(BindingPlace, u32), [BindingPlace; 2]>,
     pub(super) samplers: Vec<CombinedSampler>,
     pub(super) uniforms: Vec<Declaration>,
@@ -59,7 +55,7 @@ pub(super) struct Places {
 }
 
 impl Places {
-    /// Takes the bindings that a module has.
+    /// Marks the bindings of a module as taken.
     pub(super) fn take(&mut self, module: &dr::Module) {
         let sets = decorations(module, Decoration::DescriptorSet);
         let bindings = decorations(module, Decoration::Binding);
@@ -74,7 +70,8 @@ impl Places {
         place.unwrap_or((set, u32::MAX))
     }
 
-    /// The places of an element's texture and sampler. The first texture has the author's place.
+    /// The bindings of an element's texture and sampler. The first texture keeps the author's
+    /// binding.
     fn of(&mut self, variable: &Variable, index: u32) -> [BindingPlace; 2] {
         let key = (variable.place, index);
         if let Some(given) = self.given.get(&key) {
@@ -91,7 +88,7 @@ impl Places {
 }
 
 impl Places {
-    /// Notes that a texture and a sampler are one in the author's module.
+    /// Records that a texture and a sampler form a combined image sampler in the author's module.
     fn pair(&mut self, path: &str, [texture, sampler]: [BindingPlace; 2], number: u32) {
         let of = CombinedSampler {
             path: path.to_owned(),
@@ -123,21 +120,21 @@ fn binding((group, binding): BindingPlace) -> ResourceBinding {
     ResourceBinding { group, binding }
 }
 
-/// The variables that replace one, and pointers to them: a texture and its sampler.
+/// Ids of a texture and its sampler: variables, or pointers to them.
 type Pair = [Word; 2];
 
-/// What a pointer to a combined image sampler, or to an array of them, became.
+/// The replacement of a pointer to a combined image sampler or to an array of them.
 #[derive(Clone)]
 enum Became {
     Pair(Pair),
-    /// An element of the array by a constant index.
+    /// One pair for each element of an array with constant indices.
     Elements(Vec<Pair>),
-    /// Two arrays.
+    /// Two arrays, for an array with dynamic indices.
     Arrays(Pair),
 }
 
-/// Moves samplers that share the binding of a texture, as HLSL compilers write combined image
-/// samplers: `Texture2D map : register(t1); SamplerState s : register(s1);`.
+/// Moves samplers that share a texture's binding. HLSL compilers write combined image samplers so:
+/// `Texture2D map : register(t1); SamplerState s : register(s1);`.
 pub(super) fn part(module: &mut Builder, places: &mut Places) {
     let all = globals(module.module_ref());
     let names = names(module.module_ref());
@@ -186,8 +183,8 @@ pub(super) fn part(module: &mut Builder, places: &mut Places) {
     }
 }
 
-/// Separates all of a module. Texture and sampler are called `map` and `map_sampler`. Returns the old
-/// variable of each new one.
+/// Splits all combined image samplers of a module. `map` becomes `map` and `map_sampler`. Returns
+/// the old variable of each new one.
 pub(super) fn separate(module: &mut Builder, places: &mut Places) -> HashMap<Word, Word> {
     let variables = variables(module.module_ref());
     let mut separate = Separate {
@@ -288,7 +285,7 @@ fn variables(module: &dr::Module) -> Vec<Variable> {
     found.collect()
 }
 
-/// Larger arrays stay arrays.
+/// Larger arrays are not split into elements.
 const MOST_ELEMENTS: u32 = 16;
 
 fn has_constant_indices(module: &dr::Module, all: &HashMap<Word, Instruction>, id: Word) -> bool {
@@ -304,7 +301,7 @@ fn has_constant_indices(module: &dr::Module, all: &HashMap<Word, Instruction>, i
     })
 }
 
-/// Finds arrays that cannot be taken apart: of arrays, and as arguments.
+/// Finds arrays that cannot be split: nested arrays, and arguments of functions.
 pub(super) fn check(module: &dr::Module) -> Result<(), Unfit> {
     let all = globals(module);
     let element = |ty: Word| {
@@ -351,7 +348,7 @@ pub(super) fn check(module: &dr::Module) -> Result<(), Unfit> {
     Ok(())
 }
 
-/// What cannot be taken apart.
+/// A combined image sampler that cannot be split.
 pub(super) struct Unfit {
     pub(super) id: Word,
     pub(super) why: &'static str,
@@ -361,15 +358,16 @@ pub(super) struct Unfit {
 struct Separate {
     globals: HashMap<Word, Instruction>,
     became: HashMap<Word, Became>,
-    /// The variables that loaded textures and samplers come from, by value.
+    /// The variables of loaded textures and samplers, by value.
     loaded: HashMap<Word, Word>,
-    /// Those of combined image samplers.
+    /// Texture and sampler of loaded combined image samplers, by value.
     pairs: HashMap<Word, Pair>,
     sampler: Word,
 }
 
 impl Separate {
-    /// Declares what replaces a variable. A single one becomes its texture.
+    /// Declares the replacement of a variable. Outside of an array, the variable itself becomes the
+    /// texture.
     fn declare(&self, module: &mut Builder, places: &mut Places, variable: &Variable) -> Became {
         let class = StorageClass::UniformConstant;
         let ty = glsl_type(&self.globals, variable.image);
@@ -418,7 +416,7 @@ impl Separate {
         became
     }
 
-    /// Splits the parameters of functions.
+    /// Splits parameters of functions.
     fn parameters(&mut self, module: &mut Builder) {
         let mut functions = std::mem::take(&mut module.module_mut().functions);
         let class = StorageClass::UniformConstant;
@@ -573,7 +571,7 @@ impl Separate {
     }
 }
 
-/// The type as GLSL calls it: `usampler2DArray`.
+/// The sampler type's name in GLSL, such as `usampler2DArray`.
 fn glsl_type(globals: &HashMap<Word, Instruction>, image: Word) -> Type {
     let Some(image) = globals.get(&image) else {
         return Type::Sampler("sampler2D".to_owned());

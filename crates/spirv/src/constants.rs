@@ -1,6 +1,6 @@
-//! Replaces uses of specialisation constants that naga's reader lacks: `OpSpecConstantOp` and
-//! `OpSpecConstantComposite` are computed at the start of each function that uses them, and arrays
-//! have the defaults of their lengths.
+//! Replaces uses of specialisation constants that naga's reader lacks. `OpSpecConstantOp` and
+//! `OpSpecConstantComposite` are computed at the start of each function that uses them. Array
+//! lengths get their default values.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
@@ -11,12 +11,12 @@ use rspirv::spirv::{Decoration, Op, StorageClass, Word};
 use super::names::identifier;
 use crate::words::{after_variables, decorations, globals, ids, literal, names};
 
-/// The constants that give the lengths of arrays, in all modules of a material.
+/// Specialisation constants that determine array lengths, in all modules of a material.
 #[derive(Default)]
 pub(super) struct Lengths {
-    /// Those of arrays that get named types, with their defaults.
+    /// Constants of arrays with a named type, each with its default.
     pub(super) kept: BTreeMap<u32, (LengthConstant, u32)>,
-    /// Ids and names of those whose defaults are final.
+    /// Ids and names of constants that can no longer be specialised.
     pub(super) fixed: BTreeSet<(u32, String)>,
 }
 
@@ -29,7 +29,7 @@ impl Lengths {
         out
     }
 
-    /// Those whose defaults are final, with these.
+    /// The constants that can no longer be specialised, with their defaults.
     pub(super) fn finals<'m>(
         &self,
         modules: impl Iterator<Item = &'m Module>,
@@ -65,7 +65,7 @@ impl Lengths {
                     let constant = (constant, default);
                     let first = self.kept.entry(constant.0.id);
                     let first = first.or_insert_with(|| constant.clone());
-                    // A pass may bring the arrays of both stages into one.
+                    // A pass may merge the arrays of both stages.
                     if *first != constant {
                         let both = [&constant.0, &first.0];
                         let both = both.map(|of| (of.id, of.own.clone()));
@@ -83,8 +83,8 @@ fn arrays(module: &Module) -> impl Iterator<Item = &Instruction> {
     types.filter(|i| i.class.opcode == Op::TypeArray)
 }
 
-/// The types that cannot have a name in the IR: those in inputs and outputs, which become a variable
-/// for each element, and arrays of resources.
+/// The types that cannot have a name in the IR: types of inputs and outputs, whose elements become
+/// variables, and arrays of resources.
 fn unnamed(module: &Module, globals: &HashMap<Word, Instruction>) -> HashSet<Word> {
     let mut found = HashSet::new();
     let mut open = Vec::new();
@@ -114,7 +114,8 @@ fn unnamed(module: &Module, globals: &HashMap<Word, Instruction>) -> HashSet<Wor
     found
 }
 
-/// Gives arrays the defaults of their lengths, and names the types of those whose constant is kept.
+/// Replaces array lengths by their defaults, and names the array types whose constant can still be
+/// specialised.
 pub(super) fn settle(module: &mut Builder, lengths: &Lengths) {
     let known = Known::of(module.module_ref());
     let arrays: Vec<Instruction> = arrays(module.module_ref()).cloned().collect();
@@ -160,7 +161,7 @@ pub(super) fn settle(module: &mut Builder, lengths: &Lengths) {
     annotations.retain(|i| !(i.operands.get(1) == Some(&spec_id) && is_fixed(ids(i).next())));
 }
 
-/// The first specialisation constant whose default is infinite or no number, with its name.
+/// The first specialisation constant with an infinite or NaN default, with its name.
 pub(super) fn not_finite(module: &Module) -> Option<(Word, String)> {
     let known = Known::of(module);
     let found = module.types_global_values.iter().find(|i| {
@@ -179,14 +180,14 @@ fn is_float(i: &Instruction, globals: &HashMap<Word, Instruction>) -> bool {
     })
 }
 
-/// The bits of a constant of 32 bits that is infinite or no number, if it is a float.
+/// The bits of a 32-bit float constant that is infinite or NaN.
 fn infinite_bits(i: &Instruction) -> Option<u32> {
     let bits = i.operands.first().and_then(literal)?;
     (!f32::from_bits(bits).is_finite()).then_some(bits)
 }
 
-/// Makes operations of the constants that are infinite or no number, and composites of these: naga
-/// takes no such literal, but functions may compute the value.
+/// Turns infinite and NaN constants, and their composites, into operations. naga refuses them as
+/// literals, but a function can compute them.
 pub(super) fn compute_infinite(module: &mut Builder) {
     let globals = globals(module.module_ref());
     let mut computed = HashSet::new();
@@ -224,18 +225,19 @@ pub(super) fn compute_infinite(module: &mut Builder) {
     }
 }
 
-/// What is known of the constants. Each follows its parts, so one walk in order finds everything.
+/// Facts about the constants. Each constant follows its parts, so one walk in order finds
+/// everything.
 struct Known {
     globals: HashMap<Word, Instruction>,
     ids: HashMap<Word, u32>,
     names: HashMap<Word, String>,
-    /// The defaults of integers of 32 bits, and of booleans.
+    /// Default values of 32-bit integers and booleans.
     values: HashMap<Word, i64>,
-    /// The specialisation constants, and the operations and composites of others, of which naga's
-    /// reader knows no value.
+    /// The specialisation constants, and the operations and composites of them. naga's reader does
+    /// not know their values.
     specialised: HashSet<Word>,
-    /// Those that functions compute, in order: the operations, and the composites of specialised
-    /// parts, which naga's reader takes for constants.
+    /// The constants that functions compute, in order: operations, and composites of specialised
+    /// parts, which naga's reader would treat as constants.
     computed: Vec<Word>,
 }
 
@@ -256,7 +258,7 @@ impl Known {
             let op = i.class.opcode;
             let is_specialised = match op {
                 Op::SpecConstant | Op::SpecConstantTrue | Op::SpecConstantFalse => true,
-                // Also where its operands are plain constants, because `spirv-opt` froze them.
+                // Even if all its operands are plain constants, because `spirv-opt` froze them.
                 Op::SpecConstantOp => {
                     known.computed.push(id);
                     true
@@ -277,7 +279,8 @@ impl Known {
         known
     }
 
-    /// The specialised length of an array, and its default.
+    /// The specialised length of an array, and its default. `None` if the length is not
+    /// specialised.
     fn length(&self, array: &Instruction) -> Option<(Word, u32)> {
         let length = ids(array).nth(1)?;
         let is_specialised = self.specialised.contains(&length);
@@ -285,7 +288,7 @@ impl Known {
         Some((length, default as u32))
     }
 
-    /// The constant, if the length is one by itself.
+    /// The constant, if the length is a specialisation constant and no expression.
     fn itself(&self, length: Word) -> Option<LengthConstant> {
         let ty = self.globals.get(&length)?.result_type?;
         let sign = self.globals.get(&ty)?.operands.get(1).and_then(literal)?;
@@ -303,7 +306,7 @@ impl Known {
         own.unwrap_or_else(by_id)
     }
 
-    /// The ids and names of the constants that decide a value.
+    /// Collects ids and names of the specialisation constants that a value depends on.
     fn roots(&self, id: Word, into: &mut BTreeSet<(u32, String)>) {
         let mut seen = HashSet::new();
         let mut open = vec![id];
@@ -318,7 +321,7 @@ impl Known {
         }
     }
 
-    /// The default, as the type's width and sign have it.
+    /// The default value, in the width and signedness of its type.
     fn value(&self, i: &Instruction) -> Option<i64> {
         let ty = self.globals.get(&i.result_type?)?;
         let value = self.wide_value(i)?;
@@ -352,7 +355,7 @@ impl Known {
                 Op::IMul => of(0)?.checked_mul(of(1)?)?,
                 Op::UDiv | Op::SDiv => of(0)?.checked_div(of(1)?)?,
                 Op::UMod | Op::SRem => of(0)?.checked_rem(of(1)?)?,
-                // With the sign of the divisor.
+                // The result has the sign of the divisor.
                 Op::SMod => {
                     let [a, b] = [of(0)?, of(1)?];
                     a.checked_rem(b)?.checked_add(b)?.checked_rem(b)?
@@ -375,7 +378,7 @@ impl Known {
         })
     }
 
-    /// Computes values in the functions that use them.
+    /// Computes the values at the start of each function that uses them.
     fn compute(&self, module: &mut Builder) {
         let computed: HashSet<Word> = self.computed.iter().copied().collect();
         let mut functions = std::mem::take(&mut module.module_mut().functions);
@@ -408,7 +411,7 @@ impl Known {
         module.module_mut().functions = functions;
     }
 
-    /// Writes the computation of a value whose parts are written.
+    /// Writes the computation of a value, after its parts.
     fn write(
         &self,
         id: Word,
@@ -438,8 +441,8 @@ fn replace(operand: &mut Operand, new: &HashMap<Word, Word>) {
     }
 }
 
-/// Writes the start of a function behind its variables. Those whose initial values are `made` there
-/// get them by a store.
+/// Inserts instructions after a function's variables. Variables whose initial value is in `made`
+/// get it by a store.
 fn enter(first: &mut Block, mut start: Vec<Instruction>, made: &HashSet<Word>) {
     for i in &mut first.instructions {
         let value = ids(i).next().filter(|value| made.contains(value));

@@ -1,16 +1,11 @@
-//! Lets control leave a switch by its merge block alone: naga's reader takes a branch to the merge
-//! block of the loop around a switch for one that leaves the switch only, and forgets a `default`
-//! that leaves the loop.
+//! Makes the merge block of a switch its only exit. naga's reader confuses a branch to the merge
+//! block of the surrounding loop with one that leaves only the switch, and loses a `default` that
+//! leaves the loop.
 //!
-//! ```text
-//! %h = OpSelectionMerge %m            %h = OpSelectionMerge %gathered
-//!      OpSwitch %x %m 1 %loop_merge        OpSwitch %x %gathered 1 %leaf
-//!                                     %leaf = OpBranch %gathered
-//!                                     %gathered = %leaves = OpPhi %bool %true %leaf %false %h
-//!                                          OpSelectionMerge %stays
-//!                                          OpBranchConditional %leaves %loop_merge %stays
-//!                                     %stays = OpBranch %m
-//! ```
+//! ```text %h = OpSelectionMerge %m            %h = OpSelectionMerge %gathered OpSwitch %x %m 1
+//! %loop_merge        OpSwitch %x %gathered 1 %leaf %leaf = OpBranch %gathered %gathered = %leaves
+//! = OpPhi %bool %true %leaf %false %h OpSelectionMerge %stays OpBranchConditional %leaves
+//! %loop_merge %stays %stays = OpBranch %m ```
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 
@@ -21,7 +16,7 @@ use super::blocks::{LoopEnd, branch, find, loop_ends, phis, retarget, targets};
 use super::body::Body;
 use crate::words::{ids, push};
 
-/// Changes all such switches.
+/// Changes all such switches of a module.
 pub(super) fn gather(module: &mut Builder) {
     let mut functions = std::mem::take(&mut module.module_mut().functions);
     for function in &mut functions {
@@ -40,7 +35,7 @@ pub(super) fn gather(module: &mut Builder) {
             body: Body::new(blocks),
             bools: None,
         };
-        // Inner switches come behind the outer ones.
+        // In this order, inner switches come after outer ones.
         for header in switches.into_iter().rev() {
             flow.change(header);
         }
@@ -54,8 +49,8 @@ struct Inside {
     header: Word,
     merge: Word,
     labels: BTreeSet<Word>,
-    /// The labels outside that blocks inside lead to, but for the merge block: the merge and the
-    /// continue block of the loop around.
+    /// Labels of successors outside, without the switch's merge block: the merge and continue
+    /// blocks of the surrounding loop.
     out: BTreeSet<Word>,
 }
 
@@ -63,7 +58,7 @@ struct Flow<'a> {
     module: &'a mut Builder,
     body: Body,
     loops: HashMap<Word, LoopEnd>,
-    /// The type of booleans, and its two values.
+    /// The boolean type, `true` and `false`.
     bools: Option<[Word; 3]>,
 }
 
@@ -71,7 +66,7 @@ impl Flow<'_> {
     fn change(&mut self, header: Word) -> Option<()> {
         let header = self.alone(header)?;
         let inside = self.inside(header)?;
-        // A case, or the `default`, that is outside gets a block inside.
+        // A target outside gets an intermediate block inside.
         let entered: BTreeSet<Word> = targets(self.body.get(header)?).collect();
         for to in entered.intersection(&inside.out) {
             self.split((header, *to));
@@ -99,8 +94,8 @@ impl Flow<'_> {
         self.leave(left, (gathered, stays), &leaves)
     }
 
-    /// Gives each conditional branch into the next case a block: naga's reader would read that case as
-    /// a part of the branch.
+    /// Inserts a block for each conditional branch into the next case. naga's reader would
+    /// otherwise read that case as a part of the branch.
     fn part_falls(&mut self, inside: &Inside) {
         let cases = self.body.get(inside.header).into_iter().flat_map(targets);
         let cases: BTreeSet<Word> = cases.collect();
@@ -114,7 +109,8 @@ impl Flow<'_> {
         }
     }
 
-    /// Gives a switch a block of its own and a merge block. Returns the block's label.
+    /// Gives a switch its own block and a merge block, unless it has one. Returns the block's
+    /// label.
     fn alone(&mut self, header: Word) -> Option<Word> {
         let block = self.body.get(header)?;
         if find(block, Op::SelectionMerge).is_some() {
@@ -148,7 +144,7 @@ impl Flow<'_> {
         Some(own)
     }
 
-    /// Tells a block's phis that another block leads to it.
+    /// Replaces a predecessor in a block's phis.
     fn rename_predecessor(&mut self, block: Word, (from, to): (Word, Word)) {
         self.body.edit(block, |block| {
             for phi in phis(block) {
@@ -161,7 +157,7 @@ impl Flow<'_> {
         });
     }
 
-    /// Puts a block between two, and returns its label.
+    /// Inserts a block on an edge, and returns its label.
     fn split(&mut self, (from, to): (Word, Word)) -> Option<Word> {
         let between = self.module.id();
         self.body.edit(from, |block| retarget(block, to, between))?;
@@ -180,7 +176,7 @@ impl Flow<'_> {
             if label == merge || label == header || labels.contains(&label) {
                 continue;
             }
-            // Each way to the end of a loop inside leads over its header.
+            // Every path to the end of an inner loop goes through its header.
             let end = self.loops.get(&label);
             if end.is_some_and(|end| !labels.contains(&end.header)) {
                 out.insert(label);
@@ -197,11 +193,11 @@ impl Flow<'_> {
         })
     }
 
-    /// The header and the blocks inside that lead to a block.
+    /// The predecessors of a block: the header, and blocks inside.
     fn leading_to(&self, inside: &Inside, to: Word) -> Vec<Word> {
         let before = self.body.before(to);
-        // Both sets may be as large as the function: a case is led to by few blocks, and a loop's end by
-        // few of each switch.
+        // Iterates over the smaller set. Either may be as large as the function: a case has few
+        // predecessors, but a loop's end has some in every switch.
         let leading: Vec<Word> = match before.len() < inside.labels.len() {
             true => before
                 .iter()
@@ -219,8 +215,8 @@ impl Flow<'_> {
         header.into_iter().chain(leading).collect()
     }
 
-    /// Puts two blocks before the merge block of a switch: the first is the new merge block, which
-    /// `leaves` lead to as well, and leads to the second. Returns both.
+    /// Inserts two blocks before the merge block of a switch. The first is the new merge block,
+    /// which the `leaves` branch to as well. It branches to the second. Returns both.
     fn gathered(&mut self, inside: &Inside, leaves: &[Word]) -> Option<(Word, Word)> {
         let [gathered, stays] = [self.module.id(), self.module.id()];
         let before = self.leading_to(inside, inside.merge);
@@ -266,7 +262,7 @@ impl Flow<'_> {
         Some((gathered, stays))
     }
 
-    /// Sends `leaves`, which lead to the block `left`, over the merge block of their switch.
+    /// Routes `leaves`, which branch to the block `left`, through the merge block of their switch.
     fn leave(
         &mut self,
         left: Word,
@@ -333,7 +329,7 @@ impl Flow<'_> {
     }
 }
 
-/// The pairs of a phi that come from some blocks, and the others. Takes them from it.
+/// Removes the pairs of a phi that come from some blocks. Returns them, and the others.
 fn parted(phi: &mut Instruction, from: &[Word]) -> (Vec<Operand>, Vec<Operand>) {
     let from: HashSet<Word> = from.iter().copied().collect();
     let pairs = std::mem::take(&mut phi.operands);
@@ -367,8 +363,8 @@ mod tests {
         Instruction::new(op, None, None, operands)
     }
 
-    /// A loop of switches, each with a case that leaves the loop. Work that grows with the square of
-    /// their number would not end.
+    /// A loop of switches, each with a case that leaves the loop. A quadratic algorithm would not
+    /// finish.
     #[test]
     fn many_switches_are_gathered() {
         let many: Word = 20_000;
@@ -410,7 +406,7 @@ mod tests {
         assert_eq!(leading.len(), many as usize);
         let leaves = |b: &&Block| find(b, Op::BranchConditional).is_some();
         assert!(leading.iter().all(leaves));
-        // Each switch has a leaf and two blocks behind it, in order.
+        // Each switch has a leaf and two blocks after it, in order.
         assert_eq!(blocks.len(), 5 + 4 * many as usize);
         let labels: Vec<Word> = blocks.iter().filter_map(Block::label_id).collect();
         let of_switches = labels

@@ -1,5 +1,5 @@
-//! Fits built-ins, initial values and interpolation to naga's reader. WGSL has no point size, because
-//! WebGPU's points are one pixel large.
+//! Adapts built-ins, initial values and interpolation for naga's reader. WGSL has no point size,
+//! because WebGPU's points have a size of one pixel.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap, HashSet};
 
@@ -14,11 +14,11 @@ use crate::words::{
     push, replace_ids, rewrite, storage_class,
 };
 
-/// Makes a variable of each member of `gl_PerVertex` that is written. The point size becomes private:
-/// returns whether there is one.
+/// Turns each written member of `gl_PerVertex` into a variable. The point size becomes a private
+/// variable. Returns whether there is one.
 pub(super) fn split_per_vertex(module: &mut Builder) -> bool {
     let all = globals(module.module_ref());
-    // The built-in of each member, and whether it is invariant.
+    // Built-in of each member, and whether it is invariant.
     let mut members = member_decorations(module.module_ref());
     let annotations = module.module_ref().annotations.iter();
     let sizes: BTreeSet<Word> = annotations
@@ -100,7 +100,7 @@ pub(super) fn split_per_vertex(module: &mut Builder) -> bool {
     });
     let all_split: Vec<Operand> = split.values().copied().map(Operand::IdRef).collect();
     replace_ids(module, &replaced);
-    // A point size of its own.
+    // A point size that is a variable of its own.
     for id in sizes {
         let variables = module.module_mut().types_global_values.iter_mut();
         let mut own = variables.filter(|i| i.result_id == Some(id));
@@ -136,7 +136,7 @@ pub(super) fn split_per_vertex(module: &mut Builder) -> bool {
     has_size
 }
 
-/// Drops what says how the memory of images is accessed: in the IR only buffers have it.
+/// Drops memory access decorations of images: in the IR only buffers have them.
 pub(super) fn drop_memory_decorations(module: &mut Builder) {
     let all = globals(module.module_ref());
     let is_image = |id: Word| {
@@ -155,9 +155,9 @@ pub(super) fn drop_memory_decorations(module: &mut Builder) {
     annotations.retain(|i| !(says(i) && ids(i).next().is_some_and(is_image)));
 }
 
-/// Stores the initial values of outputs where the entry points begin: naga's reader drops those
-/// that no instruction writes. It reads none that is computed of constants, so that variables of the
-/// module get theirs there too.
+/// Stores initial values of outputs at the start of the entry points, because naga's reader drops
+/// those of outputs that no instruction writes. Private variables with a computed initial value get
+/// it there too, because the reader does not support it.
 pub(super) fn store_initial(module: &mut Builder) {
     let all = globals(module.module_ref());
     let mut initial: HashMap<Word, Word> = HashMap::new();
@@ -195,7 +195,7 @@ pub(super) fn store_initial(module: &mut Builder) {
             continue;
         };
         let mut start = Vec::new();
-        // From version 1.4 an entry point lists the module's variables too.
+        // From version 1.4 on, an entry point also lists private variables.
         let outputs = variables.into_iter().filter(|id| !private.contains(id));
         for id in outputs.chain(private.iter().copied()) {
             let Some(value) = initial.get(&id) else {
@@ -212,7 +212,7 @@ pub(super) fn store_initial(module: &mut Builder) {
                 store(&mut start, id, *value);
                 continue;
             };
-            // [`split_per_vertex`] takes the members one by one.
+            // [`split_per_vertex`] needs stores of single members.
             for (n, member) in ids(ty).enumerate() {
                 let pointer = module.type_pointer(None, StorageClass::Output, member);
                 let uint = module.type_int(32, 0);
@@ -230,9 +230,9 @@ pub(super) fn store_initial(module: &mut Builder) {
     module.module_mut().functions = functions;
 }
 
-/// Reads `BaseVertex` and `BaseInstance` as 0 where they are subtracted from `VertexIndex` and
-/// `InstanceIndex`. Slang and DXC do so for `SV_VertexID` and `SV_InstanceID`; Slang's own WGSL
-/// leaves it out too. Returns a note for each.
+/// Replaces `BaseVertex` and `BaseInstance` by 0 where they are subtracted from `VertexIndex` and
+/// `InstanceIndex`. Slang and DXC do so for `SV_VertexID` and `SV_InstanceID`, and Slang's own WGSL
+/// omits the subtraction too. Returns a note for each.
 pub(super) fn drop_bases(module: &mut Builder) -> Vec<String> {
     let mut notes = Vec::new();
     for (base, index, what) in [
@@ -288,8 +288,8 @@ pub(super) fn drop_bases(module: &mut Builder) -> Vec<String> {
     notes
 }
 
-/// Where inputs with perspective are taken, if it is not the pixel's centre, by location. naga's
-/// reader forgets it.
+/// Sampling of perspective inputs that differs from the pixel's centre, by location. naga's reader
+/// loses it.
 pub(super) fn sampled(module: &dr::Module) -> HashMap<u32, naga::Sampling> {
     let locations = decorations(module, Decoration::Location);
     let mut all = HashMap::new();
@@ -307,7 +307,7 @@ pub(super) fn sampled(module: &dr::Module) -> HashMap<u32, naga::Sampling> {
     all
 }
 
-/// Gives them to the inputs of the fragment stage.
+/// Applies this sampling to the inputs of the fragment stage.
 pub(super) fn sample(module: &mut Module, sampled: &HashMap<u32, naga::Sampling>) {
     let fragments = module.entry_points.iter_mut();
     let fragments = fragments.filter(|e| e.stage == naga::ShaderStage::Fragment);
@@ -325,8 +325,8 @@ pub(super) fn sample(module: &mut Module, sampled: &HashMap<u32, naga::Sampling>
     }
 }
 
-/// Gives outputs of the vertex stage the interpolation of the fragment stage's inputs: in SPIR-V
-/// only the latter says it. Without a fragment stage, integers are flat.
+/// Copies the interpolation of the fragment stage's inputs to the vertex stage's outputs. SPIR-V
+/// specifies only the former. Without a fragment stage, integers are flat.
 pub(super) fn match_interpolation(modules: &mut [Module]) {
     let mut wanted: HashMap<u32, naga::Binding> = HashMap::new();
     for module in modules.iter() {
@@ -370,8 +370,7 @@ pub(super) fn match_interpolation(modules: &mut [Module]) {
     }
 }
 
-/// Names the outputs by the variables that they come from: naga's reader names none but the members
-/// of blocks.
+/// Names the outputs after their variables. naga's reader names only members of blocks.
 pub(super) fn name_outputs(module: &mut Module) {
     for index in 0..module.entry_points.len() {
         let entry = &module.entry_points[index];
@@ -406,8 +405,8 @@ fn struct_name(stage: naga::ShaderStage) -> String {
     format!("{}{}Output", stage[..1].to_uppercase(), &stage[1..])
 }
 
-/// Puts the only output into a struct, whose member has the variable's name: a result by itself has
-/// none.
+/// Wraps a single output in a struct, whose member gets the variable's name. A plain result has no
+/// name.
 fn name_single_output(module: &mut Module, index: usize) -> Option<()> {
     let entry = &module.entry_points[index];
     let result = entry.function.result.clone()?;
@@ -450,7 +449,7 @@ fn name_single_output(module: &mut Module, index: usize) -> Option<()> {
     Some(())
 }
 
-/// The name of the variable that a value is loaded from.
+/// Name of the variable from which a value is loaded.
 fn loaded_from(
     module: &Module,
     function: &Function,
@@ -465,7 +464,7 @@ fn loaded_from(
     }
 }
 
-/// The names of the private variables that the entry point's `return` puts together.
+/// Names of the private variables from which the entry point's `return` builds its result.
 fn output_names(module: &Module, function: &Function, count: usize) -> Option<Vec<Option<String>>> {
     let value = function.body.iter().rev().find_map(|s| match s {
         Statement::Return { value } => *value,

@@ -1,7 +1,11 @@
-//! Reads SPIR-V modules by naga's reader, in the order of these modules: `listing` reads the words
-//! and lists them as a text, `order` checks them, `prune` takes the stages, `lacks` names what is not read, `blocks`,
-//! `body`, `combined`, `constants`, `exits`, `instructions`, `interface`, `layout`, `members`, `pointers` and `switches` replace
-//! what naga's reader lacks or misreads, `names` makes identifiers, and `loops` and `parameters` settle the IR.
+//! Reads SPIR-V modules with naga's reader, in this order:
+//!
+//! 1. `listing` reads the words and lists them as text, and `order` checks them;
+//! 2. `prune` selects the stages, and `unsupported` refuses features that cannot be read;
+//! 3. `blocks`, `body`, `combined`, `constants`, `exits`, `instructions`, `interface`, `layout`,
+//!    `members`, `pointers`,
+//! `precise`, `switches` and `varyings` replace constructs that naga's reader lacks or misreads;
+//! 4. `names` makes identifiers, and `loops` and `parameters` normalise the IR.
 #![warn(missing_docs)]
 
 mod blocks;
@@ -48,7 +52,7 @@ use shader_text::error::{Code, Error};
 /// The first word of a module.
 const MAGIC: u32 = 0x0723_0203;
 
-/// The words of a module, of either byte order. `None` for anything else.
+/// The words of a module in either byte order. `None` for anything else.
 pub fn words(bytes: &[u8]) -> Option<Vec<u32>> {
     let (all, rest) = bytes.as_chunks::<4>();
     let read: fn([u8; 4]) -> u32 = match all.first().copied()? {
@@ -56,31 +60,31 @@ pub fn words(bytes: &[u8]) -> Option<Vec<u32>> {
         first if u32::from_be_bytes(first) == MAGIC => u32::from_be_bytes,
         _ => return None,
     };
-    // The parser reports what is left over.
+    // The extra word makes the parser report the remaining bytes.
     let rest = (!rest.is_empty()).then_some(0);
     Some(all.iter().copied().map(read).chain(rest).collect())
 }
 
-/// The text that stands for a module in messages.
+/// The listing of a module, to which messages refer.
 pub fn listed(words: &[u32]) -> String {
     listing::read(words).0.text
 }
 
 /// A module of one or both stages.
 pub struct Words<'a> {
-    /// The name in messages.
+    /// Name in messages.
     pub name: &'a str,
     /// The module's words.
     pub words: &'a [u32],
-    /// The only stage to take; `None`: all.
+    /// The only stage to read. `None`: both.
     pub stage: Option<ShaderStage>,
-    /// The offset of its listing in the source map.
+    /// Offset of the module's listing in the source map.
     pub base: u32,
 }
 
-/// Parses modules in order. The spans refer to the source map, to which the files of debug
-/// information are added. `names` are the entry points to take, if there are several. One called
-/// `main` becomes `vertex_main` or `fragment_main`.
+/// Parses modules in order. Spans refer to the source map, to which files from debug information
+/// are added. `names` selects the entry points if a stage has several. An entry point `main`
+/// becomes `vertex_main` or `fragment_main`.
 pub fn parse(
     sources: &[Words<'_>],
     names: [Option<&str>; 2],
@@ -158,7 +162,7 @@ pub fn parse(
     Ok((modules, declared))
 }
 
-/// An error about a module of other stages.
+/// Refuses a module without a vertex or fragment stage.
 fn check_stages(module: &dr::Module, name: &str) -> Result<(), Error> {
     let models = module.entry_points.iter().filter_map(prune::entry);
     let models: Vec<ExecutionModel> = models.map(|(model, _)| model).collect();
@@ -184,19 +188,19 @@ fn model(stage: ShaderStage) -> Option<ExecutionModel> {
     }
 }
 
-/// Where messages about a module point.
+/// Maps instructions of a module to places in messages.
 struct Text {
-    /// The listing's offset in the source map.
+    /// Offset of the listing in the source map.
     base: u32,
-    /// The offsets of the author's files.
+    /// Offset of each of the author's files in the source map.
     files: Vec<Option<u32>>,
     listing: Listing,
-    /// The author's variables, by those that replace them.
+    /// The author's variable for each variable that replaces one.
     became: HashMap<Word, Word>,
 }
 
 impl Text {
-    /// The author's line that an instruction of the listing comes from, or else its own.
+    /// The author's line for an instruction, or else its line in the listing.
     fn span(&self, instruction: usize) -> Option<Span> {
         let author = self.listing.author_line(instruction);
         let author = author.and_then(|(file, range)| Some(((*self.files.get(file)?)?, range)));
@@ -218,8 +222,8 @@ impl Text {
         self.at(error, instruction)
     }
 
-    /// Adds the instruction's place to an error. The author's line may hold several instructions, so
-    /// that one is named too.
+    /// Adds an instruction's place to an error, and also names the instruction, because the
+    /// author's line may stand for several.
     fn at(&self, error: Error, instruction: Option<usize>) -> Error {
         let Some(instruction) = instruction else {
             return error;
@@ -240,7 +244,7 @@ impl Text {
     }
 }
 
-/// Reads one module.
+/// Converts one module.
 fn one(
     module: dr::Module,
     text: &mut Text,
@@ -327,7 +331,7 @@ fn one(
     interface::sample(&mut module, &sampled);
     let stages: Vec<ShaderStage> = module.entry_points.iter().map(|e| e.stage).collect();
     for entry in &mut module.entry_points {
-        // Both stages may have the name. If a stage has several entry points, the author chooses by
+        // Both stages may use the name. If a stage has several entry points, the author selects by
         // this name.
         let is_only = stages.iter().filter(|s| **s == entry.stage).count() == 1;
         if is_only && entry.name == "main" {
@@ -363,11 +367,11 @@ fn settled((mut module, places): (Module, Offsets), text: &Text) -> Module {
     module
 }
 
-/// The instructions of the listing, by the offset in bytes of what became of them.
+/// Instructions of the listing, by their byte offsets in the changed words.
 struct Offsets(Vec<(usize, Option<usize>)>);
 
 impl Offsets {
-    /// Those of assembled words, with the lines that [`listing::read`] adds.
+    /// The offsets in assembled words, by the lines that [`listing::read`] adds.
     fn of(words: &[u32], text: &Text) -> Self {
         let mut all = Vec::new();
         let mut at = 5;
@@ -377,13 +381,13 @@ impl Offsets {
             if op == Op::Line as u32 {
                 all.extend(operand(2).map(|line| (at * 4, Some(line as usize))));
             }
-            // A type's result is its first operand, another definition's the second.
+            // A type's result id is its first operand, that of another definition the second.
             let result = match op {
                 _ if (Op::TypeVoid as u32..Op::ConstantTrue as u32).contains(&op) => operand(1),
                 _ if (Op::ConstantTrue as u32..=Op::SpecConstantOp as u32).contains(&op) => {
                     operand(2)
                 }
-                // Whatever has no line of its own belongs to the function.
+                // Other instructions without a line belong to the function.
                 _ if op == Op::Variable as u32 || op == Op::Function as u32 => operand(2),
                 _ => None,
             };
@@ -402,14 +406,14 @@ impl Offsets {
     }
 }
 
-/// Parses words by naga.
+/// Parses words with naga.
 fn read(words: &[u32], text: &Text) -> Result<(Module, Offsets), Error> {
     let options = spv::Options {
         adjust_coordinate_space: false,
         strict_capabilities: false,
         block_ctx_dump_prefix: None,
     };
-    // Where the parser stops is where the error is.
+    // The parser stops at the word with the error.
     let taken = Rc::new(Cell::new(0_usize));
     let counter = Rc::clone(&taken);
     let counted = words.iter().copied().inspect(move |_| {
@@ -440,7 +444,7 @@ fn code(error: &spv::Error) -> Code {
     }
 }
 
-/// The parser's message, without handles of naga's.
+/// The parser's message without naga's internal handles.
 fn message(error: &spv::Error) -> String {
     use spv::Error as E;
     let what = match error {

@@ -1,5 +1,5 @@
-//! Reads a SPIR-V module, and lists it as a text with one instruction a line, which messages point
-//! into. Debug information gives the places of the author's text, if the module has it.
+//! Reads a SPIR-V module and lists it as text, one instruction per line. Messages refer to this
+//! text, or to the author's text if the module has debug information.
 
 use std::collections::HashMap;
 use std::fmt::Write as _;
@@ -28,32 +28,32 @@ pub(super) struct TextPosition {
 #[derive(Clone, Debug, Default)]
 pub(super) struct File {
     pub name: String,
-    /// Its text, if the module holds it.
+    /// The file's text. Empty if the module does not embed it.
     pub text: String,
 }
 
-/// A module's text.
+/// A module as text, and where its instructions come from.
 #[derive(Debug, Default)]
 pub(crate) struct Listing {
     pub text: String,
-    /// The line of each instruction.
+    /// Byte range of each instruction's line.
     lines: Vec<Range<usize>>,
-    /// The place in the author's text of each instruction.
+    /// Place of each instruction in the author's text.
     places: Vec<Option<TextPosition>>,
     pub(super) files: Vec<File>,
-    /// The instruction that defines each id.
+    /// Index of the instruction that defines each id.
     pub(super) results: HashMap<u32, usize>,
-    /// `NonSemantic.DebugPrintf` is called.
+    /// Whether the module calls `NonSemantic.DebugPrintf`.
     pub(super) prints: bool,
 }
 
 impl Listing {
-    /// The line of an instruction.
+    /// Byte range of an instruction's line.
     pub(super) fn line(&self, instruction: usize) -> Option<Range<usize>> {
         self.lines.get(instruction).cloned()
     }
 
-    /// The file and the bytes of the author's line that an instruction comes from.
+    /// File, and byte range of the author's line, for an instruction.
     pub(super) fn author_line(&self, instruction: usize) -> Option<(usize, Range<usize>)> {
         let place = (*self.places.get(instruction)?)?;
         let text = &self.files.get(place.file)?.text;
@@ -72,7 +72,7 @@ impl Listing {
         Some((place.file, start + from..start + line.len()))
     }
 
-    /// The name and the line of the author's text that an instruction comes from.
+    /// File name and line in the author's text for an instruction.
     pub(super) fn author_place(&self, instruction: usize) -> Option<String> {
         let place = (*self.places.get(instruction)?)?;
         let file = self.files.get(place.file)?;
@@ -80,13 +80,13 @@ impl Listing {
     }
 }
 
-/// Reads `words`. The module has an `OpLine` before each instruction of a block, whose line is the
-/// instruction's index in the listing: transforms keep it in place. Debug information is left out.
-/// The error comes with the listing of what precedes it.
+/// Reads `words`. The module gets an `OpLine` before each instruction of a block, whose line is the
+/// instruction's index in the listing. Transforms keep it there. Debug information is left out. An
+/// error comes with the listing up to it.
 pub(crate) fn read(words: &[u32]) -> (Listing, Result<Module, String>) {
     let mut reader = Reader::default();
     let bytes = to_bytes(words);
-    // rspirv panics on a string that has no end.
+    // rspirv panics on an unterminated string.
     let parsed = panics::caught(|| Parser::new(&bytes, &mut reader).parse());
     let result = match parsed {
         Ok(parsed) => parsed.map_err(|e| e.to_string()),
@@ -112,9 +112,9 @@ struct Reader {
     in_block: bool,
     names: HashMap<u32, String>,
     strings: HashMap<u32, String>,
-    /// `OpConstant` of 32 bits, which debug lines are given as.
+    /// `OpConstant`s of 32 bits. Debug lines refer to them.
     numbers: HashMap<u32, u32>,
-    /// By the id of its name, or of its `DebugSource`.
+    /// Index by the id of the file's name or of its `DebugSource`.
     files: HashMap<u32, usize>,
     last_file: Option<usize>,
     debug_set: Option<u32>,
@@ -156,8 +156,8 @@ impl Reader {
         }
     }
 
-    /// Takes what an instruction says about the author's text. Returns whether it is nothing but
-    /// debug information.
+    /// Reads an instruction's debug information. Returns whether the instruction has no other
+    /// purpose.
     fn learn(&mut self, instruction: &Instruction) -> bool {
         let id = |i: usize| instruction.operands.get(i).and_then(Operand::id_ref_any);
         let literal = |i: usize| match instruction.operands.get(i) {
@@ -171,7 +171,7 @@ impl Reader {
         match instruction.class.opcode {
             Op::Name => {
                 let name = literal(1).filter(|name| !name.is_empty());
-                // An empty name is none.
+                // An empty name does not count.
                 let Some(name) = name else { return true };
                 if let Some(id) = id(0) {
                     self.names.insert(id, name);
@@ -272,7 +272,7 @@ impl Reader {
     fn list(&mut self, instruction: &Instruction) {
         let listing = &mut self.listing;
         let start = listing.text.len();
-        // It separates a result type by two spaces.
+        // rspirv separates a result type by two spaces.
         listing.text += &instruction.disassemble().replacen("  ", " ", 2);
         let end = listing.text.len();
         let own = instruction.operands.iter().filter_map(Operand::id_ref_any);

@@ -7,7 +7,7 @@
 
 use naga::{Block, Module, Statement};
 
-/// Changes all loops.
+/// Changes all loops of a module.
 pub(super) fn settle(module: &mut Module) {
     let functions = module.functions.iter_mut().map(|(_, f)| f);
     let entries = module.entry_points.iter_mut().map(|e| &mut e.function);
@@ -27,7 +27,8 @@ fn settle_block(block: &mut Block) {
     }
 }
 
-/// Moves the branch that stays in the loop behind the last `if`. Returns whether it did.
+/// Moves the branch that stays in the loop behind the last `if`. Returns whether it changed
+/// anything.
 fn open_last(body: &mut Block) -> bool {
     if matches!(body.last(), Some(Statement::Continue)) {
         let last = body.len() - 1;

@@ -1,6 +1,6 @@
-//! Gives a block the members and the names that another stage has of it: `spirv-opt -Os` drops members
-//! that a stage does not read, and keeps the offsets of the others, and in SPIR-V names mean nothing.
-//! [`super::layout`] sorts the members by their offsets.
+//! Completes a block with the members and names that another stage has for it. `spirv-opt -Os`
+//! drops unread members but keeps the offsets of the others, and SPIR-V's names have no meaning.
+//! [`super::layout`] sorts the members by offset.
 
 use std::collections::{HashMap, HashSet};
 
@@ -9,7 +9,7 @@ use rspirv::spirv::{Decoration, Op, Word};
 
 use crate::words::{decorations, globals, ids, literal, member_decorations};
 
-/// Completes the blocks of all modules that lie at one binding.
+/// Completes the blocks of all modules that share a binding.
 pub(super) fn complete(modules: &mut [Module]) {
     for to in 0..modules.len() {
         for from in (0..modules.len()).filter(|from| *from != to) {
@@ -27,7 +27,7 @@ pub(super) fn complete(modules: &mut [Module]) {
     }
 }
 
-/// Changes the blocks of a module that another one has too.
+/// Completes the blocks of one module from those of another.
 fn of_pairs(
     modules: &mut [Module],
     (to, from): (usize, usize),
@@ -56,7 +56,7 @@ fn of_pairs(
     modules[to] = copier.module.module();
 }
 
-/// A set and a binding.
+/// Descriptor set and binding.
 type MemberPlace = (u32, u32);
 
 /// The blocks of a module.
@@ -67,7 +67,7 @@ struct Blocks {
     names: Vec<Instruction>,
     sets: HashMap<Word, u32>,
     bindings: HashMap<Word, u32>,
-    /// Types of values that are put together from their members.
+    /// Types whose values are constructed from their members.
     constructed: HashSet<Word>,
 }
 
@@ -91,7 +91,7 @@ impl Blocks {
         }
     }
 
-    /// The places of variables, and the types of their values.
+    /// The bindings of variables, with the types of their values.
     fn bound(&self) -> Vec<(MemberPlace, Word)> {
         let all = self.bindings.iter().filter_map(|(id, binding)| {
             let pointer = self.globals.get(id)?.result_type?;
@@ -117,13 +117,13 @@ impl Blocks {
             .unwrap_or_default()
     }
 
-    /// The length of an array; `None` if it is not constant.
+    /// The length of an array. `None` if it is not constant.
     fn length(&self, ty: Word) -> Option<u32> {
         let length = ids(self.globals.get(&ty)?).nth(1)?;
         (self.op(length) == Some(Op::Constant)).then(|| self.number(length, 0))
     }
 
-    /// The type of the elements of arrays in arrays, or the type itself.
+    /// The innermost element type of nested arrays. Other types are returned unchanged.
     fn inner(&self, ty: Word) -> Word {
         match self.op(ty) {
             Some(Op::TypeArray | Op::TypeRuntimeArray) => self.inner(self.part(ty)),
@@ -138,7 +138,7 @@ impl Blocks {
         Some(found.operands.get(3).and_then(literal).unwrap_or(1))
     }
 
-    /// The index, the offset, the type and the end of each member with an offset.
+    /// Index, offset, type and end of each member with an offset.
     fn members_of(&self, ty: Word) -> Vec<(u32, u32, Word, u32)> {
         let all = self.globals.get(&ty).into_iter().flat_map(ids);
         let placed = (0..).zip(all).filter_map(|(n, member)| {
@@ -154,7 +154,7 @@ impl Blocks {
         match self.op(ty) {
             Some(Op::TypeInt | Op::TypeFloat) => self.number(ty, 0) / 8,
             Some(Op::TypeVector) => self.size(of, None).saturating_mul(count),
-            // By rows there may be more: then members overlap, and nothing is completed.
+            // A row-major matrix may be larger. Members then overlap, and nothing is completed.
             Some(Op::TypeMatrix) => matrix.unwrap_or(16).saturating_mul(count),
             Some(Op::TypeArray) => {
                 let stride = self.strides.get(&ty).copied().unwrap_or(0);
@@ -169,7 +169,7 @@ impl Blocks {
         }
     }
 
-    /// Whether a type of another module is the same but for members that one of the two lacks.
+    /// Whether a type equals one of another module, except for members that either of them lacks.
     fn fits(&self, own: Word, others: &Self, other: Word) -> bool {
         if self.op(own) != others.op(other) {
             return false;
@@ -219,7 +219,7 @@ struct Copier<'a> {
 }
 
 impl Copier<'_> {
-    /// Adds the members behind the others that a struct lacks.
+    /// Appends the members that a struct lacks.
     fn extend(&mut self, own: Word, other: Word) {
         let (own, other) = (self.target.inner(own), self.source.inner(other));
         if self.target.op(own) != Some(Op::TypeStruct) || self.target.constructed.contains(&own) {
@@ -247,7 +247,7 @@ impl Copier<'_> {
         }
     }
 
-    /// Gives a struct and its members the names of the other module's.
+    /// Copies the names of a struct and its members from the other module.
     fn rename(&mut self, own: Word, other: Word) {
         let (own, other) = (self.target.inner(own), self.source.inner(other));
         if self.target.op(own) != Some(Op::TypeStruct) {
@@ -263,7 +263,7 @@ impl Copier<'_> {
         };
         let names = &mut self.module.module_mut().debug_names;
         names.retain(|i| ids(i).next() != Some(own));
-        // As `names` calls what has no name.
+        // As `names` does for unnamed structs.
         let name = name_of(&[Operand::IdRef(other)]);
         self.module
             .name(own, name.unwrap_or_else(|| format!("_{other}")));
@@ -278,7 +278,7 @@ impl Copier<'_> {
         }
     }
 
-    /// Gives a member the name and the decorations of another module's.
+    /// Copies a member's name and decorations from another module.
     fn describe(&mut self, (from, n): (Word, u32), (to, at): (Word, u32)) {
         let moved = |i: &Instruction| {
             let mut i = i.clone();
@@ -299,7 +299,7 @@ impl Copier<'_> {
         self.target.members.insert((to, at), decorations);
     }
 
-    /// A type of the other module. `None`: it has no constant size.
+    /// Copies a type from the other module. `None` if its size is not constant.
     fn copy(&mut self, ty: Word) -> Option<Word> {
         let source = self.source;
         let of = source.part(ty);

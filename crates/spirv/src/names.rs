@@ -1,6 +1,6 @@
-//! Gives everything a name that the other languages can write. Compilers put signatures, classes
-//! and dots into names: `shade(vf3;`, `in.var.TEXCOORD0`, `type.ConstantBuffer.Scene`. What has no
-//! name is called by its id, as spirv-cross does: `_12`, and members `_m0`.
+//! Gives everything a name that is valid in other languages. Compilers put signatures, classes and
+//! dots into names: `shade(vf3;`, `in.var.TEXCOORD0`, `type.ConstantBuffer.Scene`. Unnamed values
+//! are called by their id, as in spirv-cross: `_12`, and members `_m0`.
 
 use std::collections::{HashMap, HashSet};
 
@@ -10,7 +10,7 @@ use rspirv::spirv::{BuiltIn, Decoration, Op, Word};
 use crate::words::{decorations, ids, names};
 
 /// Names all variables, parameters, functions, specialisation constants, structs and members.
-/// Returns the names of structs that changed, and the author's.
+/// Returns the new and old names of structs that were renamed.
 pub(super) fn give(module: &mut Builder) -> Vec<(String, String)> {
     let mut named = names(module.module_ref());
     let mut members: HashMap<(Word, u32), String> = HashMap::new();
@@ -63,7 +63,7 @@ pub(super) fn give(module: &mut Builder) -> Vec<(String, String)> {
         }
         let own = named.remove(&id).map(|name| identifier(&name));
         let name = own.or_else(|| built_in_name(*built_ins.get(&id)?).map(str::to_owned));
-        // Both stages may have the id of another constant.
+        // The other stage may have another constant with the same id.
         let name = name.or_else(|| Some(format!("constant_{}", constants.get(&id)?)));
         out.push((id, name.unwrap_or_else(|| format!("_{id}"))));
     }
@@ -77,7 +77,7 @@ pub(super) fn give(module: &mut Builder) -> Vec<(String, String)> {
     changed
 }
 
-/// WGSL's name, for built-ins that DXC leaves without one.
+/// WGSL's name for a built-in that DXC leaves unnamed.
 fn built_in_name(built_in: BuiltIn) -> Option<&'static str> {
     Some(match built_in {
         BuiltIn::Position | BuiltIn::FragCoord => "position",
@@ -92,7 +92,7 @@ fn built_in_name(built_in: BuiltIn) -> Option<&'static str> {
     })
 }
 
-/// The name of a value as WGSL and GLSL can write it.
+/// A name as a valid identifier of WGSL and GLSL.
 pub(super) fn identifier(name: &str) -> String {
     let name = name.split('(').next().unwrap_or_default();
     let own = ["in.var.", "out.var."];

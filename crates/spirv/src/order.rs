@@ -1,5 +1,6 @@
-//! Checks what the other modules rely on: each id is defined once, before its uses, so that no type
-//! or constant is part of itself; types are not nested too deeply; and numbers have a known width.
+//! Checks properties that the other modules rely on. Each id is defined once and before its uses,
+//! so no type or constant contains itself. Types are not nested too deeply, and numbers have a
+//! known width.
 
 use std::collections::{HashMap, HashSet};
 
@@ -12,7 +13,7 @@ use crate::words::{ids, literal};
 /// The deepest nesting of structs that SPIR-V allows.
 const MOST_NESTED: u32 = 255;
 
-/// Checks a module that has no debug information.
+/// Checks a module without debug information.
 pub(super) fn check(module: &Module) -> Result<(), String> {
     let mut defined: HashSet<Word> = HashSet::new();
     defined.extend(module.ext_inst_imports.iter().filter_map(|i| i.result_id));
@@ -26,7 +27,7 @@ pub(super) fn check(module: &Module) -> Result<(), String> {
         check_type(i, &mut depths)?;
         match i.class.opcode {
             Op::TypeForwardPointer => defined.extend(ids(i)),
-            // Its declaration names it before.
+            // `OpTypeForwardPointer` has already declared it.
             Op::TypePointer => defined.extend(i.result_id),
             _ => define(Some(i), &mut defined)?,
         }
@@ -45,7 +46,7 @@ fn check_function(function: &Function, defined: &mut HashSet<Word>) -> Result<()
     for i in function.blocks.iter().flat_map(|b| &b.instructions) {
         match i.class.opcode {
             Op::Line => continue,
-            // The values of a loop come later.
+            // Values from a loop's end are defined later.
             Op::Phi => {}
             _ => precedes(i, defined)?,
         }

@@ -1,5 +1,5 @@
-//! Settles the types of parameters: naga's reader leaves textures and samplers that compare as they
-//! were declared, and glslang passes pointers to copies where the author has values.
+//! Fixes types of parameters. naga's reader declares textures and samplers as if they did not
+//! compare, and glslang passes pointers to copies where the author passes values.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -9,7 +9,7 @@ use naga::{
 };
 use naga_operands::calls;
 
-/// Changes all functions.
+/// Changes all functions of a module.
 pub(super) fn settle(module: &mut Module) {
     let textures = opaque(module);
     for ((function, index), ty) in textures {
@@ -27,7 +27,7 @@ pub(super) fn settle(module: &mut Module) {
     }
 }
 
-/// The types of textures and samplers that callers pass, where they are not the parameter's.
+/// The textures and samplers that callers pass, if their types differ from the parameter's.
 fn opaque(module: &Module) -> HashMap<(Handle<Function>, usize), Handle<Type>> {
     let mut found: HashMap<(Handle<Function>, usize), Handle<Type>> = HashMap::new();
     calls::visit(module, &mut |call| {
@@ -54,8 +54,8 @@ fn opaque(module: &Module) -> HashMap<(Handle<Function>, usize), Handle<Type>> {
     found
 }
 
-/// The pointers to variables of the caller that each function only loads from, with the types of
-/// their values.
+/// The parameters of each function that point to variables of the caller and are only loaded from,
+/// with the types of their values.
 fn read_only(module: &Module) -> HashMap<Handle<Function>, BTreeMap<usize, Handle<Type>>> {
     let mut found = HashMap::new();
     for (handle, function) in module.functions.iter() {
@@ -77,7 +77,7 @@ fn read_only(module: &Module) -> HashMap<Handle<Function>, BTreeMap<usize, Handl
     found
 }
 
-/// The parameters that a statement gets a pointer to.
+/// The parameters whose pointer a statement uses.
 fn written(function: &Function) -> HashSet<usize> {
     let mut found = HashSet::new();
     let root = |mut e: Handle<Expression>| loop {
@@ -97,7 +97,7 @@ fn written(function: &Function) -> HashSet<usize> {
     found
 }
 
-/// Makes values of the parameters, copied to local variables.
+/// Turns these parameters into values, copied to local variables.
 fn take_values(function: &mut Function, values: &BTreeMap<usize, Handle<Type>>) {
     let mut copies = Block::new();
     for (index, ty) in values {
@@ -125,7 +125,7 @@ fn take_values(function: &mut Function, values: &BTreeMap<usize, Handle<Type>>) 
     function.body = copies;
 }
 
-/// Loads the values at calls.
+/// Loads the values before calls.
 fn pass_values(
     function: &mut Function,
     values: &HashMap<Handle<Function>, BTreeMap<usize, Handle<Type>>>,

@@ -1,5 +1,5 @@
-//! Makes a pointer again in each block that uses it: naga's reader keeps what a block takes from another
-//! in a local variable, which holds no pointers.
+//! Recomputes a pointer in each block that uses it. naga's reader passes values between blocks in
+//! local variables, which cannot hold pointers.
 
 use std::collections::HashMap;
 
@@ -8,7 +8,7 @@ use rspirv::spirv::{Op, Word};
 
 use crate::words::{ids, is_access};
 
-/// Makes all such pointers again.
+/// Recomputes the pointers in all functions.
 pub(super) fn renew(module: &mut Builder) {
     let mut functions = std::mem::take(&mut module.module_mut().functions);
     for function in &mut functions {
@@ -39,16 +39,16 @@ pub(super) fn renew(module: &mut Builder) {
 
 struct Again<'a> {
     module: &'a mut Builder,
-    /// The instructions that make pointers, and the indices of their blocks.
+    /// The instructions that compute pointers, and the indices of their blocks.
     made: &'a HashMap<Word, (usize, Instruction)>,
-    /// The index of the block at hand.
+    /// Index of the current block.
     at: usize,
-    /// The pointers that it has made again.
+    /// The pointers that the block has recomputed.
     renewed: &'a mut HashMap<Word, Word>,
 }
 
 impl Again<'_> {
-    /// Replaces pointers of other blocks among the operands.
+    /// Replaces pointers from other blocks in an instruction's operands.
     fn replace(&mut self, i: &mut Instruction, block: &mut Vec<Instruction>) {
         for id in i.operands.iter_mut().filter_map(Operand::id_ref_any_mut) {
             if let Some((at, made)) = self.made.get(id)

@@ -1,5 +1,5 @@
-//! Makes the position invariant if arithmetic that decides it has `NoContraction`: naga's reader drops
-//! the decoration, and the writer decorates the arithmetic of invariant positions.
+//! Makes the position invariant if arithmetic behind it has `NoContraction`. naga's reader drops
+//! that decoration, and the writer restores it for the arithmetic of invariant positions.
 
 use std::collections::HashSet;
 
@@ -8,7 +8,7 @@ use rspirv::spirv::{BuiltIn, Decoration, Op, Word};
 
 use crate::words::{ids, position};
 
-/// Marks the position. Returns whether other arithmetic is decorated too.
+/// Marks the position. Returns whether arithmetic elsewhere has the decoration too.
 pub(super) fn keep(module: &mut Builder) -> bool {
     let is_precise = |i: &&Instruction| {
         i.operands.get(1) == Some(&Operand::Decoration(Decoration::NoContraction))

@@ -1,5 +1,5 @@
-//! Keeps the vertex and the fragment entry points, and what they reach. One module may hold a
-//! pipeline's other stages too, whose instructions naga may not read.
+//! Selects the vertex and fragment entry points and the code that they use. A module may also hold
+//! other stages of a pipeline, whose instructions naga may not support.
 
 use std::collections::{HashMap, HashSet};
 
@@ -16,22 +16,22 @@ pub(super) fn entry(instruction: &Instruction) -> Option<(ExecutionModel, Word)>
     }
 }
 
-/// Whether a material has a stage of this kind.
+/// Whether a material uses this stage.
 pub(super) fn is_of_material(model: ExecutionModel) -> bool {
     matches!(model, ExecutionModel::Vertex | ExecutionModel::Fragment)
 }
 
-/// The entry points to keep.
+/// Selects entry points.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Chosen<'a> {
-    /// The only stage of the two; `None`: both.
+    /// The only stage to keep. `None`: both.
     pub(super) stage: Option<ExecutionModel>,
-    /// The author's names of the vertex and of the fragment entry point, if several are there.
+    /// The author's names of the vertex and fragment entry points, for stages with several.
     pub(super) names: [Option<&'a str>; 2],
 }
 
-/// Drops the entry points of other stages, except for a module that has no others, and those that
-/// are not chosen, and what is not used then.
+/// Drops the entry points that are not selected, and code that is then unused. Entry points of
+/// other stages stay only in a module that has no others.
 pub(super) fn prune(module: &mut Module, chosen: Chosen<'_>) {
     let models = |module: &Module| -> Vec<ExecutionModel> {
         let entries = module.entry_points.iter();
@@ -56,7 +56,7 @@ pub(super) fn prune(module: &mut Module, chosen: Chosen<'_>) {
             let is_name = matches!((own, name), (Some(Operand::LiteralString(own)), Some(name)) if own == name);
             is_name && entry(e).is_some_and(|(model, _)| model == of)
         };
-        // An unknown name is an error later, which lists the others.
+        // For an unknown name, a later error lists the others.
         if module.entry_points.iter().any(is) {
             module
                 .entry_points
@@ -92,16 +92,16 @@ pub(super) fn prune(module: &mut Module, chosen: Chosen<'_>) {
     drop_unused(module);
 }
 
-/// Whether it is an output with an initial value.
+/// Whether a variable is an output with an initial value.
 pub(super) fn is_initial_output(i: &Instruction) -> bool {
     let is_output = storage_class(i) == Some(StorageClass::Output);
     i.class.opcode == Op::Variable && is_output && ids(i).next().is_some()
 }
 
-/// Drops definitions, names and decorations of what no function uses, and sorts the definitions.
+/// Drops unused definitions with their names and decorations, and sorts the others.
 pub(super) fn drop_unused(module: &mut Module) {
     let listed: HashSet<Word> = module.entry_points.iter().flat_map(ids).collect();
-    // An entry point may leave an output as it is initialised.
+    // An entry point may leave an output at its initial value.
     sort_globals(module, |i| {
         is_initial_output(i) && i.result_id.is_some_and(|id| listed.contains(&id))
     });

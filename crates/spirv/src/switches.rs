@@ -1,12 +1,9 @@
-//! Orders the cases of switches: naga's reader takes a case to fall into the next one of its list,
-//! and puts `default` last. A `default` that falls through gets a literal, and so a place among the
-//! cases; literals that have the default's label are dropped.
+//! Orders the cases of switches. naga's reader assumes that a case falls through into the next one
+//! of its list, and moves `default` to the end. A `default` that falls through gets a literal, and
+//! with it a place among the cases. Literals with the same label as `default` are dropped.
 //!
-//! ```text
-//! OpSwitch %x %default 1 %one 2 %two      %known = %x == 1 || %x == 2
-//!                                         %y = OpSelect %known %x 3
-//!                                         OpSwitch %y %merge 1 %one 3 %default 2 %two
-//! ```
+//! ```text OpSwitch %x %default 1 %one 2 %two      %known = %x == 1 || %x == 2 %y = OpSelect %known
+//! %x 3 OpSwitch %y %merge 1 %one 3 %default 2 %two ```
 
 use std::collections::{HashMap, HashSet};
 
@@ -16,7 +13,7 @@ use rspirv::spirv::{Op, Word};
 use super::blocks;
 use crate::words::{ids, literal, push};
 
-/// Changes all switches that need it.
+/// Changes all switches of a module that need it.
 pub(super) fn order(module: &mut Builder) {
     let values: HashMap<Word, Word> = module
         .module_ref()
@@ -35,15 +32,15 @@ pub(super) fn order(module: &mut Builder) {
     module.module_mut().functions = functions;
 }
 
-/// A switch whose cases get another order.
+/// A switch with its new order of cases.
 struct ReorderedSwitch {
-    /// Index of the block of the switch.
+    /// Index of the switch's block.
     block: usize,
     merge: Word,
-    /// The index of the merge block.
+    /// Index of the merge block.
     merge_block: Option<usize>,
-    /// The literals of the cases and their targets, each before the one that it falls into. The
-    /// default is among them if it needs a place.
+    /// Literals and targets of the cases, each before the case that it falls through into. Includes
+    /// `default` if it needs a literal.
     cases: Vec<(Option<u32>, Word)>,
     needs_place: bool,
 }
@@ -51,7 +48,7 @@ struct ReorderedSwitch {
 /// The blocks of a function.
 struct Flow<'f> {
     blocks: &'f [Block],
-    /// Their indices.
+    /// Index of each block by label.
     labels: HashMap<Word, usize>,
     loops: HashMap<Word, blocks::LoopEnd>,
 }
@@ -93,7 +90,7 @@ impl ReorderedSwitch {
         let default = ids(switch).nth(1)?;
         let given = switch.operands.iter().filter_map(literal);
         let given: Vec<(u32, Word)> = given.zip(ids(switch).skip(2)).collect();
-        // The default takes all literals that have its label.
+        // `default` also covers literals with its label.
         let others = given.iter().filter(|(_, label)| *label != default);
         let mut cases: Vec<Word> = others.map(|(_, label)| *label).collect();
         let mut seen = HashSet::new();
@@ -107,7 +104,7 @@ impl ReorderedSwitch {
                 if label != from && is_entered.contains(&label) && label != merge {
                     return Some(label);
                 }
-                // The end of a loop around leads to no case but over the switch.
+                // The end of a surrounding loop leads to a case only through the switch again.
                 let end = flow.loops.get(&label);
                 let is_around = end.is_some_and(|end| !seen.contains(&end.header));
                 if !is_around && seen.insert(label) {
@@ -125,7 +122,7 @@ impl ReorderedSwitch {
         let mut order = Vec::new();
         let mut last = Vec::new();
         for first in entered.iter().filter(is_first) {
-            // Each label has one other at most that it falls into.
+            // Each label falls through into at most one other.
             let steps = std::iter::successors(Some(*first), |label| next.get(label).copied());
             let chain: Vec<Word> = steps.take(entered.len()).collect();
             match chain.last() == Some(&default) {
@@ -222,7 +219,7 @@ fn change(
         switch.operands.extend([n, Operand::IdRef(*label)]);
     }
     block.instructions.push(switch);
-    // The merge follows the switch now, though control never takes this way.
+    // The merge block follows the switch now, though this path is never taken.
     let merge = found.merge_block;
     let Some(merge) = merge.and_then(|at| function.blocks.get_mut(at)) else {
         return;

@@ -1,5 +1,5 @@
-//! What SPIR-V has and naga's reader or WebGPU lacks: GLSL's word for it, whose entry in the table
-//! of absent names says why, and what to do instead.
+//! Refuses features of SPIR-V that naga's reader or WebGPU lacks. Each has a GLSL name, under which
+//! the table of unsupported names gives the reason and a remedy.
 
 use std::collections::HashMap;
 
@@ -9,19 +9,19 @@ use rspirv::spirv::{BuiltIn, Decoration, Dim, GlslStd450Op, Op, StorageClass, Wo
 use crate::words::{globals, ids, is_access, literal, storage_class};
 use shader_text::error::{Code, Error};
 
-/// Something that is not read.
+/// An unsupported feature.
 pub(super) struct Lack {
-    /// As SPIR-V calls it: `OpImageQueryLod`.
+    /// SPIR-V's name, such as `OpImageQueryLod`.
     pub(super) name: String,
-    /// As GLSL calls it, with an entry in the table or in [`OWN`].
+    /// GLSL's name, with an entry in the table or in [`OWN`].
     pub(super) glsl: &'static str,
-    /// The instruction's result, for its place.
+    /// The instruction's result id, to locate it.
     pub(super) id: Option<Word>,
-    /// The index of the instruction in the listing, if it is in a block.
+    /// Index of the instruction in the listing, if it is in a block.
     pub(super) line: Option<u32>,
 }
 
-/// The first thing that is not read.
+/// The first unsupported feature of a module.
 pub(super) fn find(module: &Module) -> Option<Lack> {
     let all = globals(module);
     let at = |name: String, glsl, id| Lack {
@@ -92,7 +92,7 @@ pub(super) fn find(module: &Module) -> Option<Lack> {
     None
 }
 
-/// Whether an instruction of a block reads or writes a variable, or a member of a struct.
+/// Whether an instruction reads or writes a variable or a struct member.
 fn uses(
     module: &Module,
     all: &HashMap<Word, Instruction>,
@@ -207,7 +207,7 @@ fn of_instruction(i: &Instruction) -> Option<(String, &'static str)> {
     Some((format!("Op{name}"), glsl))
 }
 
-/// A texture of integers that is sampled.
+/// A sample of an integer texture.
 fn of_integers(
     i: &Instruction,
     values: &HashMap<Word, Word>,
@@ -224,7 +224,7 @@ fn of_integers(
     is_of_ints.then(|| (format!("Op{name}"), INTEGERS))
 }
 
-/// A comparison by an element of an array of samplers.
+/// A comparison with an element of a sampler array.
 fn of_samplers(
     i: &Instruction,
     made: &HashMap<Word, &Instruction>,
@@ -245,7 +245,7 @@ const RECTANGLE: &str = "a texture with coordinates in texels";
 const SAMPLERS: &str = "a comparison by an element of an array of samplers";
 const SAMPLES: &str = "a texture with layers and samples";
 
-/// Why the text's table of absent names has no entry, and what to do instead.
+/// Name, reason and remedy of features without an entry in the common table.
 const OWN: [(&str, &str, &str); 6] = [
     (
         "frexp",
@@ -279,7 +279,7 @@ const OWN: [(&str, &str, &str); 6] = [
     ),
 ];
 
-/// The error about it.
+/// The error for an unsupported feature.
 pub(super) fn refuse(lack: &Lack) -> Error {
     if let Some(absent) = shader_text::unsupported::absent(lack.glsl) {
         return absent.refuse(&lack.name, None);

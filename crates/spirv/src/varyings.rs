@@ -1,5 +1,5 @@
-//! Fits inputs and outputs to naga's reader: it reads scalars and vectors, where SPIR-V may have
-//! blocks, arrays and matrices.
+//! Splits inputs and outputs for naga's reader, which supports scalars and vectors. SPIR-V also
+//! allows blocks, arrays and matrices.
 
 use std::collections::{BTreeMap, HashMap, HashSet};
 
@@ -17,32 +17,32 @@ pub(super) const MOST_LEAVES: u32 = 64;
 
 /// A scalar or vector of an input or output.
 struct Leaf {
-    /// Indices from the variable.
+    /// Indices from the variable to this part.
     path: Vec<u32>,
     ty: Word,
-    /// The type of its own variable: WGSL's sample mask has no sign.
+    /// Type of the part's own variable: WGSL's sample mask is unsigned.
     own: Word,
     location: u32,
-    /// Interpolation and sampling.
+    /// Decorations for interpolation and sampling.
     decorations: Vec<Operand>,
     name: String,
 }
 
-/// An input or output that is no scalar or vector.
+/// An input or output that is neither a scalar nor a vector.
 struct Compound {
     id: Word,
     class: StorageClass,
     leaves: Vec<Leaf>,
-    /// A built-in that has no sign in WGSL: `SampleMask`, an array of one number, `ViewIndex` and
+    /// A built-in that is unsigned in WGSL: `SampleMask` (an array of one number), `ViewIndex` or
     /// `DrawIndex`.
     unsigned: Option<BuiltIn>,
 }
 
-/// Makes private variables of blocks, arrays and matrices. The entry point copies inputs at its
-/// start and outputs at its ends.
+/// Turns blocks, arrays and matrices into private variables. The entry point copies inputs at its
+/// start and outputs at its returns.
 ///
 /// # Errors
-/// The id of a variable that has too many parts.
+/// The id of a variable with too many parts.
 pub(super) fn open(module: &mut Builder) -> Result<(), Word> {
     let compounds = Types::of(module).compounds(module.module_ref())?;
     if compounds.is_empty() {
@@ -179,7 +179,7 @@ fn copy(
     block.push(Instruction::new(Op::Store, None, None, store));
 }
 
-/// Makes variables private, and the pointers that functions take from them.
+/// Makes variables private, as well as the pointers that functions derive from them.
 fn make_private(module: &mut Builder, classes: &BTreeMap<Word, StorageClass>) {
     let all = globals(module.module_ref());
     let private = |module: &mut Builder, pointer: Word| {
@@ -214,7 +214,7 @@ fn make_private(module: &mut Builder, classes: &BTreeMap<Word, StorageClass>) {
 struct Types {
     globals: HashMap<Word, Instruction>,
     names: HashMap<Word, String>,
-    /// Decorations of ids, and of members.
+    /// Decorations by id, and by struct and member.
     own: HashMap<Word, Vec<Instruction>>,
     members: HashMap<(Word, u32), Vec<Instruction>>,
     member_names: HashMap<(Word, u32), String>,
@@ -301,7 +301,7 @@ impl Types {
         Ok(found)
     }
 
-    /// The built-in that a variable of signed integers is, and that WGSL has without a sign.
+    /// The built-in of a variable with signed integers, if it is unsigned in WGSL.
     fn unsigned(&self, own: &[Instruction], ty: Word, class: StorageClass) -> Option<BuiltIn> {
         let is = |b: &BuiltIn| {
             let b = Operand::BuiltIn(*b);
@@ -383,7 +383,7 @@ impl Types {
     }
 }
 
-/// The name of a part. Two underscores in a row are reserved in GLSL.
+/// The name of a part. GLSL reserves two consecutive underscores.
 fn joined(whole: &str, part: &str) -> String {
     let (start, end) = (whole.trim_end_matches('_'), part.trim_start_matches('_'));
     match (start, end) {
@@ -393,7 +393,7 @@ fn joined(whole: &str, part: &str) -> String {
     }
 }
 
-/// Gives a number to a name that is taken.
+/// Appends a number to a name that is taken.
 fn unique(name: &mut String, taken: &mut HashSet<String>) {
     let mut all = 2..;
     let own = name.clone();

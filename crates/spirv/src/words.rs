@@ -1,4 +1,4 @@
-//! Edits SPIR-V modules: what the reader in `front` and the writer in `emit` share.
+//! Edits SPIR-V modules. Shared by the reader in `front` and the writer in `emit`.
 
 use std::collections::{HashMap, HashSet};
 
@@ -31,7 +31,7 @@ pub fn pointee(module: &dr::Module, pointer: Word) -> Option<Word> {
     ids(types.find(|i| i.result_id == Some(pointer))?).next()
 }
 
-/// Writes the functions again: `change` gets each instruction, and writes what replaces it.
+/// Rewrites the functions: `change` receives each instruction and writes its replacement.
 pub fn rewrite(
     module: &mut Builder,
     mut change: impl FnMut(&mut Builder, &mut Vec<Instruction>, Instruction),
@@ -45,7 +45,7 @@ pub fn rewrite(
     module.module_mut().functions = functions;
 }
 
-/// Replaces operands of the functions, and drops the names of replaced ids.
+/// Replaces ids in the functions' operands, and drops the names of replaced ids.
 pub fn replace_ids(module: &mut Builder, with: &HashMap<Word, Word>) {
     let module = module.module_mut();
     let is_replaced = |i: &Instruction| ids(i).any(|id| with.contains_key(&id));
@@ -61,7 +61,7 @@ pub fn replace_ids(module: &mut Builder, with: &HashMap<Word, Word>) {
     }
 }
 
-/// Writes an instruction with a result, and returns its id.
+/// Appends an instruction with a result, and returns its id.
 pub(crate) fn push(
     module: &mut Builder,
     block: &mut Vec<Instruction>,
@@ -81,7 +81,7 @@ pub fn globals(module: &dr::Module) -> HashMap<Word, Instruction> {
         .collect()
 }
 
-/// The numbers of the decorations of a kind, by target.
+/// The numeric operand of all decorations of a kind, by target.
 pub fn decorations(module: &dr::Module, kind: Decoration) -> HashMap<Word, u32> {
     let decorated = |i: &Instruction| match i.operands.as_slice() {
         [Operand::IdRef(id), Operand::Decoration(of), number @ ..] if *of == kind => {
@@ -100,8 +100,8 @@ pub fn storage_class(instruction: &Instruction) -> Option<StorageClass> {
     }
 }
 
-/// Sorts the definitions outside of functions, so that each follows those that it refers to, and
-/// drops those that nothing refers to if `is_kept` does not keep them.
+/// Sorts the definitions outside of functions by dependency. Drops unused ones, except for those
+/// that `is_kept` selects.
 pub(crate) fn sort_globals(module: &mut dr::Module, is_kept: impl Fn(&Instruction) -> bool) {
     let all = std::mem::take(&mut module.types_global_values);
     let place: HashMap<Word, usize> = all
@@ -119,8 +119,8 @@ pub(crate) fn sort_globals(module: &mut dr::Module, is_kept: impl Fn(&Instructio
         .filter(|i| is_kept(i))
         .filter_map(|i| i.result_id);
     let mut used: HashSet<Word> = roots.chain(kept).collect();
-    // Definitions precede their uses in a valid module, except for the ones that we added: so we
-    // search from each use.
+    // Search from each use: in a valid module definitions precede their uses, but not the ones that
+    // we added.
     let mut sorted: Vec<usize> = Vec::new();
     let mut seen: HashSet<usize> = HashSet::new();
     let mut wanted: Vec<usize> = used
@@ -169,7 +169,7 @@ pub(crate) fn member_decorations(module: &dr::Module) -> HashMap<(Word, u32), Ve
     members
 }
 
-/// Whether it makes a pointer to a part of what a pointer points to.
+/// Whether an instruction computes a pointer to a part of a value.
 pub(crate) fn is_access(instruction: &Instruction) -> bool {
     matches!(
         instruction.class.opcode,
@@ -177,15 +177,15 @@ pub(crate) fn is_access(instruction: &Instruction) -> bool {
     )
 }
 
-/// Where the code begins in a function's first block.
+/// Index of the first instruction after the variables of a function's first block.
 pub(crate) fn after_variables(first: &dr::Block) -> usize {
     let is_head = |i: &Instruction| matches!(i.class.opcode, Op::Variable | Op::Line);
     let body = first.instructions.iter().position(|i| !is_head(i));
     body.unwrap_or(0)
 }
 
-/// The number of values that a value of this type holds: scalars and vectors, and matrices if
-/// `is_whole`, else their columns.
+/// How many scalars, vectors and matrices a value of this type holds. Without `is_whole`, each
+/// column of a matrix counts.
 pub(crate) fn count_parts(globals: &HashMap<Word, Instruction>, ty: Word, is_whole: bool) -> u32 {
     let Some(i) = globals.get(&ty) else { return 1 };
     let of = |ty: Word| count_parts(globals, ty, is_whole);
@@ -202,7 +202,7 @@ pub(crate) fn count_parts(globals: &HashMap<Word, Instruction>, ty: Word, is_who
     }
 }
 
-/// The number of a decoration among an id's or a member's.
+/// The numeric operand of a decoration among those of an id or a member.
 pub(crate) fn decoration(all: &[Instruction], kind: Decoration) -> Option<u32> {
     let is = |i: &&Instruction| i.operands.contains(&Operand::Decoration(kind));
     let found = all.iter().find(is)?;

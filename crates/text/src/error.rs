@@ -10,10 +10,10 @@ use codespan_reporting::term::{self, Config, Styles, StylesWriter, termcolor::An
 use super::codes;
 use super::excerpt::{Excerpts, short_lines};
 
-/// The kind of an error. Scripts may match on [`Code::name`]: it is stable.
+/// The kind of an error. [`Code::name`] is stable, so scripts may match on it.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]
 pub enum Code {
-    /// No source, or one without a token.
+    /// No source, or only sources without a token.
     Empty,
     UnknownLanguage,
     /// A GLSL source of unknown stage.
@@ -66,7 +66,7 @@ impl Code {
         }
     }
 
-    /// The code in messages: `error[parse]`.
+    /// The stable name, as in `error[parse]`.
     pub fn name(self) -> &'static str {
         self.info().code
     }
@@ -77,7 +77,7 @@ impl Code {
 pub enum Color {
     /// ANSI escape sequences.
     Always,
-    /// Plain text.
+    /// Without escape sequences.
     #[default]
     Never,
 }
@@ -85,9 +85,9 @@ pub enum Color {
 /// A span that an error points at. The first label is the error's location.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Label {
-    /// Where, in the address space of the error's [`SourceMap`].
+    /// A range in the address space of the error's [`SourceMap`].
     pub span: naga::Span,
-    /// An explanation; may be empty.
+    /// An explanation, or empty.
     pub text: String,
 }
 
@@ -129,7 +129,7 @@ const LACKS: &[(&str, &str)] = &[
 ];
 
 impl Error {
-    /// An error without a place.
+    /// An error without a location.
     pub fn new(code: Code, message: impl Into<String>) -> Self {
         Self(Box::new(Diagnosis {
             code,
@@ -140,7 +140,7 @@ impl Error {
         }))
     }
 
-    /// Adds a place; the first is the error's own.
+    /// Adds a label. The first one is the error's location.
     pub fn label(mut self, span: naga::Span, text: impl Into<String>) -> Self {
         self.0.labels.push(Label {
             span,
@@ -149,7 +149,7 @@ impl Error {
         self
     }
 
-    /// Adds a place, if there is one.
+    /// Adds a label without text, if there is a span.
     pub fn label_if(self, span: Option<naga::Span>) -> Self {
         match span {
             Some(span) => self.label(span, ""),
@@ -157,7 +157,6 @@ impl Error {
         }
     }
 
-    /// Adds a hint.
     pub fn note(mut self, text: impl Into<String>) -> Self {
         self.0.notes.push(text.into());
         self
@@ -184,7 +183,7 @@ impl Error {
         error.with_remedy()
     }
 
-    /// Adds what to write instead of WGSL that naga refuses and other compilers take.
+    /// Adds a remedy for WGSL that naga refuses but other compilers accept.
     pub fn with_remedy(self) -> Self {
         let is_in = |(part, _): &&(&str, &'static str)| self.0.message.contains(part);
         match LACKS.iter().find(is_in) {
@@ -193,7 +192,6 @@ impl Error {
         }
     }
 
-    /// The error's code.
     pub fn code(&self) -> Code {
         self.0.code
     }
@@ -203,7 +201,6 @@ impl Error {
         &self.0.message
     }
 
-    /// The error's labels.
     pub fn labels(&self) -> &[Label] {
         &self.0.labels
     }
@@ -225,7 +222,7 @@ impl Error {
     pub fn render(&self, color: Color) -> String {
         let mut files = Excerpts::default();
         let sources = self.0.sources.files();
-        // Of each label, its file and the range in it.
+        // File and range of each label.
         let places: Vec<_> = (self.0.labels.iter())
             .filter_map(|label| {
                 let base = self.0.sources.file_of(label.span)?.base;
@@ -359,8 +356,8 @@ fn in_wgsl(mut message: String) -> String {
     message.replace("(of type ", "(")
 }
 
-/// Removes naga's handle numbers from a message: ` [43]`. Where only the number told what is meant, the
-/// label shows it.
+/// Removes naga's handle numbers from a message, such as ` [43]`. If only the number identified the
+/// object, the label shows it.
 fn without_handles(message: &str) -> String {
     let mut out = String::with_capacity(message.len());
     let mut rest = message;

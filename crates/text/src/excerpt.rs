@@ -1,35 +1,34 @@
-//! A file as errors show it: of long lines, such as those of minified shaders, only the part around
-//! the place.
+//! Excerpts of files for errors. Long lines, such as those of minified shaders, are cut around the
+//! reported places.
 
 use std::ops::Range;
 
 use codespan_reporting::files::{Error, Files, SimpleFile};
 
-/// Longer lines are cut, in bytes.
+/// Lines with more bytes are cut.
 const LONGEST: usize = 500;
-/// Bytes that are shown on either side of a place.
+/// Bytes to show on either side of a place.
 const AROUND: usize = 100;
 const MORE: &str = "\u{2026}";
 
 /// A line that was cut.
 struct Cut {
     line: Range<usize>,
-    /// The part of it that is shown.
+    /// The part of the line that is shown.
     shown: Range<usize>,
-    /// Where the shown part begins in the excerpt.
+    /// Offset of this part in the excerpt.
     at: usize,
-    /// Number of the line, from 0.
+    /// Line number, from 0.
     index: usize,
-    /// Characters that are left out ahead of it.
+    /// Characters that are left out before the shown part.
     ahead: usize,
 }
 
-/// Files with their long lines cut.
 #[derive(Default)]
 pub struct Excerpts(Vec<(SimpleFile<String, String>, Vec<Cut>)>);
 
 impl Excerpts {
-    /// Adds a file of which `places` are pointed at.
+    /// Adds a file with the `places` to show.
     pub fn add(&mut self, name: String, text: &str, places: &[Range<usize>]) {
         let mut out = String::with_capacity(text.len());
         let mut cuts = Vec::new();
@@ -68,7 +67,8 @@ impl Excerpts {
         self.0.push((SimpleFile::new(name, out), cuts));
     }
 
-    /// A place of the file's text in its excerpt; the nearest shown one, if it is not shown.
+    /// Converts a place in a file to its place in the excerpt. If it is not shown, takes the
+    /// nearest one.
     pub fn place(&self, id: usize, place: Range<usize>) -> Range<usize> {
         let cuts = self.0.get(id).map_or(&[][..], |(_, cuts)| cuts);
         let to = |at: usize| {

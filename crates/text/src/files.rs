@@ -9,7 +9,6 @@ use std::path::{Path, PathBuf};
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct File {
     pub name: String,
-    /// Content.
     pub bytes: Vec<u8>,
 }
 
@@ -34,7 +33,7 @@ pub fn write(dir: &Path, files: &[File]) -> io::Result<Vec<PathBuf>> {
     staged(dir, files, |path, bytes| fs::write(path, bytes))
 }
 
-/// [`write()`] one file, so that after a power cut too it is whole or not there.
+/// As [`write()`], for one file. Even after a power cut, the file is complete or missing.
 ///
 /// # Errors
 /// As [`write()`].
@@ -86,7 +85,7 @@ fn staged(
     Ok(changed)
 }
 
-/// A name that no other process has, on machines that share a disk too.
+/// A name that no other process uses, even on machines that share a disk.
 fn unique() -> String {
     let random = RandomState::new().build_hasher().finish();
     format!("{}-{random:x}", std::process::id())

@@ -1,5 +1,5 @@
-//! The common ground of all readers of shaders: sources with their places, options, errors that point at the author's
-//! text, and limits on input from strangers.
+//! Shared by all shader readers: sources and their locations, options, errors that point at the
+//! author's text, and limits on untrusted input.
 
 pub mod codes;
 pub mod error;

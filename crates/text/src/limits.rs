@@ -1,5 +1,5 @@
-//! Limits on input from strangers. A shader or a scene that exceeds one is refused by the limit's
-//! name, before anything of that size is allocated.
+//! Limits on untrusted input. A shader or scene that exceeds one is refused before anything of that
+//! size is allocated. The error names the limit.
 
 use std::fmt;
 
@@ -12,7 +12,6 @@ struct Named {
     default: u64,
 }
 
-/// No limit.
 const NONE: u64 = u64::MAX;
 
 const MIB: u64 = 1 << 20;
@@ -129,9 +128,8 @@ const NAMED: [Named; 15] = [
 /// loops and divisions) into them.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Trust {
-    /// The user's own shaders: only the checks that they need, so that they draw
-    /// what they draw in a browser. For some shaders needless checks cost more than the measured
-    /// transforms gain.
+    /// The user's own shaders: only the checks that they need to draw the same as in a browser. For
+    /// some shaders, needless checks cost more than the measured transforms gain.
     #[default]
     Own,
     /// Somebody else's shaders: all checks, as in a browser. Indices are clamped, loops end, and x
@@ -139,14 +137,14 @@ pub enum Trust {
     Strangers,
 }
 
-/// Limits by name. [`u64::MAX`] is none.
+/// Limits by name. [`u64::MAX`] means no limit.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Limits {
     /// Bytes of one shader's text, with its included files.
     pub source_bytes: u64,
     /// Brackets open at once. Above 180, naga's parser fails or exhausts its stack.
     pub nesting: u64,
-    /// Statements and list values of one function: naga's parser takes a time of their square.
+    /// Statements and list values of one function. naga's parser takes quadratic time in them.
     pub statements: u64,
     /// Expressions of a module, all functions together.
     pub expressions: u64,
@@ -185,16 +183,15 @@ impl Default for Limits {
 #[error("{what} would be {asked}; the limit `{limit}` is {most}")]
 pub struct Exceeded {
     pub limit: &'static str,
-    /// The thing that is too large.
+    /// Name of the quantity that is too large.
     pub what: String,
-    /// Its size. [`u64::MAX`] stands for that or more.
+    /// The requested size. [`u64::MAX`] means that or more.
     pub asked: u64,
-    /// The allowed size.
     pub most: u64,
 }
 
 impl Exceeded {
-    /// The flag that allows more.
+    /// The command line flag that raises the limit.
     pub fn remedy(&self) -> String {
         format!("--limits {}=NUMBER allows more", self.limit)
     }
@@ -207,7 +204,7 @@ impl Limits {
         Self::named(|n| n.strict)
     }
 
-    /// Only the limits of the languages and of WebGPU.
+    /// No limits except those of the languages and of WebGPU.
     pub fn none() -> Self {
         let mut all = Self::named(|_| NONE);
         // The stack limits recursion anyway.
@@ -280,12 +277,12 @@ impl Limits {
         Ok(limits)
     }
 
-    /// Whether variants are measured in processes of their own.
+    /// Whether each variant is measured in a process of its own.
     pub fn isolates(&self) -> bool {
         self.seconds != NONE || self.memory != NONE
     }
 
-    /// Who wrote the shaders: a stranger, if variants are measured in processes of their own.
+    /// The author of the shaders: a stranger, if variants are measured in processes of their own.
     pub fn trust(&self) -> crate::limits::Trust {
         match self.isolates() {
             true => crate::limits::Trust::Strangers,
@@ -313,8 +310,8 @@ impl Limits {
         named.map_or(0, |n| *(n.of)(&mut own))
     }
 
-    /// Whether no limit is looser than its default. A configuration file that is found and not
-    /// named may set no others.
+    /// Whether no limit is looser than its default. Configuration files that are found
+    /// automatically may not loosen limits.
     pub fn is_no_looser_than_default(&self) -> bool {
         let (mut own, mut default) = (*self, Self::default());
         NAMED
@@ -322,7 +319,7 @@ impl Limits {
             .all(|n| *(n.of)(&mut own) <= *(n.of)(&mut default))
     }
 
-    /// Fails if `asked` exceeds the limit of that name.
+    /// Fails if `asked` exceeds the named limit.
     pub fn check(
         &self,
         limit: &'static str,

@@ -1,5 +1,5 @@
-//! Files that the caller holds in memory: what `#include` and imports find before the files on disk.
-//! On a host without a disk, such as a browser, nothing else is found.
+//! Files that the caller holds in memory. `#include` and imports search them before the disk. On a
+//! host without a disk, such as a browser, there are no others.
 
 use std::collections::BTreeMap;
 use std::collections::BTreeSet;
@@ -7,8 +7,8 @@ use std::io;
 use std::path::{Component, Path, PathBuf};
 use std::sync::Arc;
 
-/// Texts by path. The paths are relative to what the sources' names are relative to, and may contain
-/// `.` and `..`.
+/// Texts by path. Paths have the same base folder as the names of sources, and may contain `.` and
+/// `..`.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Memory(Arc<BTreeMap<PathBuf, String>>);
 
@@ -21,22 +21,21 @@ impl<P: AsRef<Path>> FromIterator<(P, String)> for Memory {
 }
 
 impl Memory {
-    /// The text of a file in memory.
     pub fn text(&self, path: &Path) -> Option<&str> {
         self.0.get(&normal(path)).map(String::as_str)
     }
 
-    /// Whether there is a file or a folder, in memory or on disk.
+    /// Whether a file or folder exists, in memory or on disk.
     pub fn exists(&self, path: &Path) -> bool {
         self.has(&normal(path)) || path.exists()
     }
 
-    /// Whether it is a folder, in memory or on disk.
+    /// Whether a folder exists at the path, in memory or on disk.
     pub fn is_folder(&self, path: &Path) -> bool {
         self.below(&normal(path)).next().is_some() || path.is_dir()
     }
 
-    /// One path for each file or folder, as [`Path::canonicalize`].
+    /// A unique path for each file or folder, as [`Path::canonicalize`].
     pub fn canonical(&self, path: &Path) -> io::Result<PathBuf> {
         let normal = normal(path);
         match self.has(&normal) {
@@ -45,7 +44,7 @@ impl Memory {
         }
     }
 
-    /// The files and folders of a folder, sorted.
+    /// The direct entries of a folder, sorted.
     pub fn entries(&self, folder: &Path) -> Vec<PathBuf> {
         let normal = normal(folder);
         let own = self.below(&normal).filter_map(|path| {
@@ -58,19 +57,20 @@ impl Memory {
         all.into_iter().collect()
     }
 
-    /// Whether a normalised path is a file or a folder in memory.
+    /// Whether memory holds a file or folder with this normalised path.
     fn has(&self, path: &Path) -> bool {
         self.0.contains_key(path) || self.below(path).next().is_some()
     }
 
-    /// The files below a normalised folder. Paths are sorted by component, so they are neighbours.
+    /// The files below a normalised folder. They are adjacent, because paths are sorted by
+    /// component.
     fn below<'m>(&'m self, folder: &'m Path) -> impl Iterator<Item = &'m Path> {
         let all = self
             .0
             .range(folder.to_owned()..)
             .map(|(path, _)| path.as_path());
         let all = all.take_while(move |path| path.starts_with(folder));
-        // Every path starts with the empty one, that of the current folder.
+        // Every path starts with the empty path, which stands for the current folder.
         all.filter(move |path| *path != folder && path.has_root() == folder.has_root())
     }
 }

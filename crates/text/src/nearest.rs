@@ -1,16 +1,16 @@
 //! Spelling suggestions for "did you mean".
 
-/// A shorter word is a part of too many others.
+/// Shorter words occur in too many others.
 const SHORTEST: usize = 3;
 
-/// The first candidate that a word is a part of.
+/// The first candidate that contains a word.
 pub fn containing<'a>(word: &str, candidates: &[&'a str]) -> Option<&'a str> {
     let mut all = candidates.iter().filter(|c| c.contains(word));
     all.next().filter(|_| word.len() >= SHORTEST).copied()
 }
 
-/// The candidate that is meant by a misspelt word: the first that contains it, or the one with the
-/// most similar spelling, if one is similar enough to suggest.
+/// The candidate that a misspelt word probably means: the first that contains it, or else the one
+/// with the most similar spelling, if it is similar enough.
 pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) -> Option<&'a str> {
     let candidates: Vec<&str> = candidates.into_iter().collect();
     if let Some(whole) = containing(word, &candidates) {
@@ -24,7 +24,7 @@ pub fn nearest<'a>(word: &str, candidates: impl IntoIterator<Item = &'a str>) ->
         .map(|(_, c)| c)
 }
 
-/// A message: there is no `what` of that name. It suggests the nearest name, and lists all.
+/// The message for an unknown name of a `what`. Suggests the nearest name, and lists all.
 pub fn unknown(what: &str, name: &str, known: &[&str]) -> String {
     let near = nearest(name, known.iter().copied())
         .map(|n| format!(" (did you mean `{n}`?)"))

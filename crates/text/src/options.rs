@@ -5,7 +5,7 @@ use std::path::PathBuf;
 use crate::limits::Limits;
 use crate::memory::Memory;
 
-/// Options of the readers.
+/// Options of the shader readers.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Options {
     /// Vertex entry point. Required if there are several.
@@ -16,19 +16,17 @@ pub struct Options {
     pub defines: Vec<(String, String)>,
     /// Folders to search for GLSL's `#include`, after the including file's own.
     pub include: Vec<PathBuf>,
-    /// Files that `#include` and imports find before those on disk, wherever `root` is.
+    /// Files in memory. `#include` and imports find them before those on disk, wherever `root` is.
     pub files: Memory,
-    /// Included files must be inside of this folder, and source names are relative to it. `None`
-    /// allows any file.
+    /// Folder that included files may not leave, and base of source names. `None` allows any file.
     pub root: Option<PathBuf>,
     /// The clip space of GLSL positions. `None`: OpenGL's, except for Vulkan's GLSL.
     pub clip_space: Option<ClipSpace>,
-    /// Size limits.
     pub limits: Limits,
 }
 
 impl Options {
-    /// The text of a file in memory. Paths may be below `root`.
+    /// The text of a file in memory. `path` may include `root`.
     pub fn in_memory(&self, path: &std::path::Path) -> Option<&str> {
         let below = |root| path.strip_prefix(root).ok();
         let path = self.root.as_deref().and_then(below).unwrap_or(path);

@@ -4,9 +4,9 @@ use std::cell::RefCell;
 use std::panic;
 use std::sync::Once;
 
-/// Stack size for naga, which recurses once per nesting level. `front::nesting` bounds the
-/// levels. The system only commits pages that are used. WebAssembly has one stack, whose size the
-/// linker sets: another would be taken out of the heap, and never be given back.
+/// Stack size for naga, which recurses once per nesting level. `front::nesting` bounds the levels,
+/// and the system only commits pages that are used. WebAssembly has a single stack, whose size the
+/// linker sets: a second one would come out of the heap and never be returned.
 const STACK: usize = 256 << 20;
 
 /// naga panicked: its message and location.
@@ -19,8 +19,8 @@ thread_local! {
     static CAUGHT: RefCell<Option<String>> = const { RefCell::new(None) };
 }
 
-/// Runs `work` on a large stack and converts a panic to an error without printing it. It stays on
-/// the caller's thread, because starting a thread takes longer than reading a small shader.
+/// Runs `work` on a large stack, and converts a panic to an error without printing it. Stays on the
+/// caller's thread, because starting one takes longer than reading a small shader.
 pub fn run<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     match cfg!(target_family = "wasm") {
         true => caught(work),
@@ -28,8 +28,8 @@ pub fn run<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     }
 }
 
-/// Converts a panic of `work` to an error without printing it. A program that is built to abort on a
-/// panic ends, and its own hook says why.
+/// Converts a panic of `work` to an error without printing it. A program that is built to abort on
+/// panics still ends, and its own hook prints the reason.
 pub fn caught<T>(work: impl FnOnce() -> T) -> Result<T, Panicked> {
     if cfg!(not(panic = "unwind")) {
         return Ok(work());
@@ -62,7 +62,7 @@ fn install_hook() {
     });
 }
 
-/// Shortens paths of the machine that built us: from the crate's folder on.
+/// Cuts paths of the build machine: they start at the crate's folder.
 fn in_crate(message: &str) -> String {
     let word = |word: &str| {
         let path = word.replace('\\', "/");

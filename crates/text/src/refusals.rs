@@ -4,9 +4,9 @@
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct RefusalInfo {
     pub code: &'static str,
-    /// The reason, in general.
+    /// The reason in general terms.
     pub explanation: &'static str,
-    /// How to make the pass legal, or what to do about the error.
+    /// How to make the pass legal, or how to fix the error.
     pub remedy: &'static str,
 }
 
@@ -23,7 +23,7 @@ macro_rules! refusals {
             };
         )*
 
-        /// All of them.
+        /// All codes of this module.
         pub const REFUSALS: &[$crate::refusals::RefusalInfo] = &[$($name),*];
     };
 }

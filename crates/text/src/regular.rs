@@ -1,5 +1,5 @@
-//! Reads whole files up to a size limit. Devices and pipes are refused, since they may never end,
-//! and the limit holds for sparse files too.
+//! Reads whole files up to a size limit. Refuses devices and pipes, because they may never end. The
+//! limit also holds for sparse files.
 
 use std::fs::File;
 use std::io::{self, Read as _};
@@ -7,7 +7,7 @@ use std::path::Path;
 
 use crate::limits::{Exceeded, Limits};
 
-/// A file that was not read.
+/// Why a file was not read.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReadError {
@@ -19,13 +19,13 @@ pub enum ReadError {
     /// A device, a pipe or a socket.
     #[error("it is no file but a device or a pipe; `-` stands for stdin")]
     Endless,
-    /// It is larger than allowed.
+    /// The file is larger than the limit.
     #[error("{0}")]
     TooLarge(#[from] Exceeded),
-    /// It is not UTF-8 from this byte on.
+    /// Not UTF-8 from this byte offset on.
     #[error("not UTF-8 text (byte {0})")]
     NoText(usize),
-    /// It is no text but this.
+    /// Binary, in this known format.
     #[error("it is {0}")]
     Binary(&'static str),
 }
@@ -39,12 +39,12 @@ impl From<ReadError> for io::Error {
     }
 }
 
-/// Reads a file, up to the number of bytes that the named limit allows.
+/// Reads a file of up to as many bytes as the named limit allows.
 ///
 /// # Errors
 /// [`ReadError`].
 pub fn bytes(path: &Path, limits: &Limits, limit: &'static str) -> Result<Vec<u8>, ReadError> {
-    // By name: opening a pipe would wait for its writer.
+    // Not by opening it: opening a pipe would wait for its writer.
     let about = std::fs::metadata(path)?;
     if about.is_dir() {
         return Err(ReadError::Folder);
@@ -72,7 +72,7 @@ pub fn text(path: &Path, limits: &Limits, limit: &'static str) -> Result<String,
     decode(bytes(path, limits, limit)?)
 }
 
-/// Beginnings of binary files that are given in place of a text.
+/// First bytes of binary files that users often pass in place of text.
 const BINARY: [(&[u8], &str); 4] = [
     (
         b"glTF",
@@ -103,7 +103,7 @@ pub fn decode(bytes: Vec<u8>) -> Result<String, ReadError> {
         [0xfe, 0xff, rest @ ..] => return utf16(rest, u16::from_be_bytes),
         _ => {}
     }
-    // Latin letters in UTF-16 are UTF-8 too, with a zero beside each.
+    // Latin letters in UTF-16 are valid UTF-8, each with a zero byte.
     let zeros = bytes.iter().filter(|b| **b == 0).count();
     if zeros * 3 > bytes.len() {
         let (pairs, _) = bytes.as_chunks::<2>();
@@ -151,7 +151,7 @@ mod tests {
             unmarked.contains("UTF-16 without a byte order mark"),
             "{unmarked}"
         );
-        // Half of an executable's bytes are 0 too, but at any place.
+        // Half of an executable's bytes are 0 too, but in irregular positions.
         let binary = b"\x7fELF\x02\x01\x01\0\0\0\0\0\0\0\0\0\x03\0\x3e\0".to_vec();
         let binary = decode(binary).unwrap_err().to_string();
         assert_eq!(binary, "it is no text");

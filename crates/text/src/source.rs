@@ -1,20 +1,19 @@
-//! The author's files in one address space of offsets, and what their readers report: places, languages,
-//! modules that naga refuses.
+//! The author's files in one address space of offsets, and types for the results of readers:
+//! locations, languages, and modules that naga refuses.
 
 use serde::{Deserialize, Serialize};
 
-/// One file of the author's source. `base` is where its text begins in the address space that all
-/// spans of a [`SourceMap`] share.
+/// One file of the author's source.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SourceFile {
-    /// The name to print in messages: a path as the user gave it, or `<stdin>`.
+    /// Name in messages: a path as the user gave it, or `<stdin>`.
     pub name: String,
     pub text: String,
     /// Offset in bytes of the file's first byte in the map's address space.
     pub base: u32,
     /// Start of each line in the text, to find a place in a long file quickly.
     lines: Vec<u32>,
-    /// Whether another file was made of it, as of an imported module.
+    /// Whether the file was derived from another one, such as an imported module.
     pub is_imported: bool,
 }
 
@@ -33,7 +32,7 @@ pub struct SourceMap {
 pub struct Searched {
     pub folders: Vec<String>,
     pub wanted: Wanted,
-    /// The matches in order, a word each.
+    /// The matches in order, one word each.
     pub found: Vec<String>,
 }
 
@@ -85,8 +84,8 @@ impl SourceMap {
         base
     }
 
-    /// Adds a file that another one was made of, once: an imported module, or the text that debug
-    /// information holds. Returns its base offset.
+    /// Adds a file that was derived from another one, once: an imported module, or text from debug
+    /// information. Returns its base offset.
     pub fn add_imported(&mut self, name: impl Into<String>, text: impl Into<String>) -> u32 {
         let (name, text) = (name.into(), text.into());
         let is = |f: &&SourceFile| f.is_imported && f.name == name && f.text == text;
@@ -100,8 +99,8 @@ impl SourceMap {
         base
     }
 
-    /// Notes a missing file that was searched before another was found: if it appears, the program
-    /// changes.
+    /// Records a missing file that was searched for before another was found. If it appears, the
+    /// program changes.
     pub fn add_absent(&mut self, name: impl Into<String>) {
         let name = name.into();
         if !self.absent.contains(&name) {
@@ -109,7 +108,7 @@ impl SourceMap {
         }
     }
 
-    /// Notes a search, once.
+    /// Records a search, once.
     pub fn add_searched(&mut self, searched: Searched) {
         if !self.searched.contains(&searched) {
             self.searched.push(searched);
@@ -121,7 +120,7 @@ impl SourceMap {
         &self.searched
     }
 
-    /// Files that were searched for but missing.
+    /// Files that were searched for but not found.
     pub fn absent(&self) -> &[String] {
         &self.absent
     }

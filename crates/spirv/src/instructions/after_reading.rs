@@ -1,10 +1,11 @@
-//! What only the IR can say: a `discard` that goes on, and the number of layers.
+//! Replacements that need the IR: a `discard` that does not end the invocation, and the layer
+//! count.
 
 use naga::{Block, Expression, Function, Handle, ImageQuery, Module, Statement, TypeInner};
 use rspirv::dr::{self, Builder, Instruction, Operand};
 use rspirv::spirv::{FunctionControl, Op, Word};
 
-/// Name of the function that demotes its invocation.
+/// Name of the function that demotes its invocation to a helper.
 const DEMOTE: &str = "preshade_demote";
 
 pub(super) fn declare_demote(module: &mut Builder, id: Word) {
@@ -31,8 +32,8 @@ pub(super) fn declare_demote(module: &mut Builder, id: Word) {
     module.name(id, DEMOTE);
 }
 
-/// Writes `discard` where [`super::replace`] calls the function that demotes: SPIR-V has no such
-/// instruction inside of a block that naga reads.
+/// Writes `discard` in place of the calls that [`super::replace`] inserted for demotions. SPIR-V
+/// has no such instruction that naga reads inside of a block.
 pub(crate) fn demote(module: &mut Module) {
     let is_demote = |f: &Function| f.name.as_deref() == Some(DEMOTE);
     let all: Vec<_> = module.functions.iter().collect();
@@ -61,7 +62,8 @@ pub(crate) fn demote(module: &mut Module) {
     naga::compact::compact(module, naga::compact::KeepUnused::No);
 }
 
-/// Queries the layers where [`super::replace`] asks an array texture for its samples, which it has not.
+/// Queries the layer count in place of the sample counts that [`super::replace`] inserted. An array
+/// texture has no samples.
 pub fn layers(module: &mut Module) {
     let types = &module.types;
     let globals = &module.global_variables;

@@ -1,4 +1,4 @@
-//! The functions that WGSL lacks, or has for other types.
+//! Functions that WGSL lacks, or supports only for other types.
 
 use rspirv::dr::{Instruction, Operand};
 use rspirv::spirv::{GlslStd450Op as Function, Op, Word};
@@ -7,7 +7,7 @@ use super::Writer;
 use crate::words::{ids, literal};
 
 impl Writer<'_> {
-    /// Writes a call of a function, or what replaces it.
+    /// Writes a call of a function, or its replacement.
     pub(super) fn write_function(&mut self, instruction: Instruction, arguments: &[Word]) {
         let function = match instruction.operands.get(1) {
             Some(Operand::LiteralExtInstInteger(n)) => Function::from_u32(*n),
@@ -72,7 +72,7 @@ impl Writer<'_> {
         self.types.values.get(arguments.first()?).copied()
     }
 
-    /// Refraction of scalars, by its definition.
+    /// Refraction of scalars, computed by its definition.
     fn write_refract(&mut self, of: &Instruction, ty: Word, [value, normal, ratio]: [Word; 3]) {
         let one = self.number(ty, 1_f32.to_bits());
         let zero = self.number(ty, 0);
@@ -106,7 +106,7 @@ impl Writer<'_> {
         self.keep_ids(of, Op::CompositeConstruct, &columns);
     }
 
-    /// `OpFOrdNotEqual`, which is false for NaN, where WGSL's `!=` is true; or its opposite.
+    /// `OpFOrdNotEqual`, which is false for NaN, unlike WGSL's `!=`; or its negation.
     pub(super) fn write_order(&mut self, of: &Instruction, [a, b]: [Word; 2]) {
         let ty = of.result_type.unwrap_or_default();
         let less = self.push_ids(Op::FOrdLessThan, ty, &[a, b]);
@@ -129,15 +129,15 @@ impl Writer<'_> {
         self.keep_ids(of, Op::CopyObject, &[chosen]);
     }
 
-    /// The smaller or the larger of two, or the one that is not NaN. In WGSL either may be the result
-    /// then. The SPIR-V that is written has `NMin` and its like again.
+    /// The minimum or maximum, ignoring NaN. In WGSL a NaN operand could be the result. The SPIR-V
+    /// writer turns this back into `NMin` and the like.
     fn chosen(&mut self, function: Function, ty: Word, [a, b]: [Word; 2]) -> Word {
         let either = self.glsl(function, ty, &[a, b]);
         let either = self.unless_nan(b, ty, [either, a]);
         self.unless_nan(a, ty, [either, b])
     }
 
-    /// A value, or another one where `of` is NaN.
+    /// `value`, or `other` if `of` is NaN.
     fn unless_nan(&mut self, of: Word, ty: Word, [value, other]: [Word; 2]) -> Word {
         if !self.may_be_nan(of) {
             return value;
@@ -151,7 +151,7 @@ impl Writer<'_> {
         self.push_ids(Op::Select, ty, &[is_nan, other, value])
     }
 
-    /// Whether a value is no constant that is known to be a number.
+    /// Whether a value may be NaN: all but constants of known bits.
     fn may_be_nan(&self, id: Word) -> bool {
         let Some(i) = self.types.globals.get(&id) else {
             return true;
@@ -167,8 +167,8 @@ impl Writer<'_> {
         }
     }
 
-    /// The comparison that tests floats of 32 bits by their bits, and its operands: WGSL has neither
-    /// `isnan` nor `isinf`, and no compiler takes the bits for a constant.
+    /// The comparison that tests 32-bit floats by their bits, and its operands. WGSL has neither
+    /// `isnan` nor `isinf`, and no compiler assumes that the bits are those of a finite number.
     pub(super) fn test_bits(&mut self, test: Op, value: Word) -> (Op, [Word; 2]) {
         let uint = self.module.type_int(32, 0);
         let ty = self.type_of(&[value]).unwrap_or_default();

@@ -35,16 +35,15 @@ pub use self::after_reading::layers;
 use self::reads::is_image_read;
 use crate::words::{count_parts, globals, ids, literal, push, replace_ids, rewrite};
 
-/// Instructions that mean something else to naga, and that nothing here replaces: the name of what
-/// naga would ignore.
+/// An instruction that naga misreads and that has no replacement here.
 pub struct Lost {
     /// Index of the instruction in the listing.
     pub(super) instruction: Option<u32>,
-    /// What naga's reader would lose.
+    /// Name of the part that naga's reader would ignore.
     pub what: &'static str,
 }
 
-/// Replaces all of them.
+/// Replaces all instructions of the table above.
 pub fn replace(module: &mut Builder) -> Result<(), Lost> {
     define_undefined(module);
     let mut types = Types::of(module);
@@ -76,8 +75,8 @@ pub fn replace(module: &mut Builder) -> Result<(), Lost> {
     lost.map_or(Ok(()), Err)
 }
 
-/// Makes constants of what the functions leave undefined: naga's reader emits their expressions once
-/// for each use.
+/// Turns undefined values in functions into constants. naga's reader would emit their expressions
+/// once for each use.
 fn define_undefined(module: &mut Builder) {
     let all = globals(module.module_ref());
     let is_value = |ty: Word| {
@@ -102,12 +101,12 @@ fn define_undefined(module: &mut Builder) {
     }
 }
 
-/// Types of values, and what types are.
+/// Types of values, and definitions of types.
 struct Types {
     globals: HashMap<Word, Instruction>,
     values: HashMap<Word, Word>,
     constants: HashSet<Word>,
-    /// The textures that others are copies of.
+    /// The textures behind copies of textures.
     copies: HashMap<Word, Word>,
     glsl: Option<Word>,
 }
@@ -160,13 +159,13 @@ impl Types {
         }
     }
 
-    /// The bits of a value's scalars.
+    /// Number of bits of a value's scalars.
     fn width(&self, value: Word) -> Option<u32> {
         let scalar = self.ty(self.scalar(*self.values.get(&value)?))?;
         scalar.operands.first().and_then(literal)
     }
 
-    /// Whether a type is of structs, arrays or matrices.
+    /// Whether a type is a struct, array or matrix.
     fn has_parts(&self, ty: Word) -> bool {
         let op = self.ty(ty).map(|i| i.class.opcode);
         matches!(op, Some(Op::TypeStruct | Op::TypeArray | Op::TypeMatrix))
@@ -209,7 +208,7 @@ struct Writer<'a> {
     module: &'a mut Builder,
     block: &'a mut Vec<Instruction>,
     types: &'a mut Types,
-    /// The function that demotes, once it is needed.
+    /// The function that demotes, once one is needed.
     demote: &'a mut Option<Word>,
 }
 
@@ -226,7 +225,7 @@ impl Writer<'_> {
         self.push(op, ty, ids.iter().copied().map(Operand::IdRef))
     }
 
-    /// Writes an instruction that keeps the result's id.
+    /// Writes an instruction with the same result id.
     fn keep(&mut self, of: &Instruction, op: Op, operands: impl IntoIterator<Item = Operand>) {
         let operands = operands.into_iter().collect();
         let new = Instruction::new(op, of.result_type, of.result_id, operands);
@@ -272,14 +271,14 @@ impl Writer<'_> {
         let operands: Vec<Word> = ids(&instruction).collect();
         let result = instruction.result_type.zip(instruction.result_id);
         match (instruction.class.opcode, result, operands.as_slice()) {
-            // How memory is accessed only matters to optimisers.
+            // Memory access flags only matter to optimisers.
             (Op::Load, ..) => self.keep_ids(&instruction, Op::Load, &operands[..1]),
             (Op::Store, ..) => {
                 let operands = instruction.operands[..2].to_vec();
                 self.block
                     .push(Instruction::new(Op::Store, None, None, operands));
             }
-            // The reader does not know that a copy of a texture is one.
+            // The reader does not recognise copies of textures.
             (Op::CopyObject, Some((_, id)), [of]) if self.types.image(*of).is_some() => {
                 self.types.copies.insert(id, *of);
             }
@@ -292,7 +291,7 @@ impl Writer<'_> {
                 let function = *self.demote.get_or_insert_with(|| self.module.id());
                 self.push_ids(Op::FunctionCall, void, &[function]);
             }
-            // The reader takes these for the bitwise operators of WGSL, which vectors of bools have.
+            // The reader confuses these with WGSL's bitwise operators, which vectors of bools have.
             (op @ (Op::LogicalAnd | Op::LogicalOr), Some((ty, _)), _)
                 if self.types.size(ty) > 1 =>
             {
@@ -303,7 +302,7 @@ impl Writer<'_> {
                 self.keep_ids(&instruction, bitwise, &operands);
             }
             (Op::SMod, Some((ty, _)), [a, b]) => {
-                // The remainder has the sign of the dividend, the modulus that of the divisor.
+                // `OpSRem` has the sign of the dividend, and `OpSMod` that of the divisor.
                 let rest = self.push_ids(Op::SRem, ty, &[*a, *b]);
                 let zero = self.number(ty, 0);
                 let bools = self.bools(ty);
@@ -383,7 +382,7 @@ impl Writer<'_> {
         Ok(())
     }
 
-    /// The type of booleans with as many components as `ty`.
+    /// The boolean type with as many components as `ty`.
     fn bools(&mut self, ty: Word) -> Word {
         let bool = self.module.type_bool();
         match self.types.size(ty) {
@@ -392,7 +391,7 @@ impl Writer<'_> {
         }
     }
 
-    /// A constant with `n` in each component.
+    /// A constant of a type with `n` in each component.
     fn number(&mut self, ty: Word, n: u32) -> Word {
         let scalar = self.types.scalar(ty);
         let one = self.module.constant_bit32(scalar, n);
@@ -402,7 +401,7 @@ impl Writer<'_> {
         }
     }
 
-    /// Makes a value of a type from values of the same shape, part by part.
+    /// Builds a value of a type from values of the same shape, part by part.
     fn by_parts(
         &mut self,
         to: Word,
@@ -439,10 +438,10 @@ impl Writer<'_> {
     }
 }
 
-/// Values of more parts are not copied one by one.
+/// Values with more parts are not copied part by part.
 const MOST_COPIED: u32 = 1024;
 
-/// The comparison that holds exactly where an unordered one does not.
+/// The ordered comparison that negates an unordered one.
 fn opposite(op: Op) -> Option<Op> {
     Some(match op {
         Op::FUnordLessThan => Op::FOrdGreaterThanEqual,

@@ -1,4 +1,4 @@
-//! Samples, gathers and fetches of textures.
+//! Replaces samples, gathers and fetches of textures.
 
 use rspirv::dr::{Instruction, Operand};
 use rspirv::spirv::{Dim, GlslStd450Op, ImageOperands, Op, Word};
@@ -6,7 +6,7 @@ use rspirv::spirv::{Dim, GlslStd450Op, ImageOperands, Op, Word};
 use super::{Writer, Written, is_arrayed};
 
 impl Writer<'_> {
-    /// Samples, gathers and fetches.
+    /// Writes a sample, gather or fetch that naga reads.
     pub(super) fn write_read(
         &mut self,
         mut instruction: Instruction,
@@ -21,7 +21,7 @@ impl Writer<'_> {
         });
         if let Some((at, mask)) = mask.next_back() {
             let mut given = Given::of(&instruction, at, mask);
-            // These say how memory is read, and how a texel is converted.
+            // These flags only affect how memory is read and how texels are converted.
             given.drop_words(
                 ImageOperands::NON_PRIVATE_TEXEL
                     | ImageOperands::VOLATILE_TEXEL
@@ -81,7 +81,7 @@ impl Writer<'_> {
         })
     }
 
-    /// Adds an offset to the coordinates, without the layer.
+    /// Adds an offset to the coordinates, except for the layer.
     fn add_offset(&mut self, instruction: &mut Instruction, offset: Word) {
         let Some(Operand::IdRef(at)) = instruction.operands.get(1).cloned() else {
             return;
@@ -98,7 +98,7 @@ impl Writer<'_> {
             _ => {
                 let scalar = self.types.scalar(ty);
                 let zero = self.module.constant_bit32(scalar, 0);
-                // naga makes an invalid constant of a vector and a scalar.
+                // A constant of a vector and a scalar would be invalid in naga.
                 let mut parts = match self.types.size(of) {
                     1 => vec![offset],
                     n => (0..n)
@@ -116,7 +116,8 @@ impl Writer<'_> {
         instruction.operands[1] = Operand::IdRef(sum);
     }
 
-    /// The layer follows the coordinates; more components may follow it, such as glslang's depth.
+    /// Rounds the layer, which follows the coordinates. More components may follow it, such as
+    /// glslang's depth.
     fn round_layer(&mut self, instruction: &mut Instruction, image: &Instruction) {
         let Some(Operand::IdRef(at)) = instruction.operands.get(1).cloned() else {
             return;
@@ -143,7 +144,7 @@ impl Writer<'_> {
     }
 }
 
-/// Image operands with their ids.
+/// Optional image operands of an instruction, with their ids.
 struct Given {
     all: Vec<(ImageOperands, Vec<Word>)>,
 }

@@ -1,4 +1,4 @@
-//! The signs of integers: SPIR-V has them in an instruction's name, and naga takes them from the type.
+//! Signedness of integers: SPIR-V defines it by the instruction, naga by the type.
 
 use std::ops::Range;
 
@@ -9,8 +9,8 @@ use super::Writer;
 use crate::words::literal;
 
 impl Writer<'_> {
-    /// Gives an instruction the operands and the result whose sign its name says: naga takes the
-    /// sign from the type. Returns the instruction that casts the result back.
+    /// Casts operands and result to the signedness that the instruction's name implies, because
+    /// naga takes it from the type. Returns the instruction that casts the result back.
     pub(super) fn cast_signs(&mut self, instruction: &mut Instruction) -> Option<Instruction> {
         let signs = Signs::of(instruction, self.types.glsl)?;
         let first = signs.operands.start;
@@ -43,14 +43,14 @@ impl Writer<'_> {
         Some(Instruction::new(Op::Bitcast, Some(ty), Some(id), operands))
     }
 
-    /// Whether a type of integers is of signed ones.
+    /// Whether a type has signed integers. `None` for other types.
     fn is_signed(&self, ty: Word) -> Option<bool> {
         let scalar = self.types.ty(self.types.scalar(ty))?;
         let is_int = scalar.class.opcode == Op::TypeInt;
         is_int.then(|| scalar.operands.get(1).and_then(literal) == Some(1))
     }
 
-    /// The same type of integers with another sign.
+    /// The same integer type with the given signedness.
     fn with_sign(&mut self, ty: Word, is_signed: bool) -> Option<Word> {
         let width = self.types.ty(self.types.scalar(ty))?;
         let width = width.operands.first().and_then(literal)?;
@@ -63,7 +63,7 @@ impl Writer<'_> {
         Some(new)
     }
 
-    /// Takes note of types that the builder made.
+    /// Records types that the builder created.
     pub(super) fn learn(&mut self, types: [Word; 2]) {
         for id in types {
             let mut all = self.module.module_ref().types_global_values.iter();
@@ -74,13 +74,13 @@ impl Writer<'_> {
     }
 }
 
-/// The signs of the integers that an instruction takes and gives.
+/// The signedness of the integers that an instruction reads and returns.
 struct Signs {
-    /// The indices of the operands whose sign counts.
+    /// Indices of the operands whose signedness matters.
     operands: Range<usize>,
-    /// `None`: as the first one's type has it.
+    /// `None`: that of the first operand's type.
     operand: Option<bool>,
-    /// `None`: as the operands have it.
+    /// `None`: that of the operands.
     result: Option<bool>,
 }
 

@@ -1,4 +1,4 @@
-//! Writes accesses to memory whose layout changed: pointers to parts, loads and stores.
+//! Rewrites accesses to memory whose layout changed: pointers to parts, loads and stores.
 
 use std::collections::HashMap;
 use std::rc::Rc;
@@ -9,34 +9,35 @@ use rspirv::spirv::{Op, StorageClass, Word};
 use super::{Layouts, Memory};
 use crate::words::{count_parts, ids, is_access, push};
 
-/// Values of more parts are not loaded or stored as a whole.
+/// Values with more parts are not loaded or stored as a whole.
 const MOST_PARTS: u32 = 1024;
 
-/// A pointer to changed memory.
+/// A pointer to memory whose layout changed.
 #[derive(Clone)]
 struct ChangedPointer {
     pointer: Word,
     class: StorageClass,
     memory: Rc<Memory>,
-    /// The type of the value there.
+    /// The author's type of the value.
     value: Word,
-    /// The vector in it whose components lie apart, if that is the place.
+    /// The vector that this pointer refers to, if its components are not contiguous.
     apart: Option<Apart>,
 }
 
-/// A vector whose components lie apart.
+/// A vector whose components are not contiguous.
 #[derive(Clone, Copy)]
 enum Apart {
-    /// A column of a transposed matrix.
+    /// A column of a transposed matrix, by its index.
     Column(Word),
-    /// Members of a struct from this one on, or the one of them that an index chooses.
+    /// Consecutive members of a struct, starting at `first`. `chosen`: the dynamic index of one of
+    /// them.
     Members { first: u32, chosen: Option<Word> },
 }
 
-/// What cannot be written, in words.
+/// The error describes the access that cannot be written.
 type Written<T = ()> = Result<T, String>;
 
-/// The pointers to changed memory.
+/// The pointers to memory whose layout changed.
 #[derive(Default)]
 pub(super) struct Places(HashMap<Word, ChangedPointer>);
 
@@ -57,7 +58,7 @@ impl Places {
         self.0.is_empty()
     }
 
-    /// What writes the accesses of a block.
+    /// The rewriter for a block's accesses.
     pub(super) fn of<'a>(
         &'a mut self,
         layouts: &'a Layouts,
@@ -73,7 +74,7 @@ impl Places {
     }
 }
 
-/// Writes the accesses of a block.
+/// Rewrites the accesses of a block.
 pub(super) struct Accesses<'a> {
     places: &'a mut HashMap<Word, ChangedPointer>,
     layouts: &'a Layouts,
@@ -82,7 +83,7 @@ pub(super) struct Accesses<'a> {
 }
 
 impl Accesses<'_> {
-    /// Writes an instruction, or what replaces it.
+    /// Writes an instruction, or its replacement.
     pub(super) fn write(&mut self, mut i: Instruction) -> Written {
         let place = ids(&i).next().and_then(|id| self.places.get(&id)).cloned();
         let Some(place) = place else {
@@ -252,9 +253,9 @@ impl Accesses<'_> {
         }
     }
 
-    /// The path to the component of a vector that the next index names, from the struct that has its
-    /// components as members; or what lies apart, if no index is left or none is constant. With the
-    /// type of the value.
+    /// Resolves the next index into a vector whose components are members of a struct. With a
+    /// constant index, returns the path from the struct to the component. Otherwise returns the
+    /// vector as [`Apart`]. Also returns the type of the value.
     fn component(
         &mut self,
         first: u32,
@@ -274,7 +275,7 @@ impl Accesses<'_> {
         }
     }
 
-    /// The pointers to the components of a vector, and its type.
+    /// Pointers to the components of a vector, and the vector's type.
     fn components(&mut self, place: &ChangedPointer, apart: Apart) -> (Vec<Word>, Word) {
         let column = match apart {
             Apart::Column(column) => column,
@@ -302,7 +303,7 @@ impl Accesses<'_> {
         (all.collect(), vector)
     }
 
-    /// The pointers to members that are the components of a vector, and its type.
+    /// Pointers to the members that hold the components of a vector, and the vector's type.
     fn members(&mut self, place: &ChangedPointer, first: u32) -> (Vec<Word>, Word) {
         let vector = place.value;
         let scalar = self.part(vector, 0);
@@ -379,7 +380,7 @@ impl Accesses<'_> {
     fn convert(&mut self, (id, ty): (Word, Word), memory: &Memory, is_load: bool) -> Word {
         let target = if is_load { ty } else { memory.ty() };
         match memory {
-            // The struct around takes components apart.
+            // The enclosing struct separates the components.
             Memory::Same(_) | Memory::Components { .. } => id,
             Memory::Struct { ty: own, members } => {
                 let mut parts: Vec<Option<Word>> = match is_load {

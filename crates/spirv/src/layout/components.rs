@@ -1,4 +1,5 @@
-//! Vectors that begin where WGSL has none: each component becomes a member of the struct around.
+//! Splits vectors at offsets that WGSL does not allow: each component becomes a member of the
+//! struct.
 
 use std::rc::Rc;
 
@@ -9,7 +10,7 @@ use super::{Layouts, Memory, Unfit};
 use crate::words::ids;
 
 impl Layouts {
-    /// The types of the members that a member becomes.
+    /// The types of the members that replace a member.
     pub(super) fn member_types(&self, memory: &Memory) -> Vec<Word> {
         match memory {
             Memory::Components { vector, count } => {
@@ -20,7 +21,7 @@ impl Layouts {
         }
     }
 
-    /// A member's memory, or its components' if it does not begin where WGSL has such a member.
+    /// A member's memory. If WGSL allows no such member at its offset, that of its components.
     pub(super) fn aligned(
         &self,
         of: Word,
@@ -47,7 +48,7 @@ impl Layouts {
         }
     }
 
-    /// Names and places the members that the components of a vector become.
+    /// Sets names and offsets of the members that replace a vector.
     pub(super) fn part_components(
         &mut self,
         module: &mut Builder,

@@ -1,15 +1,13 @@
 //! Gives blocks a layout that WGSL can express: columns for rows, and padding for strides.
 //!
-//! | in memory | becomes |
-//! |---|---|
-//! | a block that begins at an offset | the same, after padding |
-//! | a row-major matrix | its transpose |
-//! | an array whose stride is larger than its elements | an array of structs with padding |
-//! | members that are not in the order of their offsets | the same in that order |
-//! | a matrix whose stride is larger than its columns, as `mat2` in std140 | the same, of its columns |
-//! | a vector that begins where WGSL has none, as a `float3` at byte 4 of a cbuffer | a member for each component |
+//! | in memory | becomes | |---|---| | a block that begins at an offset | the same, after padding |
+//! | a row-major matrix | its transpose | | an array whose stride is larger than its elements | an
+//! array of structs with padding | | members that are not in the order of their offsets | the same
+//! in that order | | a matrix whose stride is larger than its columns, as `mat2` in std140 | the
+//! same, of its columns | | a vector at an offset that WGSL does not allow, as a `float3` at byte 4
+//! of a cbuffer | a member for each component |
 //!
-//! Only memory changes: a loaded value has the author's type. The bytes stay where they are.
+//! Only types in memory change: a loaded value has the author's type, and the bytes stay in place.
 
 mod access;
 mod components;
@@ -26,17 +24,17 @@ use crate::words::{
     decorations, globals, ids, literal, member_decorations, names, rewrite, storage_class,
 };
 
-/// The largest type that naga takes, in bytes.
+/// The largest type that naga supports, in bytes.
 const MOST_BYTES: u32 = 1 << 30;
 
-/// How a value lies in memory.
+/// The layout of a value in memory.
 #[derive(Debug)]
 enum Memory {
-    /// As its type says.
+    /// As its type specifies.
     Same(Word),
     Struct {
         ty: Word,
-        /// The author's, with their indices in memory. Padding has the others.
+        /// The author's members, with their indices in memory. Other indices are padding.
         members: Vec<(u32, Rc<Memory>)>,
     },
     Array {
@@ -44,16 +42,16 @@ enum Memory {
         element: Rc<Memory>,
         is_wrapped: bool,
     },
-    /// The columns, or the rows if it is transposed, one by one in an array if they are wrapped.
+    /// The columns, or the rows if transposed. If wrapped, each is an element of an array.
     Matrix {
         ty: Word,
         is_transposed: bool,
-        /// Type of a column or row in memory, if they are wrapped.
+        /// Type of a column or row in memory, if wrapped.
         wrapped: Option<Word>,
-        /// The matrix of the columns in memory.
+        /// Type of a matrix with the columns as they are in memory.
         matrix: Word,
     },
-    /// A vector whose components are members of the struct around it.
+    /// A vector whose components are members of the enclosing struct.
     Components { vector: Word, count: u32 },
 }
 
@@ -68,7 +66,7 @@ impl Memory {
         }
     }
 
-    /// The number of members that it takes of the struct around it.
+    /// How many members of the enclosing struct it occupies.
     fn width(&self) -> u32 {
         match self {
             Self::Components { count, .. } => *count,
@@ -81,15 +79,16 @@ impl Memory {
     }
 }
 
-/// Why a block has no layout in WGSL, and the instruction that says so.
+/// Why WGSL has no layout for a block, and the instruction at fault.
 pub(super) struct Unfit {
-    /// Id of the type; 0 for a use, and then `line` says where.
+    /// Id of the type, or 0 for a use, which `line` locates.
     pub(super) id: Word,
     pub(super) line: Option<u32>,
     pub(super) why: String,
 }
 
-/// Changes the layout of all blocks. Returns the structs and members that the author has by rows.
+/// Changes the layout of all blocks. Returns the structs and members that the author declared
+/// row-major.
 pub(super) fn fit(module: &mut Builder) -> Result<Vec<(String, String)>, Unfit> {
     let mut layouts = Layouts::of(module);
     let mut places = Places::default();
@@ -150,7 +149,7 @@ pub(super) fn fit(module: &mut Builder) -> Result<Vec<(String, String)>, Unfit> 
     failed.map_or(Ok(layouts.rows), Err)
 }
 
-/// How a struct's member holds its matrices.
+/// How a struct's member stores its matrices.
 #[derive(Clone, Copy)]
 struct Held {
     is_row_major: bool,
@@ -161,17 +160,17 @@ struct Layouts {
     globals: HashMap<Word, Instruction>,
     strides: HashMap<Word, u32>,
     names: HashMap<Word, String>,
-    /// The decorations of members, by struct and index.
+    /// Decorations of members, by struct and index.
     members: HashMap<(Word, u32), Vec<Instruction>>,
     /// Structs in memory, by type and size.
     known: HashMap<(Word, Option<u32>), Rc<Memory>>,
     /// Structs of an element and its padding, by type and size.
     wrappers: HashMap<(Word, u32), Word>,
-    /// The author's types that lie in memory as other types.
+    /// The author's types that have another type in memory.
     changed: HashSet<Word>,
-    /// Structs and members by rows.
+    /// Row-major members, with their structs.
     rows: Vec<(String, String)>,
-    /// The name of the block at hand, for the names of new structs.
+    /// Name of the current block, from which new structs are named.
     block: String,
     taken: HashSet<String>,
 }
@@ -250,7 +249,7 @@ impl Layouts {
         id
     }
 
-    /// Size and alignment in bytes, by WGSL's rules.
+    /// Size and alignment in bytes by WGSL's rules.
     fn size(&self, ty: Word) -> (u32, u32) {
         let Some(i) = self.globals.get(&ty) else {
             return (4, 4);
@@ -299,7 +298,7 @@ impl Layouts {
         }
     }
 
-    /// How a type lies in memory; `held` says how the matrices in it do.
+    /// The layout of a type in memory, with matrices stored as `held` specifies.
     fn memory(
         &mut self,
         module: &mut Builder,
@@ -319,8 +318,8 @@ impl Layouts {
                 let stride = self.strides.get(&ty).copied().unwrap_or(natural);
                 let op = self.globals.get(&of).map(|i| i.class.opcode);
                 if op == Some(Op::TypeStruct) && stride > natural {
-                    // In a uniform block, no member may follow a struct so closely: the padding goes
-                    // inside.
+                    // In a uniform block, no member may follow a struct this closely, so the
+                    // padding goes inside.
                     check_stride(ty, (size, align), stride)?;
                     element = self.struct_memory(module, of, Some(stride))?;
                 }
@@ -334,7 +333,7 @@ impl Layouts {
                 let new = self.declare(module, i.class.opcode, operands);
                 self.decorate_stride(module, new, stride);
                 self.changed.insert(ty);
-                // The name of an array type stands for its length.
+                // The name of an array type determines its length.
                 if let Some(name) = names(module.module_ref()).remove(&ty) {
                     module.name(new, name);
                 }
@@ -383,7 +382,7 @@ impl Layouts {
         })
     }
 
-    /// How a struct lies in memory; `size` if it is larger than its members.
+    /// The layout of a struct in memory. `size`: its size, if larger than that of its members.
     fn struct_memory(
         &mut self,
         module: &mut Builder,
@@ -454,7 +453,7 @@ impl Layouts {
         })
     }
 
-    /// Gives the members of a new struct the names of the old one's.
+    /// Copies member names to a new struct.
     fn move_names(
         &mut self,
         module: &mut Builder,
@@ -482,7 +481,7 @@ impl Layouts {
         }
     }
 
-    /// Gives a new struct the decorations of the old one.
+    /// Copies decorations to a new struct.
     fn move_decorations(&mut self, module: &mut Builder, (ty, new): (Word, Word), indices: &[u32]) {
         let is_row_major = Operand::Decoration(Decoration::RowMajor);
         let annotations = module.module_ref().annotations.iter();
@@ -501,8 +500,8 @@ impl Layouts {
         }
     }
 
-    /// Drops the layout of the author's types that lie in memory as others: of a value, naga's reader
-    /// takes it for more than there is.
+    /// Drops layout decorations of the author's types that have another type in memory. On a type
+    /// of plain values, naga's reader would misinterpret them.
     fn strip(&self, module: &mut Builder) {
         let is_layout = |o: &Operand| {
             matches!(
@@ -556,7 +555,7 @@ impl Layouts {
         array
     }
 
-    /// Takes note of a definition that the builder made.
+    /// Records a definition that the builder made.
     fn learn(&mut self, module: &Builder, id: Word) {
         let mut all = module.module_ref().types_global_values.iter();
         if let Some(i) = all.find(|i| i.result_id == Some(id)) {
@@ -581,7 +580,7 @@ impl Layouts {
         self.strides.insert(ty, stride);
     }
 
-    /// `of`, or a struct of it with padding that fills `stride`.
+    /// `of`, or a struct with `of` and padding up to `stride`.
     fn wrapped(
         &mut self,
         module: &mut Builder,

@@ -12,7 +12,7 @@ use rspirv::spirv::{BuiltIn, Decoration, Op};
 
 use super::ids;
 
-/// A variable or pointer parameter and its member; `None`: all of it.
+/// A variable or pointer parameter, and its member (`None`: all of it).
 type Memory = (u32, Option<u32>);
 
 /// A write to memory.
@@ -23,7 +23,7 @@ struct Write {
 }
 
 struct Module<'a> {
-    /// By result.
+    /// By result id.
     defined: HashMap<u32, &'a Instruction>,
     writes: Vec<Write>,
     /// By function.
@@ -33,7 +33,7 @@ struct Module<'a> {
     calls: Vec<Vec<u32>>,
 }
 
-/// All ids that may affect the position, or `None` if the analysis fails.
+/// All ids that may affect the position. `None` if the analysis fails.
 pub fn slice(module: &dr::Module) -> Option<HashSet<u32>> {
     let (module, mut asked) = read(module)?;
     let mut seen: HashSet<(u32, Option<u32>)> = HashSet::new();
@@ -66,7 +66,7 @@ fn read(all: &dr::Module) -> Option<(Module<'_>, Vec<Memory>)> {
         i.class.opcode == Op::Decorate && i.operands.ends_with(&of)
     };
     let mut positions = all.annotations.iter().filter(is_position).flat_map(ids);
-    // With two positions, the entry point's is unknown.
+    // With two positions it is unknown which one the entry point uses.
     let (Some(position), None) = (positions.next(), positions.next()) else {
         return None;
     };
@@ -118,8 +118,8 @@ impl Module<'_> {
                 let base = operands.next()?;
                 asked.push(self.place(id)?);
                 asked.extend(operands.map(|i| (i, None)));
-                // The base variable was visited by member above. A chain on a chain has its own
-                // indices.
+                // The base variable was visited by member above. A chain on another chain has its
+                // own indices.
                 if self.opcode(base).is_some_and(is_access_chain) {
                     asked.push((base, None));
                 }
@@ -155,7 +155,7 @@ impl Module<'_> {
         Some(())
     }
 
-    /// Visits every store to `member` of a variable or a parameter's target. For a by-value
+    /// Visits every store to `member` of a variable or of a parameter's target. For a by-value
     /// parameter, visits the arguments.
     fn ask_memory(&self, root: u32, member: Option<u32>, asked: &mut Vec<Memory>) -> Option<()> {
         for write in self.writes.iter().filter(|w| w.to.0 == root) {
