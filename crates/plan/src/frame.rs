@@ -1,6 +1,8 @@
 //! Merges the plans of several materials into one frame: all pre-passes before any main pass,
 //! blended draws last, one shared depth.
 
+use std::collections::BTreeSet;
+
 use serde::{Deserialize, Serialize};
 
 use crate::plan::{Attachment, Draws, GpuPass, Phase, Plan};
@@ -198,23 +200,13 @@ impl FramePlan {
                 match attachments.iter_mut().find(|(b, _)| b.name == a.name) {
                     None => attachments.push((a.clone(), plan.material.clone())),
                     Some((b, first)) => {
-                        let of = |a: &Attachment| (a.format.clone(), a.samples, a.clear, a.divisor);
-                        if of(a) != of(b) {
-                            let describe = |a: &Attachment| {
-                                let size = match a.divisor {
-                                    1 => String::new(),
-                                    n => format!(", of 1/{n} of the size"),
-                                };
-                                let of = (&a.format, a.samples, a.clear);
-                                format!("{:?} x{}, cleared to {:?}{size}", of.0, of.1, of.2)
-                                    .to_lowercase()
-                            };
+                        if !a.is_like(b) {
                             return Err(FrameError::AttachmentMismatch {
                                 name: a.name.clone(),
                                 first: first.clone(),
-                                a: describe(b),
+                                a: b.description(),
                                 second: plan.material.clone(),
-                                b: describe(a),
+                                b: a.description(),
                             });
                         }
                         b.sampled |= a.sampled;
@@ -223,14 +215,11 @@ impl FramePlan {
             }
         }
         let mut passes: Vec<FramePass> = Vec::new();
-        for phase in [
-            Phase::HalfRate,
-            Phase::Depth,
-            Phase::Classify,
-            Phase::Resolve,
-            Phase::Opaque,
-            Phase::Blended,
-        ] {
+        let phases = (plans.clone().into_iter())
+            .flat_map(|plan| &plan.passes)
+            .map(|p| p.phase);
+        let phases: BTreeSet<Phase> = phases.filter(|phase| phase.is_of_frame()).collect();
+        for phase in phases {
             let first_of_phase = passes.len();
             for plan in plans.clone() {
                 for (index, pass) in plan

@@ -219,6 +219,25 @@ impl Attachment {
         }
     }
 
+    /// Whether two materials may share it. Each may sample it or not.
+    pub(crate) fn is_like(&self, other: &Self) -> bool {
+        let sampled = other.sampled;
+        Self {
+            sampled,
+            ..self.clone()
+        } == *other
+    }
+
+    /// Its properties, for messages.
+    pub(crate) fn description(&self) -> String {
+        let size = match self.divisor {
+            1 => String::new(),
+            n => format!(", of 1/{n} of the size"),
+        };
+        let (format, samples, clear) = (&self.format, self.samples, self.clear);
+        format!("{format:?} x{samples}, cleared to {clear:?}{size}").to_lowercase()
+    }
+
     /// Its size for a host's colour attachment of this one: width and height in pixels.
     pub fn size(&self, host: [u32; 2]) -> [u32; 2] {
         host.map(|length| length.div_ceil(self.divisor.max(1)))

@@ -47,8 +47,6 @@ use preshade_plan::state::{CompareFunction, StencilState};
 use shader_text::refusals::RefusalInfo;
 
 mod build;
-mod derivatives;
-mod plan;
 pub mod refusals;
 mod text;
 mod values;

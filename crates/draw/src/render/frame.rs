@@ -18,7 +18,7 @@ use super::picture::{ColorImage, DepthImage};
 use super::pipeline::{Build, PipelineKey, blank_fragment};
 use super::shader::{PlannedPass, Variant};
 use super::subdivided::{Meshes, Subdivided, SubdivisionCost};
-use super::targets::Targets;
+use super::targets::{self, Targets};
 use super::{Error, compute, order, readback};
 use crate::scene::bind::{self, Area};
 use crate::scene::{DrawOrder, Frame, Rows, Scene};
@@ -673,7 +673,7 @@ impl<'a> Prepared<'a> {
                 continue;
             };
             let own = draw.area.map_or(whole, |own| own.scaled(scene.size));
-            let wanted = item.call.area(own, whole).divided(divisor);
+            let wanted = targets::divided(item.call.area(own, whole), divisor);
             if area != wanted {
                 wanted.set(render);
                 area = wanted;

@@ -11,6 +11,25 @@ use preshade_plan::state::DepthFormat;
 use super::gpu::Gpu;
 use super::shader::Variant;
 use super::{Error, readback, state};
+use crate::scene::bind::Area;
+
+/// The same part of an attachment with this divisor ([`Attachment`]).
+pub(super) fn divided(area: Area, divisor: u32) -> Area {
+    if divisor <= 1 {
+        return area;
+    }
+    let n = divisor as f32;
+    let first = 0.5 - 0.5 / n;
+    let [x, y, w, h, near, far] = area.viewport;
+    let [left, top, width, height] = area.scissor;
+    let end = |from: u32, length: u32| (from + length).div_ceil(divisor);
+    let (x0, y0) = (left / divisor, top / divisor);
+    Area {
+        viewport: [x / n + first, y / n + first, w / n, h / n, near, far],
+        scissor: [x0, y0, end(left, width) - x0, end(top, height) - y0],
+        of: area.of.map(|length| length.div_ceil(divisor)),
+    }
+}
 
 /// A depth attachment.
 pub(super) struct DepthTarget {

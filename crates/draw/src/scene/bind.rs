@@ -233,25 +233,6 @@ impl Area {
         }
     }
 
-    /// The same part of an attachment with this divisor
-    /// ([`preshade_plan::plan::Attachment`]).
-    pub(crate) fn divided(self, divisor: u32) -> Self {
-        if divisor <= 1 {
-            return self;
-        }
-        let n = divisor as f32;
-        let first = 0.5 - 0.5 / n;
-        let [x, y, w, h, near, far] = self.viewport;
-        let [left, top, width, height] = self.scissor;
-        let end = |from: u32, length: u32| (from + length).div_ceil(divisor);
-        let (x0, y0) = (left / divisor, top / divisor);
-        Self {
-            viewport: [x / n + first, y / n + first, w / n, h / n, near, far],
-            scissor: [x0, y0, end(left, width) - x0, end(top, height) - y0],
-            of: self.of.map(|length| length.div_ceil(divisor)),
-        }
-    }
-
     /// The same part of a target of another size.
     pub(crate) fn scaled(self, size: [u32; 2]) -> Self {
         if size == self.of {

@@ -1,20 +1,32 @@
-//! The two stages: one that computes the values, and one that reads them.
+//! The two stages, one that computes the values and one that reads them, and the plan with both passes.
 
 use naga::{
-    Binding, BuiltIn, Expression, Function, FunctionResult, Handle, Module, Scalar, ShaderStage,
-    Statement, TypeInner, UnaryOperator, VectorSize,
+    Binding, BuiltIn, Expression, Function, FunctionResult, Handle, ImageClass, ImageDimension,
+    Literal, Module, SampleLevel, Scalar, ShaderStage, Statement, TypeInner, UnaryOperator,
+    VectorSize,
 };
 
-use super::{Edges, HalvedValues, derivatives, text};
+use super::{Edges, HalfRate, HalfRateParams, HalvedValues, text, values};
 use crate::rebuild::color;
 use crate::rebuild::outline::{self, Extracted, Failed, Names};
-use crate::rebuild::place::{self, CodeBuilder, Rewrite};
+use crate::rebuild::place::{self, CodeBuilder, Replacement, Rewrite};
 use crate::rebuild::remainder::Given;
 use crate::rebuild::snippet::{Linked, ours};
 use preshade_dataflow::graph::FunctionId;
 use preshade_dataflow::slice::Termination;
+use preshade_plan::budget::Budget;
+use preshade_plan::contract::Contract;
+use preshade_plan::pass::{Outcome, Pass};
+use preshade_plan::plan::{
+    Attachment, BindingKind, BindingSource, BindingUse, Change, Draws, GpuPass, Phase, Plan, Role,
+    SiteCost,
+};
 use preshade_plan::program::Program;
 use preshade_plan::reflect;
+use preshade_plan::state::ColorTarget;
+
+/// Format of the targets: words, which no driver rounds.
+const FORMAT: &str = "rgba32uint";
 
 const NAMES: Names = Names {
     function: "half_rate",
@@ -75,7 +87,7 @@ impl HalvedValues<'_, '_, '_> {
                 (ShaderStage::Fragment, &entry),
             ],
         );
-        let (half, has_derivatives) = derivatives::at_full_rate(half);
+        let (half, has_derivatives) = at_full_rate(half);
         let (group, binding) = reflect::free_binding(program.module());
         let at = [group, binding];
         let edges = match has_derivatives {
@@ -294,4 +306,177 @@ fn position(
     let found = mapped.unwrap_or(given);
     *at = Some(found);
     found
+}
+
+/// The half-rate module with the derivatives and implicit levels of neighbouring pixels, and whether
+/// there are any.
+fn at_full_rate(mut module: Module) -> (Module, bool) {
+    let functions = module
+        .functions
+        .iter()
+        .map(|(h, _)| FunctionId::Function(h));
+    let entries = 0..module.entry_points.len();
+    let all: Vec<FunctionId> = functions
+        .chain(entries.map(FunctionId::EntryPoint))
+        .collect();
+    let mut any = false;
+    for id in all {
+        let function = place::function_mut(&mut module, id);
+        let of = |wanted: fn(&Expression) -> bool| -> Vec<Handle<Expression>> {
+            let all = function.expressions.iter();
+            all.filter(|(_, e)| wanted(e)).map(|(h, _)| h).collect()
+        };
+        let derivatives = of(|e| matches!(e, Expression::Derivative { .. }));
+        let implicit = of(|e| {
+            let level = match e {
+                Expression::ImageSample { level, .. } => level,
+                _ => return false,
+            };
+            matches!(level, SampleLevel::Auto | SampleLevel::Bias(_))
+        });
+        if derivatives.is_empty() && implicit.is_empty() {
+            continue;
+        }
+        any = true;
+        let samples: Vec<_> = implicit
+            .into_iter()
+            .filter(|e| takes_bias(&module, id, *e))
+            .collect();
+        module = place::rewritten(&module, id, |build| {
+            let half = build.literal(Literal::F32(0.5));
+            let finer = build.literal(Literal::F32(-1.0));
+            let derivatives = derivatives.iter().map(|e| (*e, Replacement::Times(half)));
+            let samples = samples.iter().map(|e| (*e, Replacement::Level(finer)));
+            Rewrite {
+                replacements: derivatives.chain(samples).collect(),
+                ..Rewrite::default()
+            }
+        });
+    }
+    (module, any)
+}
+
+/// Whether WGSL has a sample of the same image with a bias: not of depths, nor in one dimension. Those keep their level.
+fn takes_bias(module: &Module, id: FunctionId, sample: Handle<Expression>) -> bool {
+    let function = match id {
+        FunctionId::Function(function) => &module.functions[function],
+        FunctionId::EntryPoint(entry) => &module.entry_points[entry].function,
+    };
+    let Expression::ImageSample { image, .. } = function.expressions[sample] else {
+        return false;
+    };
+    let ty = match function.expressions[image] {
+        Expression::GlobalVariable(global) => module.global_variables[global].ty,
+        Expression::FunctionArgument(argument) => function.arguments[argument as usize].ty,
+        // An element of an array of bindings.
+        _ => return false,
+    };
+    matches!(
+        module.types[ty].inner,
+        TypeInner::Image {
+            dim: ImageDimension::D2 | ImageDimension::D3 | ImageDimension::Cube,
+            class: ImageClass::Sampled { .. },
+            ..
+        }
+    )
+}
+
+impl HalvedValues<'_, '_, '_> {
+    pub(super) fn outcome(
+        self,
+        plan: &Plan,
+        built: Built,
+        params: &HalfRateParams,
+        budget: Budget,
+    ) -> Outcome {
+        let mut next = plan.clone();
+        let main = self.stage.pass;
+        let names: Vec<String> = (0..self.layout.targets())
+            .map(|i| match i {
+                0 => format!("half-rate-{}", plan.material),
+                _ => format!("half-rate-{}-more", plan.material),
+            })
+            .collect();
+        next.attachments.extend(names.iter().map(|name| Attachment {
+            divisor: 2,
+            ..Attachment::color(name, FORMAT, [0.0; 4])
+        }));
+        let mut half = GpuPass {
+            role: Role::HalfRate,
+            phase: Phase::HalfRate,
+            program: Role::HalfRate.name().to_owned(),
+            fragment: Some(built.entry.clone()),
+            depth: None,
+            stencil: None,
+            targets: names
+                .iter()
+                .map(|name| {
+                    Some(ColorTarget {
+                        attachment: Some(name.clone()),
+                        ..ColorTarget::opaque(FORMAT)
+                    })
+                })
+                .collect(),
+            draws: Draws::All,
+            ..main.clone()
+        };
+        reflect::fill(&mut half, &built.half);
+        for pass in &mut next.passes {
+            pass.bindings.extend(built.bindings(&names));
+            reflect::fill(pass, &built.main);
+        }
+        next.passes.insert(0, half);
+        next.programs.insert(main.program.clone(), built.main);
+        next.programs
+            .insert(Role::HalfRate.name().to_owned(), built.half);
+        let (given, change) = (self.stage.given.clone(), self.change(built.edges));
+        let step = (HalfRate::INFO.name, params);
+        let contract = |given| Contract::Approximate { budget, given };
+        self.moved.outcome(next, step, change, given, contract)
+    }
+
+    fn change(&self, edges: Edges) -> Change {
+        let guides = self.choice.guides.iter();
+        let guides: Vec<String> = guides
+            .map(|id| format!("`{}`", values::guide_name(self.moved.values, *id)))
+            .collect();
+        let guided = match guides.is_empty() {
+            true => "no value tells edges".to_owned(),
+            false => format!("edges are those of {}", guides.join(", ")),
+        };
+        let alone = match (edges, self.edges) {
+            (Edges::Computed, _) => "a pixel unlike its neighbours computes them itself",
+            (Edges::Blended, Edges::Blended) => "a pixel unlike its neighbours takes their mean",
+            (Edges::Blended, Edges::Computed) => {
+                "a pixel unlike its neighbours takes their mean, for they need derivatives"
+            }
+        };
+        let choice = &self.choice;
+        let what = format!(
+            "computes {} for one pixel of each 2x2 ({:.0} ops); {guided}, and {alone}; a pixel \
+             costs {:.0} ops instead of {:.0}",
+            self.moved.names(),
+            choice.half,
+            choice.after,
+            choice.before
+        );
+        let cost = SiteCost {
+            slice: choice.saved(),
+            whole: choice.before,
+        };
+        self.moved.change(self.stage.pass, &what, cost)
+    }
+}
+
+impl Built {
+    /// The targets' bindings with their sources, for [`reflect::fill`].
+    fn bindings(&self, names: &[String]) -> Vec<BindingUse> {
+        let [group, first] = self.at;
+        let all = names.iter().enumerate();
+        all.map(|(i, name)| {
+            let source = BindingSource::Attachment { name: name.clone() };
+            BindingUse::new([group, first + i as u32], BindingKind::Texture, source)
+        })
+        .collect()
+    }
 }
