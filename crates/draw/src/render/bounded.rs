@@ -1,4 +1,5 @@
-//! Draws a frame whose loops may not end with bounded copies first, so that none of them hangs a GPU.
+//! Draws bounded copies of shaders whose loops may not end before the frame itself, so that no loop
+//! hangs the GPU.
 
 use std::sync::atomic::Ordering;
 use std::sync::{Mutex, PoisonError};
@@ -15,23 +16,23 @@ use super::shader::{Bound, Variant};
 use super::{Error, FrameSettings, Prepared};
 use crate::scene::bind;
 
-/// The frame's buffer into which bounded copies write.
+/// The frame's buffer that bounded copies write to.
 const BUFFER: &str = "preshade_loops";
 
-/// Largest number in a uniform buffer that a loop counts up to without a guard.
+/// A loop that counts up to a uniform of at most this value needs no guard.
 const SMALL: f64 = MOST_TURNS as f64;
 
 /// A frame of bounded copies.
 pub(super) struct Guard<'a> {
     frame: Box<Prepared<'a>>,
-    /// The loops by number, from 1.
+    /// Descriptions of the loops by number, from 1.
     loops: Vec<String>,
-    /// The frame of the scene that last ended ([`SceneInputs::serial`]).
+    /// [`SceneInputs::serial`] of the last frame in which all copies ended.
     ended: Mutex<Option<u64>>,
 }
 
 impl<'a> Guard<'a> {
-    /// The guard of a variant; `None`: all loops end.
+    /// The guard of a variant. `None` if all loops end.
     ///
     /// # Errors
     /// As [`Prepared::new`].
@@ -64,7 +65,7 @@ impl<'a> Guard<'a> {
         Ok(Some(this))
     }
 
-    /// Draws the copies, unless all of them ended in this frame of the scene already.
+    /// Draws the copies, unless all of them already ended in this frame of the scene.
     ///
     /// # Errors
     /// [`Error::Endless`], or as [`Prepared::draw`].
@@ -91,7 +92,7 @@ impl<'a> Guard<'a> {
     }
 }
 
-/// A plan with bounded copies in place of the programs that need them. Adds their loops to `loops`.
+/// A plan in which bounded copies replace the programs that need them. Adds their loops to `loops`.
 fn bounded_plan(
     plan: &Plan,
     bound: Bound,
@@ -140,7 +141,7 @@ fn bounded_plan(
     Ok(copy)
 }
 
-/// Whether a uniform of a material is small in every draw and frame of the scene.
+/// Whether a uniform of a material is at most [`SMALL`] in every draw and frame of the scene.
 fn is_small(inputs: &SceneInputs<'_>, material: &str, scalar: &UniformScalar) -> bool {
     let scene = inputs.scene();
     let Some(index) = scene.materials.iter().position(|m| m.name == material) else {

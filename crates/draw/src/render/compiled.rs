@@ -1,5 +1,5 @@
-//! What the frames of a session compile once: a search draws many frames that differ in one
-//! material, or in none of its shaders.
+//! Caches the compiled objects of a session. A search draws many frames that differ in one
+//! material, or in none of their shaders.
 
 use std::sync::{Mutex, PoisonError};
 
@@ -34,10 +34,9 @@ pub(super) struct RenderKey {
     pub targets: Vec<Option<wgpu::ColorTargetState>>,
 }
 
-/// A vertex buffer of a pipeline.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct VertexLayout {
-    /// Index in the draw's vertex buffers, which those of the previous frame follow.
+    /// Index of the vertex buffer. Those of the previous frame follow the draw's own.
     pub source: usize,
     pub stride: u64,
     pub step: wgpu::VertexStepMode,
@@ -52,7 +51,8 @@ pub(super) struct ComputeKey {
     pub immediates: u32,
 }
 
-/// Values by key. Pipeline states have no order and no hash, and a session has a few hundred.
+/// Values by key, in a list: pipeline states have no order and no hash, and a session has a few
+/// hundred.
 #[derive(Debug)]
 pub(super) struct Memo<K, V>(Mutex<Vec<(K, V)>>);
 
@@ -62,7 +62,7 @@ impl<K, V> Default for Memo<K, V> {
     }
 }
 
-/// The value of `key`: from `memo` if there is one that has it, otherwise made.
+/// The value of `key`, from `memo` if it holds one. Otherwise makes it.
 pub(super) fn shared<K: PartialEq, V: Clone>(
     memo: Option<&Memo<K, V>>,
     key: impl FnOnce() -> K,
@@ -81,7 +81,7 @@ pub(super) fn shared<K: PartialEq, V: Clone>(
     Ok(value)
 }
 
-/// The module of a WGSL text with the checks that it needs.
+/// The module for a WGSL text, compiled with the checks that it needs.
 pub(super) fn shader(
     gpu: &Gpu,
     compiled: Option<&Compiled>,

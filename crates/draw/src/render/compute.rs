@@ -25,7 +25,7 @@ pub(super) struct PreparedCompute {
 
 struct Dispatch {
     groups: Vec<(u32, wgpu::BindGroup)>,
-    /// The draw, and the bytes of its immediate data.
+    /// Index of the draw, and the size of its immediate data in bytes.
     immediates: (usize, u32),
     workgroups: Workgroups,
 }
@@ -49,7 +49,7 @@ pub(super) fn prepare(
 ) -> Result<Vec<PreparedCompute>, Error> {
     let (gpu, scene) = (inputs.gpu(), inputs.scene());
     let mut prepared = Vec::new();
-    // Passes that exist once for all plans.
+    // Passes that all plans share.
     let mut once: Vec<&ComputePass> = Vec::new();
     for (plan, stages) in variant.compute() {
         for (pass, stage) in plan.compute.iter().zip(stages) {
@@ -142,7 +142,7 @@ pub(super) fn prepare(
             }));
         }
     }
-    // Passes behind one phase run before those behind the next, across all materials.
+    // Passes after one phase run before those after the next, across all materials.
     prepared.sort_by_key(|p| p.when.phase());
     Ok(prepared)
 }
@@ -188,7 +188,7 @@ fn build(
     })
 }
 
-/// Encodes the passes that run at this point.
+/// Encodes the passes that run at a point of the frame.
 pub(super) fn encode(
     inputs: &SceneInputs<'_>,
     passes: &[PreparedCompute],
@@ -198,7 +198,7 @@ pub(super) fn encode(
     encode_those(inputs, passes.iter().filter(|p| then(&p.when)), encoder);
 }
 
-/// Runs the passes that run once, at load.
+/// Runs the passes that run only once, at load.
 ///
 /// # Errors
 /// As reported by the adapter.

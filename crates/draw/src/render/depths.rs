@@ -1,4 +1,4 @@
-//! Depths that are written by drawing: WebGPU copies to few formats of depth, and resolves none.
+//! Writes depths by drawing them: WebGPU allows copies to few depth formats, and resolves none.
 
 use preshade_plan::safety::Checks;
 use wgpu::{TextureDimension, TextureFormat, TextureUsages, TextureViewDimension};
@@ -7,17 +7,17 @@ use super::gpu::Gpu;
 use super::upload::{depth_cleared, one_layer, size, upload};
 use crate::scene::Image;
 
-/// What a texture's depths are read from.
+/// The source of a texture's depths.
 #[derive(Clone, Copy)]
 enum Source {
-    /// The first channel of floats.
+    /// The first channel of a float texture.
     Floats,
     Depths,
-    /// The first sample of depths.
+    /// The first sample of a multisampled depth texture.
     Samples,
 }
 
-/// One layer of a level of a texture, and a place in it.
+/// A position in one layer of a mip level.
 pub struct Place<'t> {
     pub texture: &'t wgpu::Texture,
     pub level: u32,
@@ -25,7 +25,7 @@ pub struct Place<'t> {
     pub at: [u32; 2],
 }
 
-/// A texture of an image's depths.
+/// A depth texture with an image's depths.
 pub(super) fn texture(
     gpu: &Gpu,
     image: &Image,
@@ -45,11 +45,11 @@ pub(super) fn texture(
     Ok(texture)
 }
 
-/// Draws an image's depths to a texture of any depth format, which has its layers. The image's levels are the
-/// texture's from `first` on.
+/// Draws an image's depths to a texture of any depth format with the same layers. The image's
+/// levels become those of the texture from `first` on.
 ///
 /// # Errors
-/// A message: the image has no depths that can be read.
+/// The reason as text: the image has no depths that can be read.
 pub fn draw(gpu: &Gpu, image: &Image, texture: &wgpu::Texture, first: u32) -> Result<(), String> {
     let texels = image
         .texels()
@@ -92,8 +92,8 @@ pub fn draw(gpu: &Gpu, image: &Image, texture: &wgpu::Texture, first: u32) -> Re
     Ok(())
 }
 
-/// Copies a rectangle of depths into a texture of one sample: from several samples the first, as drivers resolve it. A
-/// stencil stays as it is.
+/// Copies a rectangle of depths into a single-sampled texture. Takes the first of several samples,
+/// as drivers do. The stencil stays unchanged.
 pub fn copy(
     gpu: &Gpu,
     encoder: &mut wgpu::CommandEncoder,
@@ -151,7 +151,8 @@ fn stored(
     pass.draw(0..3, 0..1);
 }
 
-/// A triangle over the target that stores what is `offset` texels away in the source.
+/// A pipeline that draws a triangle over the target. It stores the source's value `offset` texels
+/// away.
 fn pipeline(
     gpu: &Gpu,
     format: TextureFormat,

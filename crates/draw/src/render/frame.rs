@@ -23,17 +23,17 @@ use super::{Error, compute, order, readback};
 use crate::scene::bind::{self, Area};
 use crate::scene::{DrawOrder, Frame, Rows, Scene};
 
-/// Settings of a frame that belong neither to the scene nor to the plan.
+/// Settings of a frame that are independent of scene and plan.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FrameSettings {
     /// Clear value of the colour attachments, linear RGBA.
     pub clear_color: [f64; 4],
-    /// Whether the colour attachments hold [`Scene::initial`] in place of the clear value.
+    /// Whether the colour attachments start with [`Scene::initial`] instead of the clear value.
     pub initial_colors: bool,
 }
 
 impl FrameSettings {
-    /// The scene's background.
+    /// Settings with the scene's background.
     pub fn of(scene: &Scene) -> Self {
         Self {
             clear_color: scene.clear_color,
@@ -51,7 +51,7 @@ pub struct Rendered {
     pub depth: Option<DepthImage>,
 }
 
-/// The vertices that a compute pass stored for a draw.
+/// The vertices that a compute pass computed for a draw.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct ComputedVertices {
     /// Index of the draw in the scene.
@@ -75,13 +75,13 @@ pub struct Prepared<'a> {
     settings: FrameSettings,
     /// Whether the samples of a colour target are kept after resolving.
     resolved_samples: wgpu::StoreOp,
-    /// Indices or vertices to draw of each draw, at most.
+    /// Limit on the indices or vertices to draw of each draw.
     most_corners: u32,
-    /// Instances to draw of each draw, at most.
+    /// Limit on the instances to draw of each draw.
     most_instances: u32,
     creation: Duration,
     pipelines: usize,
-    /// The bounded copies that are drawn first; `None`: all loops end.
+    /// The bounded copies to draw first. `None` if all loops end.
     guard: Option<Guard<'a>>,
 }
 
@@ -106,7 +106,7 @@ struct Item {
     draw: usize,
     pipeline: usize,
     groups: Vec<(u32, wgpu::BindGroup)>,
-    /// Bytes of immediate data.
+    /// Size of the immediate data in bytes.
     immediates: u32,
     stencil_reference: u32,
     /// The draw's vertex buffer in each attachment slot.
@@ -114,12 +114,11 @@ struct Item {
     call: Call,
 }
 
-/// The geometry to draw.
 enum Call {
     AsGiven,
     /// The subdivided triangles of the draw.
     Subdivided(Subdivided),
-    /// A number of vertices without vertex buffers.
+    /// This number of vertices, without vertex buffers.
     Unindexed(u32),
     /// One triangle over the whole screen.
     FullScreen,
@@ -128,8 +127,8 @@ enum Call {
 }
 
 impl Call {
-    /// Where a draw whose own part of the target is `own` draws with this geometry. Geometry of ours
-    /// covers what ids name, at depths of its own.
+    /// The area of the target that a draw with this geometry covers. `own` is that of the draw
+    /// itself. Geometry from an indirect buffer covers all depths.
     fn area(&self, own: Area, whole: Area) -> Area {
         match self {
             Self::AsGiven | Self::Subdivided(_) | Self::Unindexed(_) => own,
@@ -149,8 +148,8 @@ impl std::fmt::Debug for Prepared<'_> {
 }
 
 impl<'a> Prepared<'a> {
-    /// Builds everything that drawing `variant` needs, aimed at the first frame of the first camera
-    /// in the scene's first order.
+    /// Builds everything that is needed to draw `variant`, aimed at the first frame of the first
+    /// camera in the scene's first order.
     ///
     /// # Errors
     /// [`Error::Refused`] if a shader or pipeline does not compile (for an emitted shader, a bug in
@@ -240,7 +239,8 @@ impl<'a> Prepared<'a> {
         self.arrange(frame, &opaque);
     }
 
-    /// As [`Self::aim`], with only these draws, the opaque ones in this order. A draw is its place in the scene.
+    /// As [`Self::aim`], with only these draws, given by index in the scene. Opaque ones are drawn
+    /// in this order.
     pub fn arrange(&mut self, frame: &Frame, draws: &[usize]) {
         let mut blended = order::blended(self.inputs.scene(), frame);
         blended.retain(|draw| draws.contains(draw));
@@ -260,7 +260,7 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// Draws only these ahead of the main passes, in what [`Self::aim`] set.
+    /// Restricts depth passes before the main passes to these draws, until the next [`Self::aim`].
     pub fn keep_ahead(&mut self, draws: &[usize]) {
         for pass in &mut self.passes {
             if pass.frame.phase == Phase::Depth {
@@ -270,8 +270,8 @@ impl<'a> Prepared<'a> {
         }
     }
 
-    /// Draws bounded copies of the frame's shaders, if a loop of them may not end. Whatever draws the
-    /// frame asks this first.
+    /// Draws bounded copies of the frame's shaders, if a loop of them may not end. Must be called
+    /// before the frame is drawn.
     ///
     /// # Errors
     /// [`Error::Endless`], or as [`Prepared::draw`].
@@ -279,7 +279,6 @@ impl<'a> Prepared<'a> {
         self.guard.as_ref().map_or(Ok(()), Guard::check)
     }
 
-    /// The scene that it draws.
     pub(super) fn inputs(&self) -> &'a SceneInputs<'a> {
         self.inputs
     }
@@ -310,7 +309,7 @@ impl<'a> Prepared<'a> {
         Ok(u32::from_le_bytes(word))
     }
 
-    /// Runs the compute passes and reads back the vertices that they store for each draw.
+    /// Runs the compute passes, and reads back the vertices that they computed for each draw.
     ///
     /// # Errors
     /// As [`Prepared::draw`].
@@ -346,7 +345,8 @@ impl<'a> Prepared<'a> {
         copies.into_iter().map(read).collect()
     }
 
-    /// Encodes the whole frame, from clear to resolve. [`Self::check_end`] comes before it is submitted.
+    /// Encodes the whole frame, from clear to resolve. Call [`Self::check_end`] before submitting
+    /// it.
     pub fn encode(&self, encoder: &mut wgpu::CommandEncoder) {
         self.encode_with(encoder, Queries::None);
     }
@@ -491,8 +491,8 @@ impl<'a> Prepared<'a> {
                 let texture = match &target.resolved {
                     Some((texture, _)) => texture,
                     None if target.drawn.sample_count() == 1 => &target.drawn,
-                    // Several samples of a format that cannot be resolved: a host could not show it
-                    // either.
+                    // The format is multisampled and cannot be resolved, so a host could not show
+                    // it either.
                     None => return Ok(None),
                 };
                 readback::color(self.gpu, texture, target.format).map(Some)
@@ -511,7 +511,8 @@ impl<'a> Prepared<'a> {
         Ok(rendered)
     }
 
-    /// Draws the frame once and reads its depth back, in the rows of the texture. `None`: it has none.
+    /// Draws the frame once and reads its depth back, in the texture's row order. `None` if it has
+    /// no depth.
     ///
     /// # Errors
     /// As [`Prepared::draw`].
@@ -572,7 +573,6 @@ impl<'a> Prepared<'a> {
         self.meshes.cost()
     }
 
-    /// Bytes of all attachments.
     pub fn target_bytes(&self) -> u64 {
         self.targets.bytes()
     }
@@ -791,7 +791,7 @@ impl FrameBuilder<'_, '_> {
         Ok(pass)
     }
 
-    /// The item of one draw, with a new pipeline if none of `built` fits. `None` without inputs.
+    /// The item of one draw, with a new pipeline if none in `built` fits. `None` without inputs.
     fn item(
         &mut self,
         pass: &mut PreparedPass,
@@ -880,7 +880,7 @@ impl FrameBuilder<'_, '_> {
 }
 
 impl Area {
-    /// Restricts drawing to it.
+    /// Sets viewport and scissor.
     fn set(self, render: &mut wgpu::RenderPass<'_>) {
         let [x, y, w, h, near, far] = self.viewport;
         render.set_viewport(x, y, w, h, near, far);
@@ -889,7 +889,7 @@ impl Area {
     }
 }
 
-/// Operations on an attachment, which start from its content if it is kept.
+/// Operations on an attachment. If `is_kept`, they load its content instead of clearing it.
 fn kept<V>(is_kept: bool, mut of: wgpu::Operations<V>) -> wgpu::Operations<V> {
     if is_kept {
         of.load = wgpu::LoadOp::Load;

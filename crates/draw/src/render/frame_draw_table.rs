@@ -1,4 +1,4 @@
-//! The draw table of a frame. Passes that work with ids, or draw without vertex buffers, bind it.
+//! The draw table of a frame. Passes that use ids, or draw without vertex buffers, bind it.
 
 use std::collections::BTreeMap;
 
@@ -27,9 +27,9 @@ pub(super) struct DrawTable {
     table: wgpu::Buffer,
     /// The frame's buffers by name.
     frame: BTreeMap<String, (FrameWords, wgpu::Buffer)>,
-    /// The computed vertices of draws without subdivision, by draw and name.
+    /// Computed vertices of draws without subdivision, by draw and name.
     vertices: BTreeMap<(usize, String), wgpu::Buffer>,
-    /// The values of each draw, by draw and name.
+    /// Values of each draw, by draw and name.
     values: BTreeMap<(usize, String), wgpu::Buffer>,
     amend: Amend,
 }
@@ -41,19 +41,16 @@ pub(super) type Amend = fn(&mut Entry);
 pub(super) struct Drawn {
     entry: wgpu::Buffer,
     table: wgpu::Buffer,
-    /// The frame's buffers.
     frame: BTreeMap<String, wgpu::Buffer>,
-    /// The buffers of computed vertices.
     vertices: BTreeMap<String, wgpu::Buffer>,
-    /// The buffers of the draw's values.
     values: BTreeMap<String, wgpu::Buffer>,
     number: u64,
-    /// Uniform buffers that the author does not have, each with its source.
+    /// Uniform buffers that the author's program lacks, each with its source.
     host: Vec<(BindingSource, wgpu::Buffer)>,
     pub triangles: u32,
 }
 
-/// The arguments of an indirect call: the buffer and an offset.
+/// The arguments of an indirect call: buffer and offset.
 #[derive(Clone, Debug)]
 pub(super) struct Arguments {
     pub buffer: wgpu::Buffer,
@@ -222,7 +219,7 @@ impl DrawTable {
     /// The arguments of an indirect call for a draw.
     ///
     /// # Errors
-    /// A message: the buffer is missing, or has no entries for draws.
+    /// The reason as text: the buffer is missing, or has no entries for draws.
     pub fn arguments(&self, buffer: &str, draw: &Drawn) -> Result<Arguments, String> {
         match self.frame_buffer(buffer)? {
             (FrameWords::Draws, found) => Ok(Arguments {
@@ -240,12 +237,11 @@ impl DrawTable {
         found.ok_or_else(|| format!("the frame has no buffer `{name}`"))
     }
 
-    /// A buffer of the frame; `None`: no plan has one of this name.
+    /// A buffer of the frame. `None` if no plan has one with this name.
     pub fn words(&self, name: &str) -> Option<&wgpu::Buffer> {
         Some(&self.frame.get(name)?.1)
     }
 
-    /// Clears the frame's buffers.
     pub fn clear(&self, encoder: &mut wgpu::CommandEncoder) {
         for (_, buffer) in self.frame.values() {
             encoder.clear_buffer(buffer, 0, None);
@@ -354,10 +350,10 @@ fn frame_buffer(
     }))
 }
 
-/// Position and range of the point light of our pictures.
+/// Position and range of the point light in test pictures.
 const POINT_LIGHT: [f32; 4] = [3.0, 2.0, -1.0, 7.0];
 
-/// The uniform buffers of a draw's bindings that the author does not have.
+/// The uniform buffers for bindings of a draw that the author's program lacks.
 fn host(
     gpu: &Gpu,
     bindings: &[BindingUse],
@@ -450,7 +446,7 @@ impl Drawn {
         }
     }
 
-    /// The uniform buffer of a source that is not the author's.
+    /// The uniform buffer for a source outside of the author's program.
     pub fn host(&self, source: &BindingSource) -> Option<&wgpu::Buffer> {
         let found = self.host.iter().find(|(of, _)| of == source);
         found.map(|(_, buffer)| buffer)

@@ -13,19 +13,19 @@ use super::{Error, limits, trusted};
 use shader_text::limits::Trust;
 use shader_text::panics;
 
-/// Which adapter to draw on.
+/// Selects an adapter.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum AdapterChoice {
     /// The fastest kind available: discrete, integrated, virtual, then software.
     #[default]
     Best,
-    /// The first adapter whose name, driver or backend contains this text, ignoring case. `#2`: the second
-    /// of [`adapters`].
+    /// The first adapter whose name, driver or backend contains this text, ignoring case. `#2`
+    /// selects the second of [`adapters`].
     Matching(String),
 }
 
 impl AdapterChoice {
-    /// The place in [`adapters`] that it names.
+    /// The index in [`adapters`] that `#N` selects.
     fn place(&self) -> Option<usize> {
         match self {
             Self::Best => None,
@@ -70,7 +70,7 @@ impl AdapterReport {
         }
     }
 
-    /// Whether its name, driver or backend contains this text, ignoring case.
+    /// Whether name, driver or backend contain this text, ignoring case.
     pub fn matches(&self, text: &str) -> bool {
         let text = text.to_lowercase();
         [&self.name, &self.driver, &self.backend]
@@ -201,7 +201,8 @@ fn enumerate(suits: impl Fn(&wgpu::Adapter) -> bool) -> Vec<wgpu::Adapter> {
     adapters
 }
 
-/// Held while instances are created or dropped: a driver deadlocked when several threads did this.
+/// Held while instances are created or dropped, because a driver deadlocked when several threads
+/// did this.
 static OPENING: Mutex<()> = Mutex::new(());
 
 /// The adapters of this machine, best first. OpenGL adapters are listed only if there are no
@@ -210,19 +211,18 @@ pub fn adapters() -> Vec<AdapterReport> {
     cards().into_iter().map(|card| card.report).collect()
 }
 
-/// An adapter of this machine. Several may have one report.
+/// An adapter of this machine. Several may have equal reports.
 #[derive(Clone, Debug)]
 pub struct Card {
-    /// Its properties.
     pub report: AdapterReport,
     /// The text of [`AdapterChoice::Matching`] that selects it.
     pub choice: String,
-    /// Tells it from other cards of this machine: its PCI address, `cpu` of software, or its name and place. Two
-    /// drivers of one card have one address.
+    /// Distinguishes cards of this machine: the PCI address, `cpu` for software, or name and index.
+    /// Two drivers of one card have the same address.
     pub address: String,
 }
 
-/// [`adapters`], as cards.
+/// As [`adapters`], with the means to select each.
 pub fn cards() -> Vec<Card> {
     let _opening = OPENING.lock().unwrap_or_else(PoisonError::into_inner);
     let all = enumerate(|_| true);
@@ -272,7 +272,6 @@ impl std::fmt::Display for AdapterReport {
     }
 }
 
-/// An open adapter.
 #[derive(Debug)]
 pub struct Gpu {
     pub device: wgpu::Device,
@@ -290,10 +289,11 @@ struct Trouble {
     uncaptured: Option<String>,
 }
 
-/// The longest time for one submission; after that the device counts as hung.
+/// Longest time for one submission. After it, the device counts as hung.
 const SUBMISSION_TIMEOUT: Duration = Duration::from_secs(120);
 
-/// The same of a software adapter, which needs minutes for a large frame on a busy machine.
+/// As [`SUBMISSION_TIMEOUT`], for software adapters. They need minutes for a large frame on a busy
+/// machine.
 const SOFTWARE_TIMEOUT: Duration = Duration::from_secs(1200);
 
 impl Gpu {
@@ -398,7 +398,7 @@ impl Gpu {
         let trouble = Arc::new(Mutex::new(Trouble::default()));
         let shared = Arc::clone(&trouble);
         device.set_device_lost_callback(move |reason, message| {
-            // A dropped device is not a lost one.
+            // Dropping a device does not count as a loss.
             if reason != wgpu::DeviceLostReason::Destroyed {
                 lock(&shared).lost = Some(message);
             }
@@ -429,7 +429,7 @@ impl Gpu {
         Ok(self)
     }
 
-    /// Leaves the adapter to the other processes, for a device that draws no more.
+    /// Stops taking turns, for a device that draws no more.
     pub fn end_turns(&mut self) {
         self.turns = None;
     }
@@ -442,12 +442,10 @@ impl Gpu {
         }
     }
 
-    /// The adapter's properties.
     pub fn adapter(&self) -> &AdapterReport {
         &self.report
     }
 
-    /// The level of trust in its shaders.
     pub fn trust(&self) -> Trust {
         self.trust
     }
@@ -464,7 +462,8 @@ impl Gpu {
             .contains(Features::PIPELINE_STATISTICS_QUERY)
     }
 
-    /// Compiles a shader with the run-time checks that it needs, and all if [`Trust`] demands them.
+    /// Compiles a shader with the run-time checks that it needs, or with all if [`Trust`] requires
+    /// them.
     pub fn shader(
         &self,
         needed: Checks,
@@ -509,7 +508,7 @@ impl Gpu {
         let memory = self.device.push_error_scope(ErrorFilter::OutOfMemory);
         let internal = self.device.push_error_scope(ErrorFilter::Internal);
         let validation = self.device.push_error_scope(ErrorFilter::Validation);
-        // naga's writers, which wgpu calls, panic for some modules that pass wgpu's own validation.
+        // naga's writers, which wgpu calls, panic on some modules that pass wgpu's validation.
         let made = panics::caught(make);
         let errors = [
             pollster::block_on(validation.pop()),
@@ -590,7 +589,7 @@ impl Gpu {
         Ok(bytes)
     }
 
-    /// Why the device was lost, if it was. It cannot draw any more; open a new one.
+    /// Why the device was lost, if it was. A lost device cannot draw any more.
     pub fn lost(&self) -> Option<String> {
         lock(&self.trouble).lost.clone()
     }

@@ -1,4 +1,4 @@
-//! What the scene's attachments hold before its first pass.
+//! Initial contents of the scene's attachments.
 
 use wgpu::{Extent3d, TextureDimension, TextureUsages, TextureViewDimension};
 
@@ -8,13 +8,12 @@ use super::upload::upload;
 use super::{Error, depths, state};
 use crate::scene::{Image, Scene};
 
-/// The textures that are copied to the attachments at the start of each frame.
+/// Textures that are copied to the attachments at the start of each frame.
 #[derive(Debug, Default)]
 pub(crate) struct Initial {
     colors: Vec<Option<wgpu::Texture>>,
-    /// Depth and stencil.
     depth: Option<wgpu::Texture>,
-    /// Whether it holds depths, and whether stencil values.
+    /// Whether `depth` has depths, and whether it has stencil values.
     has: [bool; 2],
 }
 
@@ -79,7 +78,8 @@ impl Initial {
         self.depth.as_ref().filter(|from| fits(from, to))
     }
 
-    /// Whether the scene's depth attachment `to` starts with depths, and whether with stencil values.
+    /// Whether the scene's depth attachment `to` starts with depths, and whether with stencil
+    /// values.
     pub fn keeps(&self, to: &wgpu::Texture) -> [bool; 2] {
         self.depth(to).map_or([false; 2], |_| self.has)
     }
@@ -90,7 +90,7 @@ impl Initial {
         of.filter(|from| fits(from, to))
     }
 
-    /// Copies the content to the attachments.
+    /// Copies the initial contents to the attachments.
     pub fn encode(&self, targets: &Targets, colors: bool, encoder: &mut wgpu::CommandEncoder) {
         let mut copy = |from: Option<&wgpu::Texture>, to: &wgpu::Texture| {
             if let Some(from) = from {

@@ -1,5 +1,5 @@
-//! The GPU resources of a scene's draws. They are bound by the author's own program and shared by
-//! every pass of every variant.
+//! The GPU resources of a scene's draws. The author's program binds them, and every pass of every
+//! variant shares them.
 
 use std::collections::BTreeMap;
 use std::num::NonZeroU64;
@@ -23,14 +23,14 @@ use crate::scene::{Address, Filter, Frame, Scene, SceneError};
 pub struct SceneInputs<'a> {
     gpu: &'a Gpu,
     scene: &'a Scene,
-    /// Each material's original pass. It binds everything that any variant can bind.
+    /// Each material's original pass. It binds everything that a variant may bind.
     authored: Vec<GpuPass>,
     draws: Vec<DrawInputs>,
-    /// The resources of the previous frame, of the same draws.
+    /// The resources of the same draws in the previous frame.
     previous: Option<&'a SceneInputs<'a>>,
     compiled: Option<Compiled>,
     initial: Initial,
-    /// Grows with each frame that is set.
+    /// Incremented by each call of [`SceneInputs::set_frame`].
     pub(super) serial: AtomicU64,
 }
 
@@ -39,19 +39,19 @@ pub struct SceneInputs<'a> {
 pub(super) struct DrawInputs {
     /// By group and binding.
     pub resources: BTreeMap<(u32, u32), Resource>,
-    /// Immediate data in the frame last set; empty if there is none.
+    /// Immediate data in the current frame. Empty if there is none.
     pub immediates: Mutex<Arc<[u8]>>,
     pub vertex_buffers: Vec<VertexInput>,
     pub indices: Option<IndexInput>,
     pub vertex_count: u32,
     pub call: bind::Call,
     pub instances: u32,
-    /// Its own viewport and scissor.
+    /// Viewport and scissor of the draw, if it has its own.
     pub area: Option<bind::Area>,
 }
 
 impl DrawInputs {
-    /// The first `size` bytes of the immediate data, fewer if there are fewer.
+    /// The first `size` bytes of the immediate data, or all if there are fewer.
     pub fn immediates(&self, size: u32) -> Vec<u8> {
         let own = self.immediates.lock();
         let own = own.unwrap_or_else(PoisonError::into_inner);
@@ -85,7 +85,7 @@ pub(super) struct VertexInput {
 pub(super) struct IndexInput {
     pub buffer: wgpu::Buffer,
     pub format: wgpu::IndexFormat,
-    /// The buffer's content, for meshes derived from it.
+    /// Content of the buffer, for meshes derived from it.
     pub bytes: Arc<[u8]>,
 }
 
@@ -119,7 +119,7 @@ struct Uploads {
 }
 
 impl<'a> SceneInputs<'a> {
-    /// The author's pass of a material.
+    /// The author's original pass of a material.
     pub(super) fn authored(&self, material: usize) -> Option<&GpuPass> {
         self.authored.get(material)
     }
@@ -183,8 +183,8 @@ impl<'a> SceneInputs<'a> {
         })
     }
 
-    /// With the resources of the previous frame, for passes that read them. Both have the same
-    /// draws. Without, the previous frame counts as equal to the current one.
+    /// Adds the resources of the previous frame of the same draws, for passes that read them.
+    /// Without them, the previous frame counts as equal to the current one.
     #[must_use]
     pub fn after(self, previous: &'a SceneInputs<'a>) -> Self {
         Self {
@@ -193,8 +193,8 @@ impl<'a> SceneInputs<'a> {
         }
     }
 
-    /// Lets its frames share shaders and pipelines. Then [`super::Prepared::creation`] is not what
-    /// a host would take.
+    /// Lets frames share shaders and pipelines. [`super::Prepared::creation`] then differs from the
+    /// time that a host takes.
     #[must_use]
     pub fn sharing(self) -> Self {
         Self {
@@ -203,12 +203,12 @@ impl<'a> SceneInputs<'a> {
         }
     }
 
-    /// What the attachments hold before the first pass.
+    /// Initial contents of the attachments.
     pub(super) fn initial(&self) -> &Initial {
         &self.initial
     }
 
-    /// What its frames share.
+    /// Objects that frames share, if they do.
     pub(super) fn compiled(&self) -> Option<&Compiled> {
         self.compiled.as_ref()
     }
@@ -289,7 +289,6 @@ impl<'a> SceneInputs<'a> {
         self.scene
     }
 
-    /// The device.
     pub fn gpu(&self) -> &'a Gpu {
         self.gpu
     }
@@ -332,7 +331,7 @@ impl Uploads {
                     },
                 ),
             };
-            // Buffers that we or a shader write cannot be shared.
+            // Buffers that the host or a shader writes cannot be shared.
             let shared = b.rate == Rate::Draw && b.kind != BindingKind::StorageReadWrite;
             let buffer = if shared {
                 self.buffer(gpu, &b.data, usage)
@@ -345,7 +344,7 @@ impl Uploads {
             let (view, layout) = self.textures.view(gpu, t, name)?;
             resources.insert((t.group, t.binding), Resource::Texture(view, layout));
         }
-        // A shader may read depths and wide floats by a sampler only if it filters nothing.
+        // A shader may sample depths and wide floats only with a non-filtering sampler.
         let is_unfiltered = resources.values().any(is_unfiltered);
         for s in &bound.samplers {
             let of = sampler(&s.sampler, anisotropy_limit(gpu));
@@ -363,7 +362,7 @@ impl Uploads {
             .vertex_buffers
             .iter()
             .map(|v| VertexInput {
-                // A pass that subdivides geometry reads it as storage.
+                // A subdividing pass reads it as storage.
                 buffer: self.buffer(
                     gpu,
                     &v.data,
@@ -422,8 +421,8 @@ fn create(gpu: &Gpu, data: &bind::Data, usage: wgpu::BufferUsages) -> wgpu::Buff
     })
 }
 
-/// Largest anisotropy: 1 on software adapters. Mesa 22.3's llvmpipe walks the footprint texel by
-/// texel, and overflowing gradients keep it busy for minutes.
+/// Largest anisotropy: 1 on software adapters. llvmpipe in Mesa 22.3 walks the footprint texel by
+/// texel, so overflowing gradients keep it busy for minutes.
 fn anisotropy_limit(gpu: &Gpu) -> u16 {
     match gpu.adapter().kind.as_str() {
         "software" => 1,
@@ -431,7 +430,7 @@ fn anisotropy_limit(gpu: &Gpu) -> u16 {
     }
 }
 
-/// Whether it is a texture that no sampler can filter.
+/// Whether a resource is a texture that no sampler can filter.
 fn is_unfiltered(resource: &Resource) -> bool {
     let Resource::Texture(_, wgpu::BindingType::Texture { sample_type, .. }) = resource else {
         return false;

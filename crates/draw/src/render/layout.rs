@@ -1,5 +1,5 @@
-//! Bind group layouts of a pass, derived only from the bindings that its plan lists. Every resource
-//! must fit its planned binding.
+//! Bind group layouts of a pass, derived only from the bindings in its plan. Every resource must
+//! fit its planned binding.
 
 use std::collections::BTreeMap;
 use std::num::NonZeroU64;
@@ -22,7 +22,6 @@ pub(super) enum Filled<'a> {
 }
 
 impl Filled<'_> {
-    /// The resource's binding type.
     fn provided(&self) -> wgpu::BindingType {
         match self {
             Self::Author(resource) => resource.provided(),
@@ -63,7 +62,7 @@ pub(super) enum Made<'a> {
 }
 
 impl<'a> Made<'a> {
-    /// The uniform buffer of a source that is not the author's.
+    /// The uniform buffer for a source outside of the author's program.
     fn host(self, source: &BindingSource) -> Option<&'a wgpu::Buffer> {
         match self {
             Self::Subdivided(..) => None,
@@ -104,8 +103,8 @@ impl<'a> Made<'a> {
 /// Fills the bindings of a pass.
 ///
 /// # Errors
-/// A message: the plan names a binding or attachment that does not exist, gives no layout for a
-/// binding, or the resource does not fit the layout.
+/// The reason as text: the plan names a missing binding or attachment, gives no layout for a
+/// binding, or a resource does not fit its layout.
 pub(super) fn fill<'a>(
     bindings: &'a [BindingUse],
     [draw, previous]: [&'a DrawInputs; 2],
@@ -282,7 +281,7 @@ fn layout(
     )
 }
 
-/// A binding, for messages.
+/// Describes a binding in messages.
 fn place(b: &BindingUse) -> String {
     format!("`{}` (group {}, binding {})", b.name, b.group, b.binding)
 }
@@ -328,7 +327,7 @@ fn entry(
     })
 }
 
-/// A layout as a wgpu type; `None` if it contains a word that WebGPU does not have.
+/// Converts a layout to wgpu's type. `None` if it contains a word that WebGPU lacks.
 pub fn binding_type(layout: &BindingLayout) -> Option<wgpu::BindingType> {
     Some(match layout {
         BindingLayout::Buffer {
@@ -437,7 +436,7 @@ fn fitting(planned: wgpu::BindingType, provided: wgpu::BindingType) -> Option<wg
             },
         ) => (ty == is && least <= bytes).then_some(planned),
         (T::Sampler(wanted), T::Sampler(is)) => match (wanted, is) {
-            // A scene or a captured app may filter depths, which wgpu takes and browsers refuse.
+            // A scene or captured app may filter depths: wgpu allows it, browsers do not.
             (
                 wgpu::SamplerBindingType::Filtering | wgpu::SamplerBindingType::NonFiltering,
                 wgpu::SamplerBindingType::Filtering | wgpu::SamplerBindingType::NonFiltering,
@@ -474,7 +473,7 @@ fn fitting(planned: wgpu::BindingType, provided: wgpu::BindingType) -> Option<wg
     }
 }
 
-/// A binding type, for messages.
+/// Describes a binding type in messages.
 fn describe(ty: wgpu::BindingType) -> String {
     use wgpu::BindingType as T;
     match ty {

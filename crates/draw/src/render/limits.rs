@@ -1,6 +1,6 @@
 //! The limits of a device that a plan may need, by WebGPU's names.
 
-/// A limit by WebGPU's name; `None` for limits that plans do not use.
+/// A limit by WebGPU's name. `None` for limits that plans do not use.
 pub(super) fn limit(l: &wgpu::Limits, name: &str) -> Option<u64> {
     Some(match name {
         "maxBindGroups" => l.max_bind_groups.into(),
@@ -23,7 +23,7 @@ pub(super) fn limit(l: &wgpu::Limits, name: &str) -> Option<u64> {
     })
 }
 
-/// Raises a limit by WebGPU's name to at least `value`; `None` for names unknown to [`limit`].
+/// Raises a limit by WebGPU's name to at least `value`. `None` for names unknown to [`limit`].
 pub(super) fn raise(l: &mut wgpu::Limits, name: &str, value: u64) -> Option<()> {
     let wide = match name {
         "maxStorageBufferBindingSize" => Some(&mut l.max_storage_buffer_binding_size),

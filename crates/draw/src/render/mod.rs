@@ -1,14 +1,16 @@
 //! The renderer: draws a frame of material plans headlessly on wgpu, and reads back colour and
 //! depth.
 //!
-//! It sees plans, emitted files and a scene's data, and nothing of the compiler. Data flows through the modules in this order:
+//! Its inputs are plans, emitted files and a scene's data; it does not depend on the compiler. Data
+//! flows through the modules in this order:
 //!
 //! 1. [`gpu`] chooses and opens an adapter;
 //! 2. [`shader`] reads plans from JSON, and their programs from the emitted text (or as IR);
 //! 3. [`inputs`] uploads the resources of a scene's draws once; every variant shares them;
 //! 4. [`state`], `layout`, `limits` convert a plan's state and bindings to wgpu types;
 //! 5. [`frame`] builds the `targets`, `pipeline`s, `compute` passes, `subdivided` meshes, `drawn`
-//!    ids and bind groups of a frame once, and encodes them as often as needed;
+//!    ids and bind groups of
+//! a frame once, and encodes them as often as needed;
 //! 6. [`readback`] returns colour bytes and full-precision depth as [`picture`]s.
 //!
 //! [`mod@self_test`] runs a plan's self-test as a host does at load, with modules 2 to 5.
@@ -49,7 +51,7 @@ pub use self_test::{SelfTestPlan, SelfTestResult};
 pub use shader::Variant;
 pub use subdivided::{DrawSubdivision, SubdivisionCost, Surplus};
 
-/// How errors begin that say nothing of a shader but that it was not measured.
+/// Prefix of errors that mean only that a shader was not measured, not that it is wrong.
 pub const NOT_MEASURED: &str = "not measured: ";
 
 /// Why nothing was drawn.
@@ -59,7 +61,7 @@ pub enum Error {
     /// No adapter, or none that matches.
     #[error("{}", no_adapter(.wanted, .found))]
     NoAdapter {
-        /// The requested name; `None` for any adapter.
+        /// The requested name. `None`: any adapter.
         wanted: Option<String>,
         /// Names of the available adapters.
         found: Vec<String>,
@@ -68,12 +70,12 @@ pub enum Error {
     /// valid.
     #[error("the graphics device was lost: {0}")]
     Lost(String),
-    /// A submission had no end within the time that it may take. The device counts as lost from then on.
+    /// A submission did not end in time. The device counts as lost from then on.
     #[error("{what} has not ended after {} s. It is too slow for this adapter, or does not end", time.as_secs())]
     Slow {
-        /// What was drawn.
+        /// Name of the submitted work.
         what: String,
-        /// How long it was waited for.
+        /// The timeout.
         time: std::time::Duration,
     },
     /// The lock of an adapter that several processes share failed.
@@ -86,7 +88,6 @@ pub enum Error {
         what: String,
         /// The missing feature or format.
         feature: String,
-        /// Name of the adapter.
         adapter: String,
     },
     /// wgpu or a driver refused a request. For an emitted shader this is always a bug in preshade.
@@ -94,24 +95,22 @@ pub enum Error {
     Refused {
         /// The object that was being created.
         what: String,
-        /// The validation message.
         message: String,
     },
     /// The adapter ran out of memory.
     #[error("out of graphics memory while making {0}")]
     OutOfMemory(String),
-    /// A plan names something that neither it nor the scene's frame has.
+    /// A plan refers to something that neither it nor the scene's frame has.
     #[error("the plan of material `{material}` cannot be drawn: {message}")]
     Plan { material: String, message: String },
-    /// A loop takes more turns than any GPU should be asked for. Its shader was drawn as a bounded copy
-    /// alone.
+    /// A loop did not end within the limit of turns. Only a bounded copy of its shader was drawn.
     #[error(
         "{NOT_MEASURED}{} did not end within {} turns, so that it would hang a GPU",
         .which.as_deref().unwrap_or("a loop"),
         preshade_plan::safety::MOST_TURNS
     )]
     Endless {
-        /// The loop, in words.
+        /// Description of the loop.
         which: Option<String>,
     },
     /// The plans of a scene's materials do not fit into one frame.
@@ -122,31 +121,22 @@ pub enum Error {
     Scene { draw: String, message: String },
     /// The draws of a scene exceed a frame's ids or buffers.
     #[error("the draws of scene `{scene}`: {message}")]
-    Draws {
-        /// Name of the scene.
-        scene: String,
-        message: String,
-    },
+    Draws { scene: String, message: String },
     /// An attachment of a plan is impossible.
     #[error("attachment `{name}`: {message}")]
-    Attachment {
-        /// Attachment.
-        name: String,
-        message: String,
-    },
+    Attachment { name: String, message: String },
     /// The frame has no pixels, or more than the adapter supports.
     #[error("cannot draw a frame of {0}x{1} pixels")]
     Size(u32, u32),
 }
 
 impl Error {
-    /// Whether the device is lost, or the lock of an adapter that processes share failed: nothing more can be drawn,
-    /// whatever it is. A measurement that skips what cannot be drawn must not skip this.
+    /// Whether nothing more can be drawn, because the device is lost or the lock of a shared
+    /// adapter failed. Measurements that skip other errors must not skip this one.
     pub fn is_lost(&self) -> bool {
         matches!(self, Self::Lost(_) | Self::Slow { .. } | Self::Shared(_))
     }
 
-    /// The stable error code.
     pub fn code(&self) -> &'static str {
         match self {
             Self::NoAdapter { .. } => codes::NO_ADAPTER.code,

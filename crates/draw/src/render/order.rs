@@ -8,7 +8,7 @@ use crate::scene::{DrawOrder, Frame, Scene};
 /// an engine, objects are sorted, not triangles.
 pub(crate) fn opaque(scene: &Scene, frame: &Frame, order: DrawOrder) -> Vec<usize> {
     let mut draws: Vec<usize> = (0..scene.draws.len()).collect();
-    // What was captured is drawn as it was.
+    // A captured frame keeps its order.
     let order = match scene.draws.iter().any(|d| d.captured.is_some()) {
         true => DrawOrder::AsGiven,
         false => order,

@@ -7,20 +7,19 @@ use half::f16;
 pub struct ColorImage {
     /// Width and height in pixels.
     pub size: [u32; 2],
-    /// Format of the target.
     pub format: wgpu::TextureFormat,
     /// Texels row by row, without padding.
     pub bytes: Vec<u8>,
 }
 
 impl ColorImage {
-    /// Puts its rows in the other order.
+    /// Reverses the order of rows.
     pub fn turn_over(&mut self) {
         turn_over(&mut self.bytes, self.size[1]);
     }
 }
 
-/// Puts rows of equal length in the other order.
+/// Reverses the order of rows of equal length.
 fn turn_over<T>(values: &mut [T], rows: u32) {
     let row = values.len() / rows.max(1) as usize;
     values.reverse();
@@ -35,14 +34,13 @@ fn turn_over<T>(values: &mut [T], rows: u32) {
 pub struct DepthImage {
     /// Width and height in pixels.
     pub size: [u32; 2],
-    /// Samples per pixel.
     pub samples: u32,
     /// Values row by row; the samples of a pixel follow each other.
     pub values: Vec<f32>,
 }
 
 impl DepthImage {
-    /// Puts its rows in the other order.
+    /// Reverses the order of rows.
     pub fn turn_over(&mut self) {
         turn_over(&mut self.values, self.size[1]);
     }
@@ -72,8 +70,8 @@ impl ColorImage {
         self.bytes.get(index * n..(index + 1) * n).unwrap_or(&[])
     }
 
-    /// The channels of pixel `index` of an integer target, 0 where it has none. `None`: its values
-    /// are no integers.
+    /// The channels of pixel `index` of an integer target. Missing channels are 0. `None` for other
+    /// formats.
     pub fn integers(&self, index: usize) -> Option<[i64; 4]> {
         let (channel, width) = self.channel();
         let mut out = [0; 4];
@@ -95,7 +93,7 @@ impl ColorImage {
         integer.contains(&channel).then_some(out)
     }
 
-    /// How many channels the format stores.
+    /// Number of channels that the format stores.
     pub fn channels(&self) -> u8 {
         self.format.components()
     }

@@ -129,7 +129,7 @@ impl Build<'_> {
         Ok(layouts)
     }
 
-    /// What the pass binds.
+    /// The resources of the pass, by group.
     pub fn filled(&self) -> Result<Groups<'_>, Error> {
         layout::fill(
             &self.pass.bindings,

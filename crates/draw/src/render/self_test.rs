@@ -15,7 +15,7 @@ use crate::scene::DrawOrder;
 pub enum SelfTestResult {
     /// Every run passed, and each drew something.
     Held {
-        /// Samples of the draws that must draw some.
+        /// Number of samples in draws that must draw some.
         samples: u64,
     },
     /// Samples passed that should not have: the host must use the plan's fallback.
@@ -23,10 +23,10 @@ pub enum SelfTestResult {
         /// The plan's description of this failure.
         failure: String,
         camera: String,
-        /// Samples that passed.
+        /// Number of samples that passed.
         samples: u64,
     },
-    /// The test has no result.
+    /// The test could not decide.
     NotRun { why: String },
 }
 
@@ -34,7 +34,7 @@ pub enum SelfTestResult {
 #[derive(Debug)]
 pub struct SelfTestPlan<'a> {
     test: &'a SelfTest,
-    /// To be emitted for [`Self::run`].
+    /// The plan to emit for [`Self::run`].
     pub plan: Plan,
     passes: Vec<FramePass>,
 }
@@ -51,8 +51,8 @@ impl<'a> SelfTestPlan<'a> {
             .transpose()
     }
 
-    /// Runs the self-test on its material's draws, in the first frame of each camera. `variant` is of [`Self::plan`].
-    /// Overwrites the uniforms of [`SceneInputs::set_frame`].
+    /// Runs the self-test on its material's draws, in the first frame of each camera. `variant`
+    /// comes from [`Self::plan`]. Overwrites the uniforms of [`SceneInputs::set_frame`].
     ///
     /// # Errors
     /// As [`Prepared::new`] and [`Prepared::draw`].
@@ -152,7 +152,7 @@ fn draws<'a>(plan: &Plan, test: &'a SelfTest) -> Result<SelfTestPlan<'a>, Error>
     })
 }
 
-/// The key of a program of the original, beside those of the plan.
+/// The key of a program of the original, distinct from those of the plan.
 fn of_original(key: &str) -> String {
     format!("original-{key}")
 }

@@ -1,4 +1,5 @@
-//! Reads the plans of a frame as a host does, from JSON, and their programs from emitted text or as naga IR.
+//! Reads the plans of a frame from JSON as a host does, and their programs from emitted text or as
+//! naga IR.
 
 use std::collections::BTreeMap;
 
@@ -15,13 +16,13 @@ use super::Error;
 use super::compiled::{self, Compiled};
 use super::gpu::Gpu;
 
-/// A material as a host gets it, and what is known of its programs.
+/// A material as a host receives it, with facts about its programs.
 #[derive(Clone, Debug)]
 pub struct PlannedMaterial<'a> {
     pub plan: &'a Plan,
     pub shaders: Shaders,
-    /// The checks without which the author's programs may do anything. A variant needs the same, so that both are
-    /// compiled alike.
+    /// The run-time checks without which the author's programs would be unsafe. Variants need the
+    /// same checks, so that both compile alike.
     pub needed: Checks,
     /// Whether a program has a loop that may not end.
     pub is_open: bool,
@@ -36,8 +37,9 @@ pub enum Shaders {
     Ir,
 }
 
-/// Makes the bounded copy of a program. Its first loop gets the number that is given, from 1. The closure says of a
-/// number in a uniform buffer that a loop counts up to it in no time. `None`: every loop ends.
+/// Makes the bounded copy of a program. Numbers its loops from the given number, which starts at 1.
+/// The closure decides whether a uniform is small enough as a loop's bound. `None` if every loop
+/// ends.
 pub(crate) type Bound =
     fn(&Program, u32, &dyn Fn(&UniformScalar) -> bool) -> Result<Option<Bounded>, Box<Invalid>>;
 
@@ -62,7 +64,7 @@ pub struct Variant {
     /// Shaders by the name of the emitted file, or `MATERIAL.KEY` for IR, with the checks that the
     /// material's texts need.
     shaders: BTreeMap<String, (Shader, Checks)>,
-    /// The plans with their programs, and what bounds them, if a loop may not end.
+    /// The plans with their programs, and the function that bounds them. `None` if all loops end.
     looping: Option<(Vec<Plan>, Bound)>,
     /// Vertex and fragment stage of each pass of each plan.
     stages: Vec<Vec<(ShaderStageRef, Option<ShaderStageRef>)>>,
@@ -93,7 +95,7 @@ impl Variant {
         Ok(out)
     }
 
-    /// Bounded copies, which the driver gets as IR with every check.
+    /// A variant of bounded copies. The driver gets them as IR with every check.
     pub(super) fn bounded(plans: &[Plan]) -> Result<Self, Error> {
         let mut out = Self::empty();
         for plan in plans {
@@ -103,12 +105,13 @@ impl Variant {
         Ok(out)
     }
 
-    /// The plans with their programs, and what bounds them, if a loop may not end.
+    /// The plans with their programs, and the function that bounds them. `None` if all loops end.
     pub(super) fn looping(&self) -> Option<&(Vec<Plan>, Bound)> {
         self.looping.as_ref()
     }
 
-    /// Reads the emitted files of each material, with WGSL among the targets. Their texts are those that naga reads.
+    /// Reads the emitted files of each material, with WGSL among the targets. Their texts must be
+    /// in naga's dialect.
     ///
     /// # Errors
     /// [`Error::Plan`] if a `plan.json` is missing, has another version, or names missing files;
@@ -231,7 +234,6 @@ impl Variant {
         Ok(())
     }
 
-    /// Replaces the render passes.
     pub(super) fn in_passes(mut self, passes: Vec<FramePass>) -> Self {
         self.frame.passes = passes;
         self
@@ -270,7 +272,6 @@ impl Variant {
         })
     }
 
-    /// Compiles every shader.
     pub(super) fn compile(
         &self,
         gpu: &Gpu,

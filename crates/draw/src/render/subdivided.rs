@@ -21,7 +21,7 @@ pub struct SubdivisionCost {
     /// New vertices computed per frame. The pulled form counts one for each vertex of each
     /// triangle's pattern, as an adapter computes if it reuses vertices within an instance.
     pub evaluations: u64,
-    /// Whether some of `evaluations` are skipped.
+    /// Whether some of `evaluations` are skipped at run time.
     pub surplus: Surplus,
     /// The share of `evaluations` in a compute pass; the rest is in the vertex stage.
     pub in_compute: u64,
@@ -35,11 +35,10 @@ pub struct SubdivisionCost {
     pub draws: Vec<DrawSubdivision>,
 }
 
-/// Whether the draw has vertices that a triangle does not need.
+/// Whether a draw has vertices that some triangles do not need.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Surplus {
-    /// All vertices are needed.
     #[default]
     None,
     /// Adaptive levels: triangles with short edges use only some vertices, depending on the view.
@@ -58,7 +57,7 @@ pub struct DrawSubdivision {
     pub bytes: u64,
 }
 
-/// The subdivided meshes of a frame. All passes of a draw share them.
+/// The subdivided meshes of a frame. All passes of a draw share one.
 pub(super) struct Meshes {
     /// Size of the targets in pixels.
     size: [u32; 2],
@@ -68,13 +67,13 @@ pub(super) struct Meshes {
 /// A draw's subdivided triangles.
 pub(super) struct SubdividedMesh {
     pattern: wgpu::Buffer,
-    /// The triangles of a strip, as a list.
+    /// The triangles of a strip as a list.
     list: Option<wgpu::Buffer>,
-    /// `shared`: the origin of each new vertex.
+    /// For `shared`: the origin of each new vertex.
     points: wgpu::Buffer,
-    /// `shared`: the same as [`Mesh::points`].
+    /// For `shared`: as [`Mesh::points`].
     made_of: Vec<[u32; 4]>,
-    /// `shared`: the computed vertices, by the buffer's name in the plan.
+    /// For `shared`: the computed vertices, by the buffer's name in the plan.
     vertices: BTreeMap<String, wgpu::Buffer>,
     indices: wgpu::Buffer,
     index_count: u32,
@@ -100,11 +99,11 @@ impl Meshes {
         }
     }
 
-    /// The mesh of a draw under `geometry`, for a pass with these bindings; `None` if the geometry
+    /// The mesh of a draw under `geometry`, for a pass with these bindings. `None` if the geometry
     /// is not subdivided.
     ///
     /// # Errors
-    /// A message: the plan and the draw do not fit together.
+    /// The reason as text: the plan and the draw do not fit together.
     pub fn of(
         &mut self,
         gpu: &Gpu,
@@ -152,7 +151,7 @@ impl Meshes {
         Ok(Some(Subdivided { mesh, constants }))
     }
 
-    /// The buffers of computed vertices: draw, origins of one instance's vertices, and the buffer.
+    /// The buffers of computed vertices: draw, origins of one instance's vertices, and buffer.
     pub fn computed(&self) -> impl Iterator<Item = (usize, &[[u32; 4]], &wgpu::Buffer)> {
         self.known.iter().flat_map(|(draw, _, _, mesh)| {
             let buffers = mesh.vertices.values();
@@ -160,7 +159,7 @@ impl Meshes {
         })
     }
 
-    /// The total cost; `None` without subdivision.
+    /// The total cost. `None` without subdivision.
     pub fn cost(&self) -> Option<SubdivisionCost> {
         if self.known.is_empty() {
             return None;
@@ -363,7 +362,7 @@ impl Subdivided {
     }
 }
 
-/// An index of the author's strip; `None` for a restart.
+/// An index of the author's strip. `None` for a restart.
 fn strip_vertex(draw: &DrawInputs, at: u32) -> Option<u32> {
     let index = vertex(draw, at);
     let restart = match draw.indices.as_ref().map(|i| i.format) {

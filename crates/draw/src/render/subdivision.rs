@@ -5,7 +5,6 @@ use std::collections::HashMap;
 use preshade_plan::geometry::pack;
 use preshade_plan::pattern::{self, Pattern};
 
-/// A subdivided mesh.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Mesh {
     /// New vertices: three of the author's vertices and packed weights

@@ -31,12 +31,11 @@ pub(super) fn divided(area: Area, divisor: u32) -> Area {
     }
 }
 
-/// A depth attachment.
 pub(super) struct DepthTarget {
     pub texture: wgpu::Texture,
     /// All aspects, for attaching.
     pub view: wgpu::TextureView,
-    /// The depth aspect, for binding. Only if the plan says that it is sampled.
+    /// The depth aspect, for binding. `None` unless the plan marks it as sampled.
     pub sampled_view: Option<wgpu::TextureView>,
     pub format: DepthFormat,
     pub samples: u32,
@@ -48,7 +47,7 @@ pub(super) struct NamedColor {
     texture: wgpu::Texture,
     pub view: wgpu::TextureView,
     pub clear: wgpu::Color,
-    /// As that of [`Attachment`].
+    /// As [`Attachment::divisor`].
     pub divisor: u32,
     sampled: bool,
 }
@@ -151,7 +150,7 @@ impl Targets {
     /// The scene's colour at a location, as a storage texture.
     ///
     /// # Errors
-    /// A message: there is none.
+    /// The reason as text: there is none.
     pub fn stored(
         &self,
         location: u32,
@@ -168,7 +167,7 @@ impl Targets {
     /// The named attachment as a texture.
     ///
     /// # Errors
-    /// A message: it does not exist, or the plan does not mark it as sampled.
+    /// The reason as text: it does not exist, or the plan does not mark it as sampled.
     pub fn sampled(&self, name: &str) -> Result<Sampled<'_>, &'static str> {
         const UNMARKED: &str = "which the plan does not mark as sampled";
         if let Some(depth) = self.depths.get(name) {

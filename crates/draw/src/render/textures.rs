@@ -1,4 +1,4 @@
-//! The textures of a scene's draws: images of any format, uploaded as they are.
+//! Textures of a scene's draws: images of any format, uploaded unchanged.
 
 use std::sync::Arc;
 
@@ -17,7 +17,8 @@ use crate::scene::bind::{TextureBinding, TextureContent};
 #[derive(Default)]
 pub(super) struct Textures(Vec<(Key, (wgpu::TextureView, BindingType))>);
 
-/// A content, known by the image's address (the scene keeps it alive), and how it is read.
+/// The image's address, which identifies its content while the scene lives, and the way of reading
+/// it.
 #[derive(Clone, PartialEq)]
 struct Key {
     image: Option<*const Image>,
@@ -31,8 +32,8 @@ impl Textures {
     /// The view of a binding's texture, and its binding type.
     ///
     /// # Errors
-    /// [`Error::Unsupported`] if the adapter lacks the format, [`Error::Scene`] if the shader reads
-    /// something else than the image is, or the image has too few bytes. `draw` is for messages.
+    /// [`Error::Unsupported`] if the adapter lacks the format, [`Error::Scene`] if the shader
+    /// cannot read this kind of image, or the image has too few bytes. `draw` is for messages.
     pub fn view(
         &mut self,
         gpu: &Gpu,
@@ -117,7 +118,7 @@ impl Textures {
     }
 }
 
-/// Whether the device has what a format needs.
+/// Whether the device supports a format.
 pub fn is_readable(gpu: &Gpu, format: TextureFormat) -> bool {
     gpu.device.features().contains(format.required_features())
 }
@@ -132,13 +133,13 @@ fn fitting(
     let is_bytes = image.format.remove_srgb_suffix() == TextureFormat::Rgba8Unorm;
     let features = Some(gpu.device.features());
     match (binding.sample_type, image.format) {
-        // Bytes are read as the numbers that the shader asks for.
+        // Bytes are read as numbers of the shader's type.
         (S::Uint, _) if is_bytes => Ok((TextureFormat::Rgba8Uint, S::Uint)),
         (S::Sint, _) if is_bytes => Ok((TextureFormat::Rgba8Sint, S::Sint)),
         (S::Depth, format) if image.texels().is_some() && format.components() == 1 => {
             Ok((TextureFormat::Depth32Float, S::Depth))
         }
-        // What a shader reads of a depth is not filtered.
+        // Depths that a shader reads are not filtered.
         (S::Float { .. }, format) if format.is_depth_stencil_format() => {
             Ok((TextureFormat::Depth32Float, S::Depth))
         }

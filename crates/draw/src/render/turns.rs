@@ -1,48 +1,44 @@
-//! Turns on an adapter that several processes draw on: pictures go side by side, and times are taken
-//! alone.
+//! Lets several processes take turns on an adapter: they draw pictures at the same time, but
+//! measure times alone.
 
 use std::fs::File;
 use std::io;
 use std::sync::{Mutex, PoisonError};
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Locks that all processes share which draw on an adapter.
+/// Lock files that all processes on an adapter share.
 #[derive(Debug)]
 pub struct Turns {
     lock: File,
-    /// Held by who waits to be alone, so that no other takes a share meanwhile.
+    /// Held by a process that waits to be alone. Meanwhile no other process gets a share.
     gate: File,
-    /// Whether all work of this process disturbs times, and not its drawing alone: the adapter is the CPU.
+    /// Whether the adapter is the CPU. Then all work of this process disturbs measurements, not
+    /// only its drawing.
     is_cpu: bool,
     tell: fn(Turn),
     state: Mutex<State>,
 }
 
-/// What happens to a process on a shared adapter.
+/// A state of a process on a shared adapter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Turn {
-    /// It waits for other processes.
+    /// Waiting for other processes.
     Waits,
-    /// It waits no more.
+    /// The wait is over.
     Runs,
-    /// It had the adapter for itself, from and to these milliseconds of [`timeline`].
-    Alone {
-        /// When it began.
-        start_ms: u64,
-        /// When it ended.
-        end_ms: u64,
-    },
+    /// It had the adapter for itself. Times are milliseconds of [`timeline`].
+    Alone { start_ms: u64, end_ms: u64 },
 }
 
 #[derive(Debug, Default)]
 struct State {
-    /// Drawing threads.
+    /// Number of threads that are drawing.
     shared: usize,
     is_alone: bool,
 }
 
 impl Turns {
-    /// Shares an adapter by these two lock files. `tell` hears of each [`Turn`].
+    /// Shares an adapter through these two lock files. Calls `tell` on each [`Turn`].
     pub fn new([lock, gate]: [File; 2], tell: fn(Turn)) -> Self {
         Self {
             lock,
@@ -53,7 +49,7 @@ impl Turns {
         }
     }
 
-    /// Says whether the adapter is the CPU: then this process holds its share from now on.
+    /// Starts to take turns. If the adapter is the CPU, this process holds a share from now on.
     pub(super) fn begin(mut self, is_cpu: bool) -> io::Result<Self> {
         self.is_cpu = is_cpu;
         if is_cpu {
@@ -62,7 +58,7 @@ impl Turns {
         Ok(self)
     }
 
-    /// Draws beside other processes that draw.
+    /// Draws at the same time as other processes.
     pub(super) fn beside<T>(&self, draw: impl FnOnce() -> T) -> io::Result<T> {
         {
             let mut state = self.state();
@@ -75,15 +71,15 @@ impl Turns {
             let mut state = self.state();
             state.shared -= 1;
             if !self.is_cpu && !state.is_alone && state.shared == 0 {
-                // It is unlocked at the end of the process at the latest.
+                // The system unlocks it when the process ends.
                 let _ = self.lock.unlock();
             }
         });
         Ok(draw())
     }
 
-    /// Runs `time` while no other process draws. One thread at a time may do so, and while it does, the
-    /// others of this process must not draw.
+    /// Runs `time` while no other process draws. Only one thread at a time may call this, and
+    /// meanwhile the others of this process must not draw.
     pub(super) fn alone<T>(&self, time: impl FnOnce() -> T) -> io::Result<T> {
         // Locks cannot be upgraded on all systems.
         if self.is_cpu {
@@ -113,7 +109,7 @@ impl Turns {
         self.take(File::try_lock_shared, File::lock_shared)
     }
 
-    /// Takes the lock, through the gate.
+    /// Takes the lock after passing the gate.
     fn take(
         &self,
         at_once: fn(&File) -> Result<(), std::fs::TryLockError>,
@@ -139,7 +135,7 @@ impl Turns {
     }
 }
 
-/// Runs a function at the end of a scope, also of one that panics.
+/// Runs a function at the end of a scope, even after a panic.
 struct OnDrop<F: FnMut()>(F);
 
 impl<F: FnMut()> Drop for OnDrop<F> {
@@ -148,8 +144,8 @@ impl<F: FnMut()> Drop for OnDrop<F> {
     }
 }
 
-/// The name of a start of this machine, and the milliseconds since, or an empty name and those since 1970
-/// where that is not known. Only the former go on when a clock is set.
+/// The machine's boot id, and milliseconds since boot, which are unaffected by clock changes. Where
+/// these are unknown: an empty id, and milliseconds since 1970.
 pub fn timeline() -> (String, u64) {
     let boot = std::fs::read_to_string("/proc/sys/kernel/random/boot_id").ok();
     let uptime = std::fs::read_to_string("/proc/uptime").ok();
@@ -160,7 +156,6 @@ pub fn timeline() -> (String, u64) {
     }
 }
 
-/// Milliseconds since 1970.
 pub fn since_1970() -> u64 {
     let since = SystemTime::now().duration_since(UNIX_EPOCH);
     since.map_or(0, |d| u64::try_from(d.as_millis()).unwrap_or(u64::MAX))
@@ -185,7 +180,7 @@ mod tests {
     #[test]
     fn nobody_draws_while_another_times() {
         let path = std::env::temp_dir().join(format!("preshade-turns-{}", std::process::id()));
-        // Each has a handle of its own, as processes have.
+        // Each has its own file handles, as processes have.
         let turns = |is_cpu| {
             let files = [path.clone(), path.with_extension("gate")].map(|path| {
                 let mut options = File::options();

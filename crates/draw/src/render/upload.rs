@@ -5,8 +5,8 @@ use wgpu::{Extent3d, TextureDimension, TextureFormat, TextureUsages, TextureView
 use super::gpu::Gpu;
 use crate::scene::Image;
 
-/// The size of a texture for an image that is read as `view`. A cube with fewer layers repeats
-/// them.
+/// Size of a texture for an image that is read as `view`. A cube repeats its layers if there are
+/// too few.
 pub(super) fn size(image: &Image, view: TextureViewDimension) -> Result<Extent3d, String> {
     let dimension = view.compatible_texture_dimension();
     if image.dimension == TextureDimension::D3 && dimension != TextureDimension::D3 {
@@ -30,10 +30,10 @@ pub(super) fn size(image: &Image, view: TextureViewDimension) -> Result<Extent3d
     })
 }
 
-/// A texture of an image, as `view` reads it.
+/// A texture with an image's content, to be read as `view`.
 ///
 /// # Errors
-/// A message: the image has too few bytes, or its size does not fit the format.
+/// The reason as text: the image has too few bytes, or its size does not fit the format.
 pub(super) fn upload(
     gpu: &Gpu,
     image: &Image,
@@ -42,7 +42,7 @@ pub(super) fn upload(
 ) -> Result<wgpu::Texture, String> {
     let dimension = view.compatible_texture_dimension();
     let size = size(image, view)?;
-    // An image of other dimensions than the texture's has only level 0 in it.
+    // If the texture has another dimension than the image, it gets only level 0.
     let levels = match image.dimension == dimension {
         true => image.levels.len() as u32,
         false => 1,

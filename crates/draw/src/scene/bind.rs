@@ -1,9 +1,9 @@
 //! Packs one draw of a scene into the bytes that a GPU pass needs.
 //!
-//! Reflection finds each binding and location that the pass lists in the author's program. Each
-//! member gets its value from the first of these that has one: the draw's values, the material's
-//! values, the name's meaning by convention ([`Semantic`], mesh streams), a
-//! plausible number derived from the name. `docs/reference/scene-values.md` lists the names.
+//! Reflection finds each binding and location of the pass in the author's program. Each member gets
+//! its value from the first available source: the draw's values, the material's values, the name's
+//! meaning by convention ([`Semantic`], mesh streams), a plausible number derived from the name.
+//! `docs/reference/scene-values.md` lists the names.
 //!
 //! Nothing here depends on the plan. Two variants of a material get the same bytes and the same
 //! [`Data::id`]s, so a renderer uploads each once.
@@ -42,8 +42,8 @@ pub use streams::{
     is_index_buffer, is_instance_data, known_stream, stream_component, unknown_stream,
 };
 
-/// Bytes and a hash of them. Equal bytes have equal ids, so a renderer needs one GPU buffer for
-/// each id.
+/// Bytes with their hash. Equal bytes have equal ids, so a renderer needs one GPU buffer for each
+/// id.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Data {
     /// First 16 bytes of the BLAKE3 hash of `bytes`.
@@ -80,14 +80,13 @@ pub struct BufferBinding {
     pub kind: BindingKind,
     /// Content, a multiple of 16 bytes long.
     pub data: Data,
-    /// How often it changes.
     pub rate: Rate,
-    /// The bytes that preshade made up, in order.
+    /// The byte ranges that preshade made up, in order.
     pub invented: Vec<Range<usize>>,
 }
 
 impl BufferBinding {
-    /// Whether preshade made up one of these bytes.
+    /// Whether preshade made up any of these bytes.
     pub fn is_invented(&self, bytes: &Range<usize>) -> bool {
         let overlaps = |r: &Range<usize>| r.start < bytes.end && bytes.start < r.end;
         self.invented.iter().any(overlaps)
@@ -103,7 +102,7 @@ pub enum TextureContent {
     Depth {
         /// Width and height.
         size: [u32; 2],
-        /// The depth it is cleared to.
+        /// The depth value that fills it.
         value: f32,
     },
     /// A storage texture, zeroed.
@@ -125,7 +124,7 @@ pub struct TextureBinding {
     pub multisampled: bool,
     /// Whether preshade made up the content.
     pub is_invented: bool,
-    /// Whether no frame writes it.
+    /// Whether no command of the frame writes it.
     pub is_steady: bool,
 }
 
@@ -142,7 +141,7 @@ pub struct SamplerBinding {
 pub struct VertexAttribute {
     pub location: u32,
     pub format: wgpu::VertexFormat,
-    /// Offset in bytes.
+    /// In bytes.
     pub offset: u64,
     /// Whether preshade made up the values.
     pub is_invented: bool,
@@ -156,13 +155,10 @@ pub struct VertexBuffer {
     pub stride: u64,
     /// By vertex or by instance.
     pub step: wgpu::VertexStepMode,
-    /// Attributes the pass reads.
     pub attributes: Vec<VertexAttribute>,
-    /// Content.
     pub data: Data,
 }
 
-/// An index buffer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Indices {
     /// 16 bits when the mesh has at most 65,535 vertices.
@@ -178,21 +174,19 @@ pub struct Indices {
 pub struct DrawBindings {
     /// Immediate data, from offset 0.
     pub immediates: Option<Data>,
-    /// Uniform and storage buffers.
     pub buffers: Vec<BufferBinding>,
     /// Textures, without those that the renderer takes from an attachment.
     pub textures: Vec<TextureBinding>,
     pub samplers: Vec<SamplerBinding>,
-    /// At most one by vertex and one by instance.
+    /// At most one per vertex and one per instance.
     pub vertex_buffers: Vec<VertexBuffer>,
-    /// Indices; `None` draws vertices in order.
+    /// `None` draws the vertices in order.
     pub indices: Option<Indices>,
     /// Number of vertices in the buffers.
     pub vertex_count: u32,
-    /// The range to draw.
     pub call: Call,
     pub instances: u32,
-    /// Where it draws to; `None`: the scene's viewport.
+    /// Area of the target. `None`: the scene's viewport.
     pub area: Option<Area>,
 }
 
@@ -203,12 +197,12 @@ pub struct Area {
     pub viewport: [f32; 6],
     /// x, y, width and height in pixels.
     pub scissor: [u32; 4],
-    /// The size of the target that they are of, in pixels.
+    /// Size in pixels of the target that they refer to.
     pub of: [u32; 2],
 }
 
 impl Area {
-    /// All depths of a part of a target: x, y, width and height, in pixels.
+    /// A part of a target with all depths. `part`: x, y, width and height in pixels.
     pub(crate) fn of(part: [u32; 4], target: [u32; 2]) -> Self {
         let [x, y, w, h] = part.map(|length| length as f32);
         Self {
@@ -260,7 +254,7 @@ impl Area {
 }
 
 impl DrawBindings {
-    /// What a pass reads of it.
+    /// The resources that a pass reads.
     fn read_by(&self, pass: &GpuPass) -> Self {
         let reads = |group: u32, binding: u32| {
             authored(pass).any(|b| (b.group, b.binding) == (group, binding))
@@ -357,9 +351,10 @@ pub fn draw(
     Ok(out)
 }
 
-/// The bytes of a material's immediate data for one draw in one frame; `None` if it has none. They
-/// begin at offset 0 of the range. Its stages may declare parts of the range, each with padding in
-/// place of the others.
+/// The bytes of a material's immediate data for one draw in one frame, from offset 0 of the range.
+/// `None` if it has none.
+///
+/// Its stages may declare different parts of the range, each with padding for the others.
 ///
 /// # Errors
 /// As [`draw`], and if two variables give one byte different values.
@@ -470,7 +465,7 @@ pub fn check(
     })
 }
 
-/// Length of the runtime-sized array that the variable is or ends in, if there is one.
+/// Length of the runtime-sized array that a variable is or ends in, if it does.
 ///
 /// # Errors
 /// The scene sets an element beyond the end.
@@ -493,7 +488,7 @@ fn runtime_length(
     Ok(length)
 }
 
-/// Called for each scalar, vector and matrix that the scene does not set, with the origin and the
+/// Callback for each scalar, vector and matrix that the scene does not set, with origin and
 /// numbers.
 type Observer<'o> = &'o mut dyn FnMut(&Leaf<'_>, ValueOrigin, &[f64; 16]);
 
@@ -547,12 +542,12 @@ fn buffer(
     })
 }
 
-/// Numbers by path, for [`filled`].
+/// Looks up numbers by path, for [`filled`].
 pub(crate) type Numbers<'f, 'n> = dyn Fn(&str, Option<usize>, usize) -> Option<&'n [f64]> + 'f;
 
-/// The bytes of a variable whose scalars, vectors and matrices are asked for by path: `number` gets the
-/// path with indices and without the variable's name, the index in the innermost array, and the count
-/// of numbers. Those that it does not know are 0.
+/// The bytes of a variable, filled by path. `number` gets the path of a scalar, vector or matrix
+/// (with indices, without the variable's name), its index in the innermost array, and the count of
+/// numbers. Where it returns `None`, they are 0.
 ///
 /// # Errors
 /// The program does not declare the binding, or its type has no layout.
@@ -645,7 +640,7 @@ fn packed(
                 None => {}
             }
         }
-        // Padding has no value to make up.
+        // Padding has no value.
         if !is_padding(leaf) {
             match invented.last_mut() {
                 Some(last) if last.end == leaf.bytes.start => last.end = leaf.bytes.end,
@@ -668,7 +663,7 @@ fn packed(
     })
 }
 
-/// A known value cut to a leaf's shape; `None` where one is a matrix and the other is not.
+/// A known value cut to a leaf's shape. `None` if only one of them is a matrix.
 fn fit(known: SemanticValue, leaf: &Leaf<'_>) -> Option<[f64; 16]> {
     let mut out = [0.0; 16];
     match known {
@@ -708,7 +703,7 @@ fn hash01(name: &str, index: usize, component: usize) -> f64 {
 /// Prefixes of names that mean padding.
 const PADDING: [&str; 5] = ["pad", "unused", "reserved", "dummy", "filler"];
 
-/// Whether a member only fills up space, by its name: the author's, or that of our front end.
+/// Whether a member is padding, by its name in the author's text or from our front end.
 fn is_padding(leaf: &Leaf<'_>) -> bool {
     let own = leaf.name();
     let name = normalise(own);
@@ -760,7 +755,7 @@ fn plausible(leaf: &Leaf<'_>) -> [f64; 16] {
             () if name.contains("density") => 0.05,
             () if name.contains("intensity") || name.contains("power") => 1.0 + 2.0 * h(c),
             () if name.contains("scale") || name.contains("tiling") || name.contains("freq") => 2.0,
-            // These are cosines of a spot's cones; the outer cone is wider.
+            // These are cosines of a spot light's cones. The outer cone is wider.
             () if name.contains("cutoff") && name.contains("outer") => 0.4,
             () if name.contains("cutoff") || name.contains("threshold") => 0.5,
             () if name == "ior" => 1.5,
@@ -777,7 +772,7 @@ fn plausible(leaf: &Leaf<'_>) -> [f64; 16] {
     out
 }
 
-/// The numbers that a value of a bare shader would get by the names on its path. `None`: they have a
+/// Made-up numbers for a value of a bare shader, by the names on its path. `None` if they have a
 /// conventional meaning, or the type has no numbers.
 pub fn made_up(path: &str, ty: &TypeInner) -> Option<Vec<f64>> {
     let (columns, rows, scalar) = layout::leaf_shape(ty)?;

@@ -10,8 +10,8 @@ use codespan_reporting::term;
 use super::codes;
 use shader_text::regular;
 
-/// The scene cannot be loaded, or a draw cannot be bound. [`Display`](std::fmt::Display) is one
-/// line; [`SceneError::render`] shows the place in the scene file.
+/// A scene that cannot be loaded, or a draw that cannot be bound. [`Display`](std::fmt::Display) is
+/// one line; [`SceneError::render`] shows the place in the scene file.
 #[derive(Clone, Debug)]
 pub struct SceneError {
     message: String,
@@ -19,7 +19,7 @@ pub struct SceneError {
     place: Option<Box<TextPlace>>,
     detail: Option<String>,
     subject: Option<Box<str>>,
-    /// Whether a glTF file requires an extension that is not read.
+    /// Whether the cause is an unsupported extension that a glTF file requires.
     is_extension: bool,
 }
 
@@ -51,7 +51,7 @@ impl SceneError {
         }
     }
 
-    /// Sets the code of an extension that is not read.
+    /// Sets the code for unsupported extensions.
     #[must_use]
     pub fn of_extension(mut self) -> Self {
         self.is_extension = true;
@@ -71,7 +71,6 @@ impl SceneError {
         }
     }
 
-    /// Adds a remedy.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {
         self.help = Some(help.into());

@@ -39,7 +39,7 @@ pub enum Pattern {
     Blades,
 }
 
-/// A texture as a scene file describes it.
+/// A texture entry of a scene file.
 #[derive(Clone, Debug, PartialEq, Deserialize)]
 #[serde(
     default,

@@ -22,9 +22,9 @@ pub(crate) struct Leaf<'a> {
     pub kind: ScalarKind,
     /// Bytes of a scalar.
     pub width: u8,
-    /// The semantic that the author's values name.
+    /// The semantic in the author's values.
     pub semantic: Option<Semantic>,
-    /// Its bytes in the variable.
+    /// Byte range in the variable.
     pub bytes: Range<usize>,
 }
 
@@ -50,12 +50,12 @@ impl Leaf<'_> {
 }
 
 impl Leaf<'_> {
-    /// The path as users write it.
+    /// The path in the users' syntax.
     pub fn text(&self) -> String {
         join(self.path, false)
     }
 
-    /// The path with its indices.
+    /// The path in the users' syntax, with indices.
     pub fn indexed(&self) -> String {
         join(self.path, true)
     }
@@ -123,7 +123,7 @@ pub fn scalar_count(module: &Module, ty: Handle<Type>, dynamic: usize) -> usize 
     }
 }
 
-/// Element type and stride of the runtime-sized array that the type is or ends in.
+/// Element type and stride of the runtime-sized array that a type is or ends in.
 pub fn runtime_array(module: &Module, ty: Handle<Type>) -> Option<Handle<Type>> {
     match &module.types[ty].inner {
         TypeInner::Array {

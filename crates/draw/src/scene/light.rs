@@ -14,9 +14,9 @@ pub struct Light {
     pub direction: Vec3,
     /// RGB radiance.
     pub color: Vec3,
-    /// Centre of the box in world space; `None` is the centre of the draws.
+    /// Centre of the box in world space. `None`: the centre of the draws.
     pub center: Option<Vec3>,
-    /// Width, height and depth of the box in light space, in world units; `None` fits the bounding
+    /// Width, height and depth of the box in light space, in world units. `None` fits the bounding
     /// boxes of all draws.
     pub extent: Option<Vec3>,
     /// Width and height of the shadow map, in pixels.
@@ -78,8 +78,8 @@ impl Scene {
         }
     }
 
-    /// The scene as the light's shadow map sees it: one camera named `light` at a time in seconds,
-    /// one sample, forward depth, the whole map.
+    /// The scene from the light's view for its shadow map: one camera named `light` at a time in
+    /// seconds, one sample, forward depth, the whole map.
     #[must_use]
     pub fn seen_from_light(&self, time: f32) -> Self {
         let camera = Camera {

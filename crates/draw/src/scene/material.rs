@@ -9,8 +9,8 @@ use super::globals::globals;
 use super::image::{Pattern, Recipe};
 use super::{Image, Material, SceneError, value_path};
 
-/// Refuses values, textures, samplers and attributes that the program does not have: each is a
-/// misspelling. The error's subject is the key.
+/// Refuses values, textures, samplers and attributes that the program lacks, because they are
+/// misspellings. The error's subject is the key.
 pub fn check(material: &Material) -> Result<(), SceneError> {
     let module = material.program.module();
     let (mut textures, mut samplers) = (Vec::new(), Vec::new());
@@ -60,7 +60,7 @@ pub fn check(material: &Material) -> Result<(), SceneError> {
     Ok(())
 }
 
-/// Refuses a picture for a cube that is no square.
+/// Refuses an image for a cube that is not square.
 fn square(material: &Material, texture: &str) -> Result<(), SceneError> {
     let [width, height] = match material.textures.get(texture) {
         Some(image) => image.size,
@@ -77,7 +77,7 @@ fn square(material: &Material, texture: &str) -> Result<(), SceneError> {
     }
 }
 
-/// The default image of a texture. Its name decides: a normal map, a mask, noise, or a coloured
+/// The default image of a texture. Its name determines a normal map, a mask, noise, or a coloured
 /// pattern.
 pub fn default_texture(name: &str, dim: ImageDimension) -> Arc<Image> {
     static COLOR: LazyLock<Arc<Image>> = LazyLock::new(|| {

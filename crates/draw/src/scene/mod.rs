@@ -1,7 +1,7 @@
-//! Scenes: which meshes to draw with which materials and values, and from which cameras.
+//! Scenes: meshes, drawn with materials and values, and the cameras on them.
 //!
-//! A [`Scene`] is plain data on the CPU, with every mesh and every texture decoded. [`bind`] turns one draw of it into
-//! the bytes that a GPU pass of a plan needs.
+//! A [`Scene`] is plain data on the CPU, with every mesh and every texture decoded. [`bind`] turns
+//! one of its draws into the bytes that a GPU pass of a plan needs.
 
 pub mod error;
 pub mod globals;
@@ -41,15 +41,14 @@ pub struct Scene {
     pub viewport: Option<[u32; 4]>,
     /// Depth format of the frame.
     pub depth_format: DepthFormat,
-    /// Forward or reversed depth.
     pub depth_direction: DepthDirection,
     /// Samples a pixel: 1 or 4.
     pub samples: u32,
     /// Background, linear RGBA.
     pub clear_color: [f64; 4],
-    /// What the attachments hold in place of their clear values.
+    /// Initial contents of the attachments.
     pub initial: Initial,
-    /// The order of rows in its targets. Pictures are upright either way.
+    /// Row order in the scene's targets. Pictures are upright either way.
     pub rows: Rows,
     pub materials: Vec<Material>,
     pub meshes: Vec<Mesh>,
@@ -67,12 +66,11 @@ pub struct Scene {
     /// Whether preshade made up the whole scene for a bare shader. No contract depends on its
     /// values.
     pub is_made_up: bool,
-    /// The size before [`Scene::resized`], in pixels; `None`: it was not.
+    /// The size before [`Scene::resized`], in pixels. `None` if it was not resized.
     pub own_size: Option<[u32; 2]>,
-    /// Of a captured frame, which part of it the scene is: `render pass 2 (4 % of the frame)`.
+    /// For a captured frame, the part of it in this scene: `render pass 2 (4 % of the frame)`.
     pub part: Option<String>,
-    /// What a reader of its files should know: which value of a glTF file fed which binding, and
-    /// what of it is not drawn.
+    /// Notes for users of the files: the glTF values behind bindings, and parts that are not drawn.
     pub notes: Vec<String>,
 }
 
@@ -90,18 +88,14 @@ pub enum DrawOrder {
     AsGiven,
 }
 
-/// A material: one program, its state, its values.
 #[derive(Clone, Debug)]
 pub struct Material {
     /// Name, and prefix of the emitted files.
     pub name: String,
     /// Full path of the first shader file; `None` for a made-up material.
     pub file: Option<std::path::PathBuf>,
-    /// The author's program.
     pub program: Program,
-    /// Vertex entry point.
     pub vertex: String,
-    /// Fragment entry point.
     pub fragment: Option<String>,
     /// Preprocessor definitions for its GLSL, by name.
     pub defines: BTreeMap<String, String>,
@@ -117,13 +111,13 @@ pub struct Material {
     pub samplers: BTreeMap<String, Sampler>,
     /// Mesh stream by attribute name, where the names differ.
     pub attributes: BTreeMap<String, String>,
-    /// Mesh stream by attribute name, by what the shader does with the attribute. A stream that has
-    /// the attribute's name comes first.
+    /// Mesh stream by attribute name, from the attribute's use in the shader. A stream with the
+    /// attribute's name takes precedence.
     pub attribute_roles: BTreeMap<String, String>,
-    /// The renderer's values by path, by what the shader does with them. What the scene or the name
-    /// says comes first.
+    /// The renderer's values by path, from their use in the shader. The scene and the name take
+    /// precedence.
     pub value_roles: BTreeMap<String, Semantic>,
-    /// The material as the scene names it, if this one is for some of its draws.
+    /// Name of the scene's material, if this one stands for only some of its draws.
     pub part_of: Option<String>,
 }
 
@@ -142,17 +136,17 @@ pub enum Value {
 pub struct Sampler {
     /// Magnification, minification and mip filter.
     pub filter: Filter,
-    /// Minification filter, if it is another.
+    /// Minification filter, if different.
     pub min_filter: Option<Filter>,
-    /// Filter between mip levels, if it is another.
+    /// Filter between mip levels, if different.
     pub mip_filter: Option<Filter>,
     /// Addressing outside of 0..1.
     pub address: Address,
-    /// Addressing along v, if it is another.
+    /// Addressing along v, if different.
     pub address_v: Option<Address>,
-    /// Addressing along w, if it is another.
+    /// Addressing along w, if different.
     pub address_w: Option<Address>,
-    /// The least and the largest level of detail; `None`: all.
+    /// Smallest and largest level of detail. `None`: no limits.
     pub lod: Option<[f32; 2]>,
     /// Largest anisotropy, 1 to 16. Above 1 the filter must be linear.
     pub anisotropy: u16,
@@ -176,7 +170,6 @@ impl Default for Sampler {
     }
 }
 
-/// A texture filter.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs)]
@@ -185,7 +178,6 @@ pub enum Filter {
     Linear,
 }
 
-/// A texture addressing mode.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, serde::Deserialize)]
 #[serde(rename_all = "kebab-case")]
 #[allow(missing_docs)]
@@ -195,46 +187,46 @@ pub enum Address {
     ClampToEdge,
 }
 
-/// The order in which a target's rows are stored.
+/// Row order of a target.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Rows {
-    /// The first is the top one, as in WebGPU.
+    /// Row 0 is the top row, as in WebGPU.
     #[default]
     FromTop,
-    /// The first is the bottom one, as in WebGL.
+    /// Row 0 is the bottom row, as in WebGL.
     FromBottom,
 }
 
-/// What the attachments hold before the first draw. Images are what earlier passes of the host's frame left; they
-/// have the attachments' size and one sample, and multisampled attachments are always cleared.
+/// Contents of the attachments before the first draw. Images come from earlier passes of the host's
+/// frame. They have the attachments' size and one sample; multisampled attachments are always
+/// cleared.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Initial {
-    /// Clear values of colours by location. Of locations beyond it, the scene's.
+    /// Clear values of colours by location. Further locations use the scene's.
     pub clear_colors: Vec<[f64; 4]>,
     /// Colours by location, in the attachments' formats.
     pub colors: Vec<Option<Arc<Image>>>,
     pub depth: Option<Arc<Image>>,
-    /// Clear value of the stencil.
     pub clear_stencil: u32,
     /// Stencil values, `R8Uint`.
     pub stencil: Option<Arc<Image>>,
 }
 
-/// The content of a texture, with all its mip levels, in any format of WebGPU's whose texels have
-/// a layout. [`image::Texels`] reads it.
+/// The content of a texture with all its mip levels, in any WebGPU format with a defined texel
+/// layout. [`image::Texels`] reads it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Image {
     /// Width and height of level 0.
     pub size: [u32; 2],
     /// Layers (6 for each cube), or the depth of level 0 of a volume.
     pub layers: u32,
-    /// Flat, or a volume ([`D3`](wgpu::TextureDimension::D3)). Whether a flat one is an array or a
-    /// cube is up to the shader that reads it.
+    /// Flat, or a volume ([`D3`](wgpu::TextureDimension::D3)). The shader decides whether a flat
+    /// one is an array or a cube.
     pub dimension: wgpu::TextureDimension,
-    /// Format of the texels. A depth format has the bytes of the numbers that it stores.
+    /// Texel format. A depth format stores its values as plain numbers.
     pub format: wgpu::TextureFormat,
-    /// The format's own bytes by level: rows of blocks without padding, and a level's layers one
-    /// after the other.
+    /// Bytes of each level in the format's own layout: rows of blocks without padding, and layers
+    /// one after the other.
     pub levels: Vec<Vec<u8>>,
 }
 
@@ -242,14 +234,12 @@ pub struct Image {
 #[derive(Clone, Debug)]
 pub struct Mesh {
     pub name: String,
-    /// Number of vertices.
     pub vertex_count: u32,
     /// Streams by name, for example `position`, `normal`, `tangent`, `uv`, `color`, `joints`,
     /// `weights`, `morph_position_0`.
     pub streams: BTreeMap<String, Stream>,
     /// `None` draws the vertices in order.
     pub indices: Option<Vec<u32>>,
-    /// Bounding box.
     pub bounds: [Vec3; 2],
 }
 
@@ -260,32 +250,27 @@ pub enum Stream {
     Float {
         /// 1 to 4, or 16 for a matrix.
         components: u32,
-        /// All values.
         data: Vec<f32>,
     },
     /// `components` unsigned integers per vertex.
     Uint {
         /// 1 to 4.
         components: u32,
-        /// All values.
         data: Vec<u32>,
     },
 }
 
-/// One draw call.
 #[derive(Clone, Debug)]
 pub struct Draw {
-    /// Name, for messages.
+    /// Used in messages.
     pub name: String,
     /// Index in [`Scene::meshes`].
     pub mesh: usize,
     /// Index in [`Scene::materials`].
     pub material: usize,
-    /// Object-to-world matrix.
+    /// Object to world.
     pub transform: Mat4,
-    /// Indices and first instance.
     pub range: DrawRange,
-    /// Number of instances.
     pub instances: u32,
     /// Per-instance streams by name, for example `instance_transform` (16), `instance_color` (4).
     /// Index 0 is the first instance of the range.
@@ -297,8 +282,8 @@ pub struct Draw {
     pub morph_weights: Vec<f32>,
     /// Values that only this draw has.
     pub values: BTreeMap<String, Value>,
-    /// What the draw bound when its frame was captured. Then nothing is derived from names: mesh,
-    /// values and transform are not read.
+    /// The captured bindings of a draw. If set, nothing is derived from names, and mesh, values and
+    /// transform are ignored.
     pub captured: Option<Arc<bind::DrawBindings>>,
 }
 
@@ -332,7 +317,7 @@ pub struct Frame {
     pub projection: Mat4,
     /// Eye in world space.
     pub eye: Vec3,
-    /// Seconds.
+    /// In seconds.
     pub time: f32,
 }
 
@@ -350,8 +335,8 @@ impl Material {
 }
 
 impl Scene {
-    /// The scene at another resolution. The viewport and what the attachments hold scale too, and cameras keep
-    /// their vertical field of view.
+    /// The scene at another resolution. The viewport and the initial contents scale too, and
+    /// cameras keep their vertical field of view.
     #[must_use]
     pub fn resized(mut self, size: [u32; 2]) -> Self {
         let before = self.aspect();

@@ -201,8 +201,8 @@ impl Semantic {
         })
     }
 
-    /// The meaning of a path, from its last name to its first: `camera.position` together, or its
-    /// last name alone.
+    /// The meaning of a path, given from its last name to its first: that of `camera.position`
+    /// together, or of the last name alone.
     pub fn of_path<'n>(mut names: impl Iterator<Item = &'n str>) -> Option<Self> {
         let (own, around) = (names.next()?, names.next());
         around

@@ -1,5 +1,5 @@
-//! A scene with another depth format, sample count or viewport. The drawn objects stay the same.
-//! Value in, value out.
+//! Copies of a scene with another depth format, sample count or viewport. The drawn objects stay
+//! the same.
 
 use glam::Vec4;
 use naga_edit::interface;
@@ -8,7 +8,8 @@ use preshade_plan::state::{DepthDirection, DepthFormat};
 use super::Scene;
 
 impl Scene {
-    /// Whether it is a captured frame's, which draws what the frame drew and nothing else.
+    /// Whether the scene comes from a captured frame, so that it draws exactly the same as the
+    /// frame.
     pub fn is_captured(&self) -> bool {
         self.draws.iter().any(|draw| draw.captured.is_some())
     }

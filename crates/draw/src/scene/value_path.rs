@@ -9,8 +9,7 @@ use super::globals::{globals, immediates};
 use super::layout;
 use super::{Material, SceneError, Value};
 
-/// Refuses keys that name nothing in the material's program, indices beyond an array, and
-/// duplicates: none of them would have an effect.
+/// Refuses keys without an effect: unknown paths, indices beyond an array, and duplicates.
 ///
 /// # Errors
 /// The first such key is the error's subject.
@@ -111,10 +110,10 @@ pub fn without_indices(path: &str) -> String {
         .collect()
 }
 
-/// A member with its indices.
+/// A member name with its indices.
 type PathStep<'a> = (&'a str, Vec<usize>);
 
-/// The members of a path; `None` if an index is not a canonical number.
+/// The members of a path. `None` if an index is not a canonical number.
 fn steps(path: &str) -> Option<Vec<PathStep<'_>>> {
     let steps = members(path)?;
     let names: Vec<&str> = steps.iter().map(|(name, _)| *name).collect();

@@ -1,4 +1,4 @@
-//! The numbers that a material's buffers hold, by path.
+//! Reads the numbers in a material's buffers, by path.
 
 use std::collections::BTreeMap;
 

@@ -1,4 +1,4 @@
-//! Uniforms fixed at the values of another frame, for passes that the plan draws from another view.
+//! Uniforms with their values from another frame, for passes that the plan draws from another view.
 
 use std::collections::BTreeMap;
 

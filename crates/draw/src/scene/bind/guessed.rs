@@ -1,4 +1,4 @@
-//! Inputs that the scene does not set. The list shows an author which values of a bare shader
+//! Lists inputs that the scene does not set, to show an author which values of a bare shader
 //! preshade made up.
 
 use serde::{Deserialize, Serialize};
@@ -10,16 +10,16 @@ use super::{authored, buffer, is_padding, packed, variable};
 use crate::scene::layout::Leaf;
 use preshade_plan::plan::BindingKind;
 
-/// The origin of a scalar, vector or matrix, if the scene does not give its numbers.
+/// The origin of a scalar, vector or matrix for which the scene gives no numbers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum ValueOrigin {
-    /// The scene names a semantic: `"$view_proj"`.
+    /// The scene names a semantic, such as `"$view_proj"`.
     Said,
     /// The mesh or the draw's instances: a vertex-pulling or instance buffer.
     Mesh,
     /// The conventional meaning of the name.
     Convention(Semantic),
-    /// What the shader does with it.
+    /// Its use in the shader.
     Use(Semantic),
     /// A made-up number, derived from the name.
     MadeUp,
@@ -31,7 +31,7 @@ pub struct Guessed {
     pub material: String,
     /// Variable, `variable.member`, or attribute.
     pub name: String,
-    /// How preshade filled it.
+    /// How preshade filled the input.
     #[serde(flatten)]
     pub guess: Guess,
 }
@@ -47,7 +47,7 @@ pub enum Guess {
     },
     /// A uniform or buffer member whose purpose is known by the dataflow.
     UniformByUse {
-        /// The semantic in scene file syntax, `$mvp`, or the numbers.
+        /// The semantic in scene file syntax (`$mvp`), or the numbers.
         value: String,
     },
     /// A uniform or buffer member with an unknown name.
@@ -61,7 +61,7 @@ pub enum Guess {
     TextureGenerated,
     /// A depth texture, cleared to 1.
     TextureCleared,
-    /// A vertex attribute whose name says nothing, with a stream of the mesh.
+    /// A vertex attribute without a meaningful name, filled with a stream of the mesh.
     AttributeByUse { stream: String },
     /// A vertex attribute that the mesh does not have.
     AttributeSynthesised,
@@ -83,7 +83,7 @@ impl std::fmt::Display for Guess {
     }
 }
 
-/// Numbers as a note shows them.
+/// Formats numbers for a note.
 fn listed(numbers: &[f64]) -> String {
     let rounded = numbers.iter().map(|n| (n * 1e3).round() / 1e3);
     let texts: Vec<String> = rounded.map(|n| n.to_string()).collect();
@@ -99,8 +99,8 @@ fn is_identity(numbers: &[f64]) -> bool {
 }
 
 /// Every input that `scene` leaves to convention or invention, by material and without duplicates:
-/// buffers in order of binding, then textures, then attributes. If draws differ, the list describes
-/// the material's first draw.
+/// buffers in order of binding, then textures, then attributes. If draws differ, lists those of the
+/// material's first draw.
 pub fn guessed(scene: &Scene) -> Vec<Guessed> {
     let mut out: Vec<Guessed> = Vec::new();
     let Some(frame) = scene.cameras.first().and_then(|c| c.frames.first()) else {
@@ -108,7 +108,7 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
     };
     for (index, material) in scene.materials.iter().enumerate() {
         let (Some(draw), Some(pass)) = (
-            // Nothing of a captured draw is guessed.
+            // A captured draw has no guesses.
             scene
                 .draws
                 .iter()
@@ -176,7 +176,7 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
             let of = (scene, material, &streams);
             let _ = packed(of, variable, draw, frame, &mut observe);
         }
-        // The scene of a bare shader sets some values itself, by the dataflow.
+        // The scene of a bare shader sets some values from its dataflow.
         if scene.is_made_up {
             for (name, value) in &material.values {
                 if let Value::Numbers(numbers) = value {
@@ -203,7 +203,7 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
     out
 }
 
-/// The guess that a part of a buffer is. `None`: the scene says what it is, or nobody reads it.
+/// How a part of a buffer was filled. `None` if the scene specifies it, or nothing reads it.
 fn of_leaf(
     scene: &Scene,
     leaf: &Leaf<'_>,

@@ -1,11 +1,11 @@
-//! Draws that lie on top of each other, because no input of their shader reads their transforms.
+//! Finds draws that coincide, because no input of their shader depends on their transforms.
 
 use std::collections::BTreeMap;
 
 use super::super::{Draw, Scene};
 
-/// The first two draws of one mesh and material that have different transforms and the same inputs.
-/// Every material counts once: its name, and those of the draws.
+/// Two draws of one mesh and material with different transforms but equal inputs: at most one pair
+/// per material, as the names of material and draws.
 pub fn overlapping_draws(scene: &Scene) -> Vec<(&str, [&str; 2])> {
     let Some(frame) = scene.cameras.first().and_then(|c| c.frames.first()) else {
         return Vec::new();

@@ -84,7 +84,7 @@ const INSTANCE_BUFFERS: &[&str] = &[
 #[derive(Clone, Debug, PartialEq)]
 enum AttributeSource {
     Vertex(String),
-    /// A stream of the mesh, by what the shader does with the attribute.
+    /// A stream of the mesh, by the attribute's use in the shader.
     Role(String),
     Instance(String),
     InstanceColumn(usize),
@@ -93,7 +93,7 @@ enum AttributeSource {
 }
 
 impl AttributeSource {
-    /// Whether the scene does not say where the values come from.
+    /// Whether the scene does not specify the source of the values.
     fn is_guessed(&self) -> bool {
         matches!(self, Self::Role(_) | Self::Synthesised)
     }
@@ -105,7 +105,7 @@ enum Found<'a> {
     Stream(Option<&'a Stream>),
     /// A column of the instance's matrix.
     Column(usize),
-    /// A constant.
+    /// The same value for all vertices.
     Same([f64; 4]),
 }
 
@@ -289,7 +289,7 @@ impl<'a> Streams<'a> {
     pub(super) fn by_role(&self) -> impl Iterator<Item = (&str, &str)> {
         self.attributes.iter().filter_map(|a| match &a.source {
             AttributeSource::Role(stream) => Some((a.name.as_str(), stream.as_str())),
-            // Nobody but the dataflow says the attributes of a made-up scene.
+            // In a made-up scene, only the dataflow determines these attributes.
             AttributeSource::Vertex(stream) if self.is_made_up => {
                 let is_named = known_stream(&a.name) == Some(stream);
                 (!is_named).then_some((a.name.as_str(), stream.as_str()))
@@ -337,7 +337,6 @@ impl<'a> Streams<'a> {
         }
     }
 
-    /// The draw call.
     pub(super) fn call(&self) -> Call {
         let DrawRange {
             first,
@@ -359,7 +358,7 @@ impl<'a> Streams<'a> {
         }
     }
 
-    /// Length of a variable's runtime-sized array. The author gives `given` numbers of it.
+    /// Length of a variable's runtime-sized array. The author sets `given` numbers of it.
     pub(super) fn runtime_length(
         &self,
         name: &str,
@@ -416,7 +415,7 @@ impl<'a> Streams<'a> {
     }
 
     /// The numbers of one element of a vertex-pulling or instance buffer, or of a morph or joint
-    /// list; `None` for other variables.
+    /// list. `None` for other variables.
     pub(super) fn element(
         &self,
         variable: &str,
@@ -506,14 +505,14 @@ fn instances_held(draw: &Draw) -> usize {
     draw.range.first_instance as usize + draw.instances.max(1) as usize
 }
 
-/// The stream that an attribute or a buffer holds by its name.
+/// The stream that an attribute or buffer holds, by its name.
 pub fn known_stream(name: &str) -> Option<&'static str> {
     let normal = normalise(name);
     let morph = normal.starts_with("morph").then_some("morph");
     alias(&normal).or(morph)
 }
 
-/// Whether an attribute or a buffer holds data of instances, by its name.
+/// Whether an attribute or buffer holds per-instance data, by its name.
 pub fn is_instance_data(name: &str) -> bool {
     let normal = normalise(name);
     instance_part(&normal).is_some()
@@ -551,7 +550,7 @@ fn is_vertex_buffer(normal: &str) -> bool {
     )
 }
 
-/// What the scene says that paths mean, and then what their use says.
+/// Meanings of paths: first those from the scene, then those from their use.
 fn meanings(material: &Material) -> impl Iterator<Item = (&str, Semantic)> {
     let said = material.values.iter().filter_map(|(path, value)| {
         let Value::Semantic(name) = value else {
@@ -612,7 +611,7 @@ fn source(material: &Material, mesh: &Mesh, draw: &Draw, name: &str) -> Attribut
     }
 }
 
-/// The part of an instance's matrix that an attribute is, by its normalised name.
+/// The part of an instance's matrix that an attribute holds, by its normalised name.
 fn instance_part(normal: &str) -> Option<AttributeSource> {
     let (stem, digit) = match normal.char_indices().last() {
         Some((at, c @ '0'..='3')) => (&normal[..at], c as usize - '0' as usize),

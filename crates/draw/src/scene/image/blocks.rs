@@ -1,11 +1,12 @@
-//! Compressed texels as plain ones, for adapters that cannot read them. No desktop GPU reads ETC2 and ASTC,
-//! which pages and apps for phones use.
+//! Decodes compressed texels for adapters that cannot read them. No desktop GPU supports ETC2 and
+//! ASTC, which pages and apps for phones use.
 
 use wgpu::{AstcChannel, TextureFormat};
 
 use super::super::Image;
 
-/// The format of decoded texels: 8 bits a channel. `None`: not a format that [`decode`] reads.
+/// Format of the decoded texels: 8 bits per channel. `None` if [`decode`] does not support the
+/// format.
 pub fn decoded_format(format: TextureFormat) -> Option<TextureFormat> {
     use TextureFormat as F;
     match format {
@@ -22,8 +23,8 @@ pub fn decoded_format(format: TextureFormat) -> Option<TextureFormat> {
     }
 }
 
-/// Decodes one layer of a level: rows of blocks without padding in, rows of texels out. `None`: the format is not
-/// one of [`decoded_format`], or there are too few bytes.
+/// Decodes one layer of a level, from rows of blocks to rows of texels, both without padding.
+/// `None` if [`decoded_format`] does not list the format, or there are too few bytes.
 fn decode(format: TextureFormat, size: [u32; 2], blocks: &[u8]) -> Option<Vec<u8>> {
     use TextureFormat as F;
     use texture2ddecoder as of;
@@ -58,8 +59,8 @@ fn decode(format: TextureFormat, size: [u32; 2], blocks: &[u8]) -> Option<Vec<u8
     Some(rgba.collect())
 }
 
-/// Decodes the layers of a level. Rows of blocks may have padding, as WebGPU's buffers of texels have. `None`: as
-/// [`decode`].
+/// Decodes the layers of a level. Rows of blocks may have padding, as in WebGPU's texel buffers.
+/// `None` as for [`decode`].
 pub fn decode_layers(
     format: TextureFormat,
     size: wgpu::Extent3d,
@@ -87,7 +88,7 @@ pub fn decode_layers(
 }
 
 impl Image {
-    /// The image with plain texels. `None`: its format is not compressed, or cannot be decoded.
+    /// A decoded copy of the image. `None` if its format is not compressed, or cannot be decoded.
     pub(crate) fn decoded(&self) -> Option<Self> {
         let format = decoded_format(self.format)?;
         let mut levels = Vec::new();

@@ -1,10 +1,10 @@
-//! The texels of an image as numbers, in every format whose texels stand alone.
+//! Texels of an image as numbers, for every uncompressed format.
 
 use wgpu::{TextureDimension, TextureFormat};
 
 use super::super::Image;
 
-/// Reads one texel: its bytes in, red, green, blue and alpha out.
+/// Decodes the bytes of one texel to red, green, blue and alpha.
 type Decode = fn(&[u8]) -> [f32; 4];
 
 /// The texels of an image as numbers.
@@ -16,7 +16,7 @@ pub struct Texels<'a> {
 }
 
 impl Image {
-    /// An image of four bytes a texel.
+    /// An image with four bytes per texel.
     pub fn rgba8(size: [u32; 2], layers: u32, srgb: bool, levels: Vec<Vec<u8>>) -> Self {
         Self {
             size,
@@ -30,7 +30,7 @@ impl Image {
         }
     }
 
-    /// Level 0 at another size: each texel is the one that is nearest. `None`: the format is compressed.
+    /// Level 0 at another size, by nearest neighbour. `None` if the format is compressed.
     pub(crate) fn resampled(&self, size: [u32; 2]) -> Option<Self> {
         let ([row, rows], texel) = (self.rows(0)?, self.block_bytes()? as usize);
         let layer = (row as usize * rows as usize).max(1);
@@ -65,8 +65,8 @@ impl Image {
         [at(self.size[0]), at(self.size[1]), depth]
     }
 
-    /// Bytes of a row of blocks of a level, and the number of these rows in a layer. `None`: the
-    /// format has no layout of its own.
+    /// Bytes of a row of blocks of a level, and the number of these rows in a layer. `None` if the
+    /// format has no defined layout.
     pub fn rows(&self, level: u32) -> Option<[u32; 2]> {
         let block = self.block_bytes()?;
         let (across, down) = self.format.block_dimensions();
@@ -75,16 +75,16 @@ impl Image {
         Some([row, height.div_ceil(down)])
     }
 
-    /// Bytes of a block: of a texel, where the format is not compressed.
+    /// Bytes of a block. In an uncompressed format, a block is one texel.
     fn block_bytes(&self) -> Option<u32> {
         match self.format {
-            // It has no layout on the GPU. Its numbers are those of a float.
+            // WebGPU defines no layout for it. Here its values are stored as floats.
             TextureFormat::Depth24Plus => Some(4),
             format => format.block_copy_size(None),
         }
     }
 
-    /// The texels as numbers. `None`: the format is compressed, or has none.
+    /// The texels as numbers. `None` if the format is compressed or has none.
     pub fn texels(&self) -> Option<Texels<'_>> {
         Some(Texels {
             image: self,
@@ -95,7 +95,7 @@ impl Image {
 }
 
 impl<'a> Texels<'a> {
-    /// The texel at a place: x, y, and the layer or depth.
+    /// The texel at x, y, and the layer or depth.
     pub fn at(&self, level: u32, [x, y, z]: [u32; 3]) -> Option<[f32; 4]> {
         let [width, height, depth] = self.image.extent(level);
         if x >= width || y >= height || z >= depth {
@@ -116,7 +116,7 @@ impl<'a> Texels<'a> {
     }
 }
 
-/// A channel is missing: black, and opaque.
+/// Values of missing channels.
 const NONE: [f32; 4] = [0.0, 0.0, 0.0, 1.0];
 
 /// The channels of a texel, of `N` bytes each.
@@ -141,7 +141,7 @@ fn blue_first([b, g, r, a]: [f32; 4]) -> [f32; 4] {
     [r, g, b, a]
 }
 
-/// `bits` of a word from `at`.
+/// Extracts `bits` bits of a word, starting at bit `at`.
 fn field(word: u32, at: u32, bits: u32) -> u32 {
     (word >> at) & ((1 << bits) - 1)
 }
@@ -150,12 +150,12 @@ fn word(b: &[u8]) -> u32 {
     b.first_chunk().map_or(0, |b| u32::from_le_bytes(*b))
 }
 
-/// A float without a sign, of five bits of exponent and `mantissa` more.
+/// An unsigned float with five exponent bits and `mantissa` mantissa bits.
 fn small_float(bits: u32, mantissa: u32) -> f32 {
     half::f16::from_bits((bits << (10 - mantissa)) as u16).to_f32()
 }
 
-/// How to read a texel of this format. `None`: its texels do not stand alone.
+/// The decoder of a format's texels. `None` if they are compressed.
 fn decode(format: TextureFormat) -> Option<Decode> {
     use TextureFormat as F;
     Some(match format {
