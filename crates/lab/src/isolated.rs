@@ -13,7 +13,8 @@ pub type Alone<'a> = &'a dyn Fn(usize) -> Result<Report, String>;
 
 /// Measures the original, and then each of `recipes` against it. `keep` gets the results so far.
 ///
-/// # Errors Why the original was not measured.
+/// # Errors
+/// Why the original was not measured.
 pub fn apart(
     recipes: &[Recipe],
     budget: Option<Budget>,

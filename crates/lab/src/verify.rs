@@ -44,7 +44,8 @@ pub struct Answer {
 /// The scene with a material of its own for each draw that needs its own version, if a recipe
 /// specialises.
 ///
-/// # Errors A recipe names something that no material has.
+/// # Errors
+/// A recipe names something that no material has.
 pub fn grouped(scene: Scene, recipes: &[Recipe]) -> Result<Scene, Error> {
     let steps = recipes.iter().flat_map(|r| r.steps.clone());
     let all = Recipe {

@@ -1,5 +1,5 @@
-//! Where a program may leave the ground that WGSL's run-time checks keep it on: a divisor of 0, or an
-//! index beyond its array. Unchecked code does there what the driver likes.
+//! Places where WGSL's run-time checks may change a result: a divisor of 0, or an index beyond its
+//! array. Without the checks, the behaviour there depends on the driver.
 
 use std::collections::HashMap;
 
@@ -177,7 +177,7 @@ impl Walk<'_, '_> {
         !is_zero && !overflows
     }
 
-    /// The type of a value, or of what a pointer points to.
+    /// The type of a value, or of the target of a pointer.
     fn pointed(&self, e: Handle<Expression>) -> &TypeInner {
         let module = self.graph.module();
         match self.f.ty(module, e) {
@@ -223,7 +223,7 @@ impl Walk<'_, '_> {
             _ => return None,
         };
         let found = self.computed(e, whole);
-        // What leaves the type wraps around.
+        // A result outside of the type wraps around.
         let fits = |[low, high]: &[i64; 2]| whole[0] <= *low && *low <= *high && *high <= whole[1];
         Some(found.filter(fits).unwrap_or(whole))
     }

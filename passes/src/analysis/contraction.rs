@@ -12,14 +12,14 @@
 //! - the basic block: some compilers fuse only within a block, and removing a branch merges two
 //!   blocks;
 //! - constants: a known number may be multiplied out, or a factor of 1 dropped;
-//! - iterations: if constants decide how many there are, a compiler may write them out one after the other, and fuse
-//!   across them.
+//! - iterations: if constants decide how many there are, a compiler may write them out one after
+//!   the other, and fuse across them.
 //!
 //! So we compare pairs of an operation and the float operation that provides its operand, each with
 //! everything it is computed from, by structure. If the original has the same pair with as many
 //! other readers, and both programs have it in one block or neither has, a compiler that looks that
 //! far sees no difference. For any other pair the bits are open: it is *exposed*. No text can do
-//! better, because whatever separates two operations for one compiler also separates them for a
+//! better. Anything that separates two operations for one compiler also separates them for a
 //! compiler that would have fused them in the original.
 
 use std::collections::hash_map::DefaultHasher;
@@ -153,7 +153,7 @@ fn looked<'g, 'p>([a, b]: [(&'g Graph<'p>, usize); 2]) -> Result<[Looked<'g, 'p>
 /// The reader that stands for the stage's outputs.
 const OUTPUT: ValueId = usize::MAX;
 
-/// The values of a stage as operations, seen through copies.
+/// The values of a stage as operations. Copies count as the value that they copy.
 #[derive(Clone, Copy)]
 struct Operations<'v, 'g, 'p> {
     values: &'v Values<'g, 'p>,
@@ -479,13 +479,13 @@ pub(crate) fn twins(values: &Values<'_, '_>) -> Vec<bool> {
     hashes.iter().map(|hash| count[hash] > 1).collect()
 }
 
-/// Which values of a stage may have other bits, or give their readers other bits, if another stage
+/// Values of a stage that may have other bits, or give their readers other bits, if another stage
 /// computes them.
 ///
-/// A compiler may fuse an operation into a reader, as it fuses a product into a sum, or rewrite both
-/// ([`rewritten`]), if it sees both. It no longer sees the readers of a value that moves; inside of the stage that computes it,
-/// it sees less readers of what the value is computed from; and it may see how an input was
-/// computed.
+/// A compiler may fuse an operation into a reader, as it fuses a product into a sum, or rewrite
+/// both ([`rewritten`]), if it sees both. It no longer sees the readers of a value that moves.
+/// Inside of the stage that computes it, it sees fewer readers of the value's operands. And it may
+/// see how an input was computed.
 pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
     let operations = Operations {
         values,
@@ -523,17 +523,17 @@ pub(crate) fn unsteady(values: &Values<'_, '_>) -> Vec<bool> {
     found
 }
 
-/// The operations of a stage that may round otherwise where some of the stage's values are computed
-/// no longer.
+/// The operations of a stage that may round differently if the stage no longer computes some of its
+/// values.
 ///
 /// A compiler may fuse a product into a sum, regroup two sums, or write two powers as one
 /// ([`rewritten`]), if nothing else reads the first (Mesa's `is_used_once`, for one), or if all its
-/// readers are such. So an operation is listed if what it may take in loses another reader, and only
-/// such operations read it then. Values of the same structure count as one, because a compiler
-/// computes them once.
+/// readers can take it in. So an operation is listed if an operand that it may take in loses
+/// another reader, and only such operations read the operand then. Values of the same structure
+/// count as one, because a compiler computes them once.
 pub(crate) struct Pruned<'v, 'g, 'p> {
     operations: Operations<'v, 'g, 'p>,
-    /// What each operation reads that may be fused into it.
+    /// The operands of each operation that may be fused into it.
     fused: Vec<(ValueId, Vec<ValueId>)>,
     /// The operations that may be rewritten with a source, each with the source's hash.
     rewritten: BTreeSet<(ValueId, u64)>,
@@ -593,8 +593,8 @@ impl<'v, 'g, 'p> Pruned<'v, 'g, 'p> {
         }
     }
 
-    /// The operations among those that are kept. `is_returned`: whether the stage still returns this
-    /// value, which it returned before.
+    /// The affected operations among those that stay. `is_returned`: whether the stage still
+    /// returns this value, which it returned before.
     pub(crate) fn rounded_anew(
         &self,
         is_kept: impl Fn(ValueId) -> bool,
@@ -639,7 +639,7 @@ impl<'v, 'g, 'p> Pruned<'v, 'g, 'p> {
     }
 }
 
-/// The first operation of a slice that may round otherwise than in the whole stage, because the
+/// The first operation of a slice that may round differently than in the whole stage, because the
 /// slice lacks other readers of its operands; only if coverage, depth or an output at `locations`
 /// depends on it.
 ///

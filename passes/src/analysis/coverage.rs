@@ -21,11 +21,12 @@ const DEPTH: u32 = 2;
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Decides {
     pub discards: bool,
-    /// It writes depth.
+    /// It writes a depth of its own.
     pub depth: bool,
     /// Its alpha becomes a coverage mask.
     pub alpha: bool,
-    /// The depth test comes before it, so neither its discards nor its depth change what is written.
+    /// The depth test runs before it, so neither its discards nor its depth change the stored
+    /// depth.
     pub is_forced: bool,
 }
 

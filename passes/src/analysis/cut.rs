@@ -1,7 +1,7 @@
 //! Decides which values a stage is given and which it computes: a minimum cut.
 //!
-//! `hoist` gives a fragment stage values in varyings, `preamble` in a buffer of the draw. Each value
-//! `v` has two nodes: `N(v)`, needed in the fragment stage, and `F(v)`, computed there.
+//! `hoist` gives a fragment stage values in varyings, `preamble` in a buffer of the draw. Each
+//! value `v` has two nodes: `N(v)`, needed in the fragment stage, and `F(v)`, computed there.
 //!
 //! ```text
 //! source ──∞──▶ N(root)          the observed values are needed
@@ -12,9 +12,9 @@
 //!
 //! A finite cut is a choice of transports and computations that provides every root, and the
 //! minimum cut is the cheapest one. A value with several users pays once. It may be cheaper to
-//! compute a value again beside a given one, and the cut finds that too. Mesa's
-//! `nir_opt_varyings` allows one post-dominator per input; here, two needed sums of three inputs
-//! become two varyings.
+//! compute a value again although the stage is given one that depends on it, and the cut finds that
+//! too. Mesa's `nir_opt_varyings` allows one post-dominator per input; here, two needed sums of
+//! three inputs become two varyings.
 //!
 //! Operands may form cycles, as in loops. Then the whole cycle is computed or none of it.
 //!
@@ -45,8 +45,8 @@ pub(crate) struct Item<'a> {
     pub operands: Cow<'a, [usize]>,
 }
 
-/// A stage's values as items. `price` is what giving a value costs each fragment; `None`: it must not
-/// move.
+/// A stage's values as items. `price` is the cost for each fragment of giving a value; `None`: it
+/// must not move.
 pub(crate) fn items<'v>(
     values: &'v Values<'_, '_>,
     price: impl Fn(ValueId) -> Option<f64>,
@@ -67,13 +67,12 @@ pub(crate) fn items<'v>(
     .collect()
 }
 
-/// What each fragment costs if it is given nothing.
+/// The cost of each fragment if it is given nothing.
 pub(crate) fn uncut(values: &Values<'_, '_>) -> Option<f64> {
     let items = items(values, |_| None);
     Some(minimum(&items, &values.roots)?.total(&items))
 }
 
-/// The cheapest choice.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Cut {
     /// Items that are given, in ascending order.
@@ -85,7 +84,7 @@ pub(crate) struct Cut {
 }
 
 impl Cut {
-    /// Prices of what is given plus costs of what is computed, without rounding and multiples.
+    /// Prices of given values plus costs of computed ones, without rounding and multiples.
     pub fn total(&self, items: &[Item<'_>]) -> f64 {
         let given: f64 = self.carried.iter().filter_map(|id| items[*id].price).sum();
         let computed = (0..items.len()).filter(|i| self.computed[*i]);
@@ -101,9 +100,8 @@ fn capacity(cost: f64) -> u64 {
     (cost.clamp(0.0, 1e9) * RESOLUTION).round() as u64
 }
 
-/// The cheapest way to provide every root; `None` if there is none, because a root must not move
-/// and depends on a value that no fragment can compute. Among equally cheap ways, the one that
-/// computes least.
+/// The cheapest way to provide every root, and of several the one that computes least. `None`:
+/// there is none, because a root must not move and depends on a value that no fragment can compute.
 pub(crate) fn minimum(items: &[Item<'_>], roots: &[usize]) -> Option<Cut> {
     sweep(items, roots, &[1.0])?.pop()
 }
@@ -449,7 +447,7 @@ mod tests {
         }
     }
 
-    /// What is cut at a multiple does not depend on the cheaper ones before it, ties included.
+    /// The cut at a multiple does not depend on the cheaper ones before it, ties included.
     #[test]
     fn a_sweep_cuts_at_each_multiple_as_if_it_were_the_only_one() {
         let multiples = [1.0, 1.5, 2.0, 4.0, 64.0];
@@ -516,8 +514,7 @@ mod tests {
         }
     }
 
-    /// The open example of Mesa's `nir_opt_varyings`: three inputs, of which only two sums are
-    /// needed.
+    /// The open example of Mesa's `nir_opt_varyings`: of three inputs, only two sums are needed.
     #[test]
     fn three_inputs_are_carried_as_two() {
         let input = Item {

@@ -15,8 +15,8 @@ pub(crate) fn derivative(graph: &Graph, function: FunctionId) -> Option<Span> {
 }
 
 /// Whether a function or one of its callees may take a derivative after a fragment of its quad was
-/// discarded. SPIR-V's `OpKill` ends such a fragment, so what its neighbours read from it is
-/// undefined.
+/// discarded. SPIR-V's `OpKill` ends such a fragment, so its neighbours read undefined values from
+/// it.
 pub(crate) fn differentiates_after_discard(graph: &Graph, id: FunctionId) -> bool {
     let effects = graph.effects(id);
     if !effects.contains(&Effect::Discard) || DERIVATIVES.iter().all(|d| !effects.contains(d)) {

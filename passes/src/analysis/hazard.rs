@@ -8,9 +8,9 @@ use crate::analysis::values::{ValueId, Values};
 use naga_interp::Number as _;
 use naga_interp::accuracy::LARGEST_TANH;
 
-/// Name of the operation, if it may return NaN or infinity for finite operands. `ranges` are of
-/// what adapters compute (`AllRanges::computed`): a difference that is above 0 may be rounded to
-/// 0.
+/// Name of the operation, if it may return NaN or infinity for finite operands. `ranges` bound the
+/// numbers that adapters compute (`AllRanges::computed`): a difference that is above 0 may be
+/// rounded to 0.
 pub(crate) fn undefined(
     values: &Values<'_, '_>,
     ranges: &AllRanges,

@@ -1,10 +1,10 @@
-//! What the result of a stage depends on besides its declared inputs, and what a pass must do about
-//! it.
+//! Implicit inputs of a stage, on which its result depends in addition to its declared inputs, and
+//! the consequence for a pass that changes one.
 //!
 //! A slice of a stage computes the same values as the stage if both get the same inputs. Some
-//! inputs are declared nowhere: who runs beside an invocation, how often a pixel is shaded, how a
-//! compiler rounds. A pass that changes one of them changes the picture, although every statement
-//! is the author's.
+//! inputs are declared nowhere: the other invocations of its group, the number of shaded samples,
+//! the compiler's rounding. A pass that changes one of them changes the picture, although every
+//! statement is the author's.
 //!
 //! | a stage depends on | if it | a pass changes it by | so the pass |
 //! |---|---|---|---|
@@ -105,8 +105,8 @@ impl<'a> ImplicitInputs<'a> {
         }
     }
 
-    /// With the slice of the fragment stage that decides coverage and depth in another pass, and the
-    /// slice of the vertex stage that it is drawn with.
+    /// With the slice of the fragment stage that decides coverage and depth in another pass, and
+    /// the slice of the vertex stage that the pass draws with.
     #[must_use]
     pub fn sliced(self, fragment: Option<&'a Slice>, vertex: Option<&'a Slice>) -> Self {
         let inputs = self.fragment_inputs();
@@ -178,12 +178,12 @@ impl<'a> ImplicitInputs<'a> {
 
 struct InputRow {
     moved_by: &'static [PassEffect],
-    /// Whether and by what the stages depend on it.
+    /// How the stages depend on it; `None`: they do not.
     dependence: fn(&ImplicitInputs<'_>) -> Option<String>,
     then: Then,
 }
 
-/// What a pass does that changes an implicit input.
+/// The consequence for a pass that changes an implicit input.
 enum Then {
     /// It promises the same only under this assumption.
     Assume(Assumption),
@@ -315,10 +315,10 @@ fn subgroup(stages: &ImplicitInputs<'_>) -> Option<String> {
     })
 }
 
-/// What changes when a stage runs once for each sample: positions, varyings that name no sampling,
-/// and derivatives. A stage that reads flat values alone has the same result at either rate. With one
-/// sample a pixel both rates shade the same points, but SwiftShader interpolates to them by another
-/// formula.
+/// Changes to a stage that runs once for each sample: positions, varyings without explicit
+/// sampling, and derivatives. A stage that reads flat values alone has the same result at either
+/// rate. With one sample a pixel both rates shade the same points, but SwiftShader interpolates to
+/// them by another formula.
 fn sample_rate(stages: &ImplicitInputs<'_>) -> Option<String> {
     let kept = stages.kept.as_ref()?;
     let inputs = stages.fragment_inputs();

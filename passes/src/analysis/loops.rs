@@ -1,5 +1,5 @@
-//! Finds values that change between iterations of an enclosing loop, those that depend on a loop that
-//! may not end, and the guard under which loops end.
+//! Finds values that change between iterations of an enclosing loop, values that depend on a loop
+//! that may not end, and the guard under which loops end.
 
 use std::collections::HashMap;
 
@@ -68,7 +68,6 @@ pub(crate) struct LoopEnds {
 }
 
 impl LoopEnds {
-    /// Analyses all values.
     pub fn new(values: &Values<'_, '_>) -> Self {
         let mut known = HashMap::new();
         let own: Vec<Ends> = (0..values.values.len())
@@ -134,8 +133,8 @@ impl LoopEnds {
     }
 }
 
-/// Whether the loops around a value end, those around the calls that lead to it included. A merge at a loop, and
-/// what a loop controls, is around that loop.
+/// Whether the loops around a value end, including those around the calls that lead to it. A merge
+/// at a loop, and any value that a loop controls, is around that loop.
 fn own_ends(
     values: &Values<'_, '_>,
     id: ValueId,
@@ -186,7 +185,7 @@ struct Loop {
 enum LoopPlace {
     /// The innermost enclosing loop; `None` outside of all loops.
     In(Option<LoopId>),
-    /// No statement evaluates it.
+    /// No statement evaluates it, so it may stand anywhere.
     Anywhere,
 }
 

@@ -27,9 +27,9 @@ pub fn conflict<'a>(
         .into_iter()
         .filter(|n| n.material != plan.material)
         .collect();
-    // Who takes the pre-pass's depth for the last word: by EQUAL, read-only, or as a texture.
-    // Nobody may have moved depth meanwhile. Under a bias the author's own comparison goes on, and
-    // what a mover overdraws does not show: of its colour, `shows_through` makes sure.
+    // Does the main pass trust the pre-pass's depth: by EQUAL, read-only, or as a texture? Then no
+    // neighbour may have moved depth meanwhile. Under a bias the author's own comparison still
+    // runs, and an overdrawn surface does not show: `shows_through` checks its colour.
     let samples =
         |b: &preshade_plan::plan::BindingUse| matches!(b.source, BindingSource::Attachment { .. });
     let main = plan.main().and_then(|p| Some((p, p.depth.as_ref()?)));
@@ -57,8 +57,8 @@ pub fn conflict<'a>(
                  material in a phase of its own",
             ));
         }
-        // What is shaded from ids has its colour before any neighbour is drawn, wherever it stood
-        // among them.
+        // Surfaces shaded from ids get their colour before any neighbour is drawn, whatever the
+        // order was.
         if main.is_none() && !pass.depth.as_ref().is_some_and(|d| d.write) {
             return Some(Refusal::new(
                 &step.pass,
@@ -91,11 +91,10 @@ pub fn conflict<'a>(
         .or_else(|| shows_through(plan, &neighbours, &step.pass))
 }
 
-/// Why `plan`, which is shaded from ids, may not stand beside `others` as they are drawn in one
-/// frame with `ties` pixels in which two surfaces share the winning depth: whatever is not shaded
-/// from ids is drawn after it, and the order of draws that decides a tie is another one. `None`
-/// where all opaque materials are shaded from ids, which keeps their order, where nothing ties, and
-/// for other plans.
+/// Why `plan`, which is shaded from ids, may not share a frame with `others`. `ties` is the number
+/// of pixels in which two surfaces share the winning depth. A material that is not shaded from ids
+/// is drawn later, so another order of draws decides a tie. `None` for other plans, if nothing
+/// ties, and if all opaque materials are shaded from ids, which keeps their order.
 pub fn tied<'a>(
     plan: &Plan,
     others: impl IntoIterator<Item = &'a Plan>,
@@ -122,15 +121,15 @@ pub fn tied<'a>(
 
 /// The refusal of a frame in which a fragment that some pre-pass drops may show in the end.
 ///
-/// What a pre-pass drops lies behind a fragment of its material. As written it was drawn, and then
-/// covered: by that fragment, or by one still nearer which made that fragment fail. Either must
-/// write every channel that the dropped one wrote. So every opaque material that writes depth, with
-/// a pre-pass or without, must write every channel that any other opaque material writes. Draws of
-/// one material leave the same channels.
+/// A fragment that a pre-pass drops lies behind a fragment of its material. As written it was
+/// drawn, and then covered: by that fragment, or by one still nearer which made that fragment fail.
+/// Either must write every channel that the dropped one wrote. So every opaque material that writes
+/// depth, with a pre-pass or without, must write every channel that any other opaque material
+/// writes. Draws of one material leave the same channels.
 fn shows_through(plan: &Plan, neighbours: &[&Plan], pass: &str) -> Option<Refusal> {
     let opaque = |plan: &Plan| -> Option<(String, Channels, bool)> {
-        // The original's: a transformed main pass may leave writing depth to its pre-pass, and what
-        // is shaded from ids has none.
+        // The original's main pass. A transformed one may leave writing depth to its pre-pass, and
+        // a plan shaded from ids has none.
         let original = plan.original.as_deref();
         let (whole, main) = match (plan.main(), original) {
             (Some(main), _) => (plan, main),

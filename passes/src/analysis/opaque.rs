@@ -25,13 +25,10 @@ use shader_text::refusals::RefusalInfo;
 /// transforms need.
 #[derive(Debug)]
 pub struct Opaque<'a> {
-    /// The main pass.
     pub pass: &'a GpuPass,
     pub program: &'a Program,
-    /// The program's dataflow graph.
     pub graph: Graph<'a>,
     pub depth: &'a DepthState,
-    /// Forward or reversed depth.
     pub direction: DepthDirection,
     /// Index of the vertex entry point.
     pub vertex: usize,
@@ -68,7 +65,7 @@ impl<'a> Opaque<'a> {
         implicit_inputs::has_invariant_position(self.program, self.vertex)
     }
 
-    /// Whether what decides coverage or depth reads the rasteriser's depth
+    /// Whether the code that decides coverage or depth reads the rasteriser's depth
     /// ([`coverage::reads_rasterised_depth`]).
     pub fn reads_rasterised_depth(&self) -> bool {
         let deciding = self.fragment.filter(|_| self.decides.anything());
@@ -162,7 +159,7 @@ impl Examination {
         self.refusals.push(refusal.at(program.sources(), span));
     }
 
-    /// Checks the pipeline state.
+    /// Checks the pipeline state: blending, depth and stencil.
     fn state<'p>(
         &mut self,
         plan: &'p Plan,

@@ -1,6 +1,6 @@
-//! What each operation makes of a small difference of its operands: whether it has a discontinuity
-//! and where, how steep it is at most, where its slope has no bound, and how accurate it is. The
-//! analyses of discontinuities, slopes and rounding all ask this one table.
+//! How each operation responds to a small difference of its operands: its discontinuities, its
+//! largest slope, the operands at which the slope has no bound, and its accuracy. The analyses of
+//! discontinuities, slopes and rounding share this table.
 
 use std::f64::consts::{LN_2, LOG2_E};
 
@@ -14,7 +14,6 @@ use naga_interp::interval::Interval;
 pub(crate) struct Break {
     /// Name of the operation in messages.
     pub name: &'static str,
-    /// Where the discontinuity is.
     pub at: Threshold,
 }
 
@@ -290,7 +289,7 @@ fn same(range: Interval, function: fn(f64) -> f64) -> bool {
     low.is_finite() && high.is_finite() && function(low) == function(high)
 }
 
-/// Whether two ranges are apart by more than rounding.
+/// Whether the distance of two ranges exceeds their rounding.
 fn are_distinct(a: Interval, b: Interval) -> bool {
     let (a, b) = (widened(a), widened(b));
     a.high < b.low || b.high < a.low

@@ -511,7 +511,7 @@ fn of_constant(module: &Module, arena: &Arena<Expression>, e: Handle<Expression>
     }
 }
 
-/// The shader's inputs.
+/// Ranges of the shader's inputs.
 struct Outside<'a> {
     known: &'a [SourceRange],
     ordinary: f64,

@@ -23,7 +23,7 @@ pub(crate) struct Simplified {
     pub of: String,
     /// The changed code and the savings.
     pub change: Change,
-    /// Missed candidates, and why.
+    /// Candidates that were not taken, with the reason.
     pub left: Vec<Left>,
     /// The contract of the picture.
     pub contract: Contract,
@@ -73,7 +73,6 @@ pub(crate) fn whole(graph: &Graph<'_>, entry: usize) -> Slice {
 
 /// The fragment stage that a pass changes.
 pub(crate) struct FragmentStage<'p> {
-    /// The main pass.
     pub pass: &'p GpuPass,
     pub graph: Graph<'p>,
     /// Index of the entry point.

@@ -1,15 +1,16 @@
 //! Finds values of the draw that a subnormal number may change.
 //!
-//! A language lets each stage take a subnormal number (below 2^-126, and not 0) for 0, or keep it.
-//! On llvmpipe the fragment stage takes it for 0; the vertex and the compute stage keep it, and so
-//! does a host. After a comparison, a conversion or a large factor the difference is as large as any.
-//! So a value that moves to another stage must not depend on an operation with a subnormal operand,
+//! A language lets each stage flush a subnormal number (below 2^-126, and not 0) to 0, or keep it.
+//! On llvmpipe the fragment stage flushes it; the vertex and the compute stage keep it, and so does
+//! a host. After a comparison, a conversion or a large factor the difference is as large as any. So
+//! a value that moves to another stage must not depend on an operation with a subnormal operand,
 //! result or term.
 //!
-//! For each value we keep the range of each component, and a magnitude below which there is no number
-//! but 0. A difference keeps one, too: numbers of `f32` that are no smaller than `m` are multiples of
-//! about `m` 2^-24, and so is a sum of them, however many there are. The numbers of the draw come from a scene. Nothing is known of other inputs, and of what
-//! is computed from them: there the contract assumes it (`stages-agree`).
+//! For each value we keep the range of each component, and a magnitude below which the only number
+//! is 0. A difference has such a magnitude, too: numbers of `f32` that are no smaller than `m` are
+//! multiples of about `m` 2^-24, and so is a sum of them, however many there are. The numbers of
+//! the draw come from a scene. Other inputs are unknown, and so are values computed from them:
+//! there the contract assumes it (`stages-agree`).
 
 use std::f64::consts::LOG2_E;
 
@@ -128,7 +129,7 @@ fn met(values: &Values<'_, '_>, known: &[SourceRange]) -> Vec<ValueId> {
 #[derive(Clone, Copy, Debug, PartialEq)]
 struct Numbers {
     range: Interval,
-    /// Infinite: all are 0.
+    /// The least magnitude of a number that is not 0. Infinite: all are 0.
     least: f64,
     /// All are multiples of a number that is at least this large, and so are their sums.
     grain: f64,
@@ -141,7 +142,7 @@ impl Numbers {
         grain: f64::INFINITY,
     };
 
-    /// Whatever bits have.
+    /// Numbers of unknown bits.
     const ANY: Self = Self {
         range: Interval::ANYTHING,
         least: f32::from_bits(1) as f64,
@@ -258,7 +259,7 @@ impl Search<'_, '_, '_> {
         let joined = |is_joined: fn(&Node) -> bool| {
             let operands = values.values[id].operands.iter();
             let mut operands = operands.filter(|o| is_joined(&values.values[**o].node));
-            // A cycle begins with what is known outside of it.
+            // A cycle begins with the known values outside of it.
             let known = operands.by_ref().filter_map(|o| self.of[*o].clone());
             known.reduce(|a, b| match a.len() == b.len() {
                 true => a.iter().zip(&b).map(|(a, b)| a.or(*b)).collect(),
@@ -513,7 +514,7 @@ impl Search<'_, '_, '_> {
         }
     }
 
-    /// What the scene says of a buffer's number or vector.
+    /// The scene's bounds for a number or vector in a buffer.
     fn memory(&self, context: ContextId, pointer: Handle<Expression>, path: &[u32]) -> Known {
         let module = self.values.graph.module();
         let f = self.values.function(context);
@@ -567,7 +568,7 @@ impl Search<'_, '_, '_> {
     }
 }
 
-/// Number of components that are told apart.
+/// Number of components with bounds of their own.
 fn width(ty: &TypeInner) -> usize {
     match ty {
         TypeInner::Vector { size, .. } => *size as usize,
@@ -629,7 +630,7 @@ fn binary(op: BinaryOperator, a: Numbers, b: Numbers) -> Option<Numbers> {
     })
 }
 
-/// A function of components.
+/// Bounds of a function's result, by component.
 fn function(fun: MathFunction, given: &[Numbers]) -> Option<Numbers> {
     use MathFunction as M;
     let ranges: Vec<Interval> = given.iter().map(|n| n.range).collect();
@@ -638,7 +639,7 @@ fn function(fun: MathFunction, given: &[Numbers]) -> Option<Numbers> {
     let least = given.iter().map(|n| n.least).fold(f64::INFINITY, f64::min);
     let least = match fun {
         M::Abs | M::Min | M::Max | M::Clamp => least,
-        // What was larger is 1.
+        // A larger number becomes 1.
         M::Saturate => least.min(1.0),
         M::Sign | M::Step | M::Floor | M::Ceil | M::Round | M::Trunc => 1.0,
         M::Fract => least * STEP,

@@ -141,7 +141,7 @@ struct CostWalk<'v, 'g, 'p> {
     values: &'v Values<'g, 'p>,
     order: Vec<ValueId>,
     place: Vec<usize>,
-    /// Operands by position.
+    /// The operands of each value.
     operands: Users,
     /// Cost by position, without operands.
     own: Vec<f64>,

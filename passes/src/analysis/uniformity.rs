@@ -23,7 +23,6 @@ pub enum Need {
     /// A sample with an implicit level of detail.
     ImplicitLod,
     Barrier,
-    /// A `workgroupUniformLoad`.
     UniformLoad,
     /// A subgroup or cooperative operation.
     Subgroup,
@@ -35,7 +34,6 @@ pub enum Need {
 pub struct NonUniform {
     /// The function that contains it, or that calls the one with the requirement.
     pub function: FunctionId,
-    /// The requirement.
     pub need: Need,
     /// The operation or the call.
     pub span: Span,
@@ -77,7 +75,7 @@ const MAYBE: NodeId = 0;
 /// Control flow at the call of the function.
 const CALLED: NodeId = 1;
 const RETURNED: NodeId = 2;
-/// Without dependences.
+/// The source of values without dependences.
 const UNIFORM: NodeId = 3;
 const FIXED: usize = 4;
 

@@ -58,7 +58,6 @@ pub enum Node {
 
 #[derive(Clone, Debug, PartialEq)]
 pub struct Value {
-    /// Its identity.
     pub node: Node,
     pub operands: Vec<ValueId>,
     /// Cost per fragment without operands, in the units of [`preshade_dataflow::graph::cost`].
@@ -70,7 +69,6 @@ pub struct Value {
 /// All values that the observed results of a fragment depend on.
 #[derive(Debug)]
 pub struct Values<'g, 'p> {
-    /// The dataflow graph.
     pub graph: &'g Graph<'p>,
     /// Index of the fragment entry point.
     pub entry: usize,
@@ -86,7 +84,7 @@ pub struct Values<'g, 'p> {
     index: FxHashMap<Node, ValueId>,
     /// Values of whole expressions by context and arena index; empty for contexts without room.
     named: Vec<Box<[Option<NonZeroU32>]>>,
-    /// Room left in `named`.
+    /// Number of entries that `named` may still get.
     room: usize,
     users: Arc<Users>,
     cycles: OnceCell<Vec<Vec<ValueId>>>,

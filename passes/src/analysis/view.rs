@@ -1,5 +1,5 @@
-//! Which uniforms follow the viewer: those that a name and a type give away, the matrix that leads
-//! to the clip position, and those that the user names.
+//! Finds the uniforms that follow the viewer: by name and type, the matrix that leads to the clip
+//! position, and those that the user names.
 
 use std::collections::BTreeSet;
 
@@ -16,12 +16,12 @@ pub mod names;
 
 pub use names::is_axis;
 
-/// What the user says about uniforms, by their paths ([`parts`]).
+/// The user's statements about uniforms, by their paths ([`parts`]).
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Said {
-    /// They follow the viewer.
+    /// Paths of uniforms that follow the viewer.
     pub follow: Vec<String>,
-    /// They do not, whatever their names say.
+    /// Paths of uniforms that do not, whatever their names suggest.
     pub stay: Vec<String>,
 }
 
@@ -62,7 +62,7 @@ pub(crate) fn of_stages(
     }
     found.extend(said.follow.iter().cloned());
     let is_read = |name: &String| !is_known || read.iter().any(|path| is_part(path, name));
-    // What a host binds for one variable, the others at its binding read too.
+    // Variables at one binding share the host's buffer.
     let binding = |path: &Path| module.global_variables[path.variable].binding;
     let is_of_twin = |path: &Path| {
         let mut twins = all.iter().filter(|other| {
@@ -116,7 +116,7 @@ pub struct Path {
 }
 
 impl Path {
-    /// The types from the variable's on, with the name of what has each.
+    /// The types on the path, from the variable's on, each with the name of the variable or member.
     fn steps<'m>(&self, module: &'m Module) -> Vec<(&'m str, Handle<Type>)> {
         let global = &module.global_variables[self.variable];
         let mut ty = global.ty;
@@ -243,7 +243,7 @@ fn read_path(values: &Values<'_, '_>, value: ValueId) -> Option<String> {
 }
 
 /// The uniforms among the matrices that turn a vector into the clip position: the last one, and
-/// those in front of it up to the view's, as far as names tell. An object's is none of these.
+/// those in front of it up to the view's, judged by names. An object's is none of these.
 fn to_clip(values: &Values<'_, '_>) -> BTreeSet<String> {
     let outputs = values.outputs().into_iter();
     let positions = outputs

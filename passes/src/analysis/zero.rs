@@ -1,14 +1,14 @@
-//! What leaving out an addend of 0 may change.
+//! The effects of leaving out an addend of 0.
 //!
-//! A term `w * x` with a weight of 0 adds nothing, so a pass may leave it out or put 0 in its place.
-//! Two things differ then:
+//! A term `w * x` with a weight of 0 adds nothing, so a pass may leave it out or put 0 in its
+//! place. Two things differ then:
 //!
 //! - the term may have been -0, and a sum of zeros then has the other sign. `1 / x`, `atan2` or a
-//!   reinterpretation of the bits tells; a comparison does not, and a sum with a number other than 0
-//!   has no such zero. Adding a literal 0 is no help: WGSL lets a compiler drop it;
+//!   reinterpretation of the bits shows the sign. A comparison does not, and a sum with a number
+//!   other than 0 has no such zero. Adding a literal 0 is no help: WGSL lets a compiler drop it;
 //! - `x` may be infinite or NaN, and 0 times that is NaN.
 //!
-//! Whatever skips zeros asks [`Zeros`].
+//! Every pass that skips zeros uses [`Zeros`].
 
 use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, Statement};
 
@@ -21,7 +21,7 @@ use preshade_plan::pass::{Facts, MaterialTexture};
 /// Why a term with a weight of 0 must stay.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Kept {
-    /// This operation tells -0 from 0.
+    /// This operation distinguishes -0 from 0.
     Sign(&'static str),
     /// The weighted number may be infinite or NaN, by this operation.
     Infinite(&'static str),
@@ -47,7 +47,7 @@ impl std::fmt::Display for Kept {
     }
 }
 
-/// What else leaving a term out may change.
+/// The remaining effect of leaving a term out.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) enum ZeroEffect {
     #[default]
@@ -85,8 +85,8 @@ impl<'v, 'g, 'p> Zeros<'v, 'g, 'p> {
         }
     }
 
-    /// Whether a term that is 0 may be left out of the value `product` of a function, a product or a sum,
-    /// and what else that may change. `of` is a factor that only its weight of 0 keeps out.
+    /// Whether a term that is 0 may be left out of the value `product` of a function, a product or
+    /// a sum, and the remaining effect. `of` is a factor that only its weight of 0 excludes.
     ///
     /// # Errors
     /// Why it must stay.
@@ -195,7 +195,7 @@ impl<'v, 'g, 'p> Zeros<'v, 'g, 'p> {
         inputs.try_for_each(|(id, _)| self.sign(id).map(|_| ()))
     }
 
-    /// Follows a zero of either sign to whatever tells which one it is.
+    /// Follows a zero of either sign to the operations that distinguish the signs.
     fn sign(&self, id: ValueId) -> Result<ZeroEffect, Kept> {
         let (values, users) = (self.values, self.values.users());
         let mut followed = vec![false; values.values.len()];
@@ -219,7 +219,7 @@ impl<'v, 'g, 'p> Zeros<'v, 'g, 'p> {
         Ok(seen)
     }
 
-    /// What `user` makes of the sign of a zero of `id`.
+    /// How `user` depends on the sign of a zero of `id`.
     fn tells(&self, user: ValueId, id: ValueId) -> Tells {
         let values = self.values;
         let Node::Expression(context, e, path) = &values.values[user].node else {
@@ -300,13 +300,13 @@ pub(crate) fn left_out(
     Ok(seen)
 }
 
-/// Who tells -0 from 0.
+/// How an operation depends on the sign of a zero.
 enum Tells {
     /// Nobody: the result is the same.
     Never,
     /// Perhaps whoever reads the result, which may be a zero of either sign.
     Result,
-    /// The operation.
+    /// The operation distinguishes the signs.
     Itself(&'static str),
 }
 

@@ -1,9 +1,9 @@
 //! A copy of a program in which every loop ends, for a GPU that a loop without end would hang.
 //!
 //! All loops that may not end count their turns together. When an invocation has taken
-//! [`MOST_TURNS`], they leave, and the copy writes the number of the first such loop to a buffer. The
-//! copy is drawn to see whether that happens, and never shipped. [`cut`] is for programs whose bindings are fixed: it
-//! writes nothing, and lets them turn much longer.
+//! [`MOST_TURNS`], they leave, and the copy writes the number of the first such loop to a buffer.
+//! The copy is drawn to detect that, and never shipped. [`cut`] is for programs whose bindings are
+//! fixed: it writes nothing, and allows far more turns.
 
 use naga::{
     AddressSpace, AtomicFunction, BinaryOperator, Block, DerivativeAxis, DerivativeControl,
@@ -23,8 +23,8 @@ use shader_text::source::Invalid;
 /// Most turns of a [`cut`] program: far more than a page takes that a browser draws, and a second of a GPU.
 const MOST_TURNS_OF_CUT: u32 = 1 << 20;
 
-/// Whether a program has a loop that may not end, wherever it is called from. `is_small` says of a
-/// number in a uniform buffer that a loop counts up to it in no time.
+/// Whether a program has a loop that may not end, wherever it is called from. `is_small`: whether a
+/// loop counts up to this number of a uniform buffer in a short time.
 pub fn is_open(program: &Program, is_small: &dyn Fn(&UniformScalar) -> bool) -> bool {
     let module = program.module();
     let functions = module.functions.iter().map(|(_, f)| f);
@@ -283,7 +283,7 @@ impl Rewriter<'_> {
         *block = out;
     }
 
-    /// What an open loop does first: it counts, or leaves.
+    /// The first statements of an open loop: it counts, or leaves.
     fn turn(&self, function: &mut Function, number: u32) -> Block {
         let mut all = Function::default();
         std::mem::swap(&mut all.expressions, &mut function.expressions);
@@ -352,8 +352,8 @@ fn when(condition: Handle<Expression>, accept: Block) -> Statement {
 }
 
 /// Makes an entry point write its loop that did not end. The lanes of a quad that lie outside of a
-/// triangle run the fragment stage too and write nothing: their neighbours write it, which see it in
-/// derivatives.
+/// triangle run the fragment stage too and write nothing: their neighbours detect it by
+/// derivatives, and write it for them.
 fn report(module: &mut Module, entry: usize, counters: &Counters, flag: Handle<GlobalVariable>) {
     let point = &mut module.entry_points[entry];
     // With it, depths would hide fragments that the stage is to run for.

@@ -92,8 +92,8 @@ pub fn blank(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
     alone(author, &module, pass)
 }
 
-/// The program of `pass` with an entry point [`ENTRY`] that computes and writes nothing. Nothing of what decides coverage
-/// is left, so it is for frames in which no fragment passes the depth test.
+/// The program of `pass` with an entry point [`ENTRY`] that computes and writes nothing. It has no
+/// code that decides coverage, so it is for frames in which no fragment passes the depth test.
 ///
 /// # Errors
 /// As [`program`].
@@ -106,7 +106,7 @@ pub fn nothing(plan: &Plan, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
     alone(author, &module, pass)
 }
 
-/// The vertex stage of `pass` and [`ENTRY`], without what neither needs.
+/// The vertex stage of `pass` and [`ENTRY`], without unused items.
 fn alone(author: &Program, module: &Module, pass: &GpuPass) -> Result<Program, Box<Invalid>> {
     let kept = [
         (ShaderStage::Vertex, pass.vertex.as_str()),
@@ -147,7 +147,7 @@ impl ResultPart {
 }
 
 /// Makes the last entry point of `module` return the colour (1, 1, 1, 1), or (1, 1, 1, alpha) with
-/// its returned alpha, beside its depth.
+/// its returned alpha, in addition to its depth.
 fn add_color(module: &mut Module) {
     let Some(index) = module.entry_points.len().checked_sub(1) else {
         return;

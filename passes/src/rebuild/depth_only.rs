@@ -58,7 +58,7 @@ impl Invariance {
         given
     }
 
-    /// The marking of positions.
+    /// How the pass marks positions.
     pub fn position(self) -> PositionInvariance {
         match self {
             Self::AsWritten => PositionInvariance::AsWritten,
@@ -78,7 +78,7 @@ impl Invariance {
 /// The slices that make a material depth-only.
 #[derive(Clone, Debug)]
 pub struct DepthOnly {
-    /// What rasterisation and the fragment slice need of the vertex stage.
+    /// The vertex code that rasterisation and the fragment slice need.
     vertex: Slice,
     /// Whether `vertex` or the whole stage is drawn with.
     stage: VertexStage,
@@ -92,14 +92,13 @@ pub struct DepthOnly {
 #[derive(Clone, Debug)]
 pub struct Placed {
     pub module: Module,
-    /// Vertex entry point.
     pub vertex: String,
-    /// Fragment entry point.
+    /// `None`: no fragment stage.
     pub fragment: Option<String>,
 }
 
-/// Slices a material to what decides position, coverage and depth, and to `outputs` of its fragment
-/// stage.
+/// Slices a material to the code that decides position, coverage and depth, and to `outputs` of its
+/// fragment stage.
 pub fn slice(opaque: &Opaque, stage: VertexStage, outputs: &[OutputFilter]) -> DepthOnly {
     let graph = &opaque.graph;
     let fragment = opaque
@@ -180,7 +179,7 @@ impl DepthOnly {
         }
     }
 
-    /// The assumptions of the pass `name`, which changes what the author's stages depend on.
+    /// The assumptions of the pass `name`, which changes implicit inputs of the author's stages.
     ///
     /// # Errors
     /// See [`Opaque::assumptions`].
@@ -191,7 +190,8 @@ impl DepthOnly {
         name: &'static str,
         effects: &[PassEffect],
     ) -> Result<Vec<Assumption>, Vec<Refusal>> {
-        // A driver leaves out of the whole stage too what the fragment slice does not read.
+        // A driver also drops from the whole stage the outputs that the fragment slice does not
+        // read.
         let slices = [self.fragment.as_ref(), Some(&self.vertex)];
         opaque.assumptions(plan, name, slices, effects)
     }
@@ -217,8 +217,8 @@ impl DepthOnly {
         }
     }
 
-    /// Places the slices beside the author's entry points. `suffix` ends the names of new items.
-    /// `shader_bias` is added to a depth that the fragment stage writes.
+    /// Adds the slices to the author's module, next to the author's entry points. `suffix` ends the
+    /// names of new items. `shader_bias` is added to a depth that the fragment stage writes.
     pub fn place(
         &self,
         opaque: &Opaque,

@@ -58,8 +58,8 @@ pub(crate) enum PrepassProgram {
 }
 
 impl PrepassProgram {
-    /// The module of the main pass beside the pre-pass `placed`: the shared one, or the author's
-    /// with the position marked if needed.
+    /// The module of the main pass for the pre-pass `placed`: the shared one, or the author's with
+    /// the position marked if needed.
     pub fn main_module(self, opaque: &Opaque, placed: &Placed, invariance: Invariance) -> Module {
         match self {
             Self::Main => placed.module.clone(),

@@ -1,5 +1,5 @@
-//! The values that a pass takes out of a fragment stage, and that the stage is given instead: what
-//! such passes have in common, wherever the values come from.
+//! Values that a pass takes out of a fragment stage, and that the stage is given instead: the code
+//! that such passes share, wherever the values come from.
 
 use naga::Module;
 use serde::Serialize;
@@ -52,7 +52,7 @@ impl<'v, 'g, 'p> MovedValues<'v, 'g, 'p> {
         names.collect::<Vec<_>>().join(", ")
     }
 
-    /// What remains of the stage, as [`remainder::rebuild`] has it.
+    /// The rest of the stage, by [`remainder::rebuild`].
     ///
     /// # Errors
     /// [`Failed`].
@@ -78,7 +78,8 @@ impl<'v, 'g, 'p> MovedValues<'v, 'g, 'p> {
         (Box::new(refusal), self.left.clone()).into()
     }
 
-    /// The change of the stage in the main pass `pass`. `what` it does holds under the guard.
+    /// The change of the stage in the main pass `pass`. The description `what` holds under the
+    /// guard.
     pub fn change(&self, pass: &GpuPass, what: &str, cost: SiteCost) -> Change {
         let sources = self.values.graph.program().sources();
         let mut spans = self.ids.iter().filter_map(|id| span(self.values, *id));

@@ -25,7 +25,6 @@ use preshade_dataflow::slice::{self, Criterion, OutputFilter};
 use preshade_plan::pass::Refusal;
 use preshade_plan::program::Program;
 
-/// A value to return.
 #[derive(Clone, Debug)]
 pub struct Wanted {
     /// The chain of calls that computes it.

@@ -62,7 +62,7 @@ fn is_ours(function: &Function) -> bool {
 
 /// Whether the main pass of `plan` lets the lanes of a quad vote for the sake of their neighbours:
 /// it takes a derivative or an implicit level of detail behind the vote. A language without fine
-/// derivatives cannot keep that promise.
+/// derivatives cannot make such a vote.
 pub fn vote_shields_derivatives(plan: &Plan) -> bool {
     let main = plan.main().and_then(|p| Some((p, plan.program(p)?)));
     let Some((pass, program)) = main.filter(|_| !plan.steps.is_empty()) else {

@@ -1,4 +1,4 @@
-//! What remains of a stage that is given some of its values: it reads them, without the code that
+//! The rest of a stage that is given some of its values: it reads them, and lacks the code that
 //! only they needed.
 
 use std::collections::BTreeMap;

@@ -1,4 +1,4 @@
-//! Functions of our own beside the author's: linked from WGSL text, or written with a
+//! Functions of our own in the author's module: linked from WGSL text, or written with a
 //! [`CodeBuilder`].
 
 use std::collections::BTreeMap;
@@ -22,7 +22,7 @@ pub struct Linked {
 }
 
 impl Linked {
-    /// Adds `wgsl` to `module`.
+    /// Links the functions of `wgsl` into `module`.
     pub fn new(module: Module, wgsl: &str) -> Result<Self, String> {
         let snippet = naga::front::wgsl::parse_str(wgsl)
             .map_err(|e| format!("our own text does not parse: {}", e.message()))?;
@@ -101,7 +101,6 @@ pub fn define(
     (module, handle)
 }
 
-/// A `u32` type.
 pub fn word(module: &mut Module) -> Handle<Type> {
     let inner = TypeInner::Scalar(Scalar::U32);
     module

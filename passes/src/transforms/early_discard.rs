@@ -392,7 +392,7 @@ fn is_biased(opaque: &Opaque, params: &EarlyDiscardParams) -> bool {
 }
 
 /// A written depth behind a loop that may not end. The prologue would run it a second time, without
-/// the discards that may be what ends it.
+/// the discards that may end it.
 fn endless_depth(opaque: &Opaque) -> Option<Refusal> {
     let fragment = opaque.fragment.filter(|_| opaque.decides.depth)?;
     let decided = [Criterion::Output(OutputFilter::FragDepth)];
@@ -542,7 +542,8 @@ fn prologue(
     }
 }
 
-/// Binds the attachment `produced` in the main pass, as a texture and if asked also read-only.
+/// Binds the attachment `produced` in the main pass, as a texture and, if requested, also
+/// read-only.
 fn bind_depth(
     next: &mut Plan,
     opaque: &Opaque,

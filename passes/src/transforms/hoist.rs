@@ -268,7 +268,7 @@ impl<'a> HoistMaterial<'a> {
     }
 }
 
-/// A rebuild that failed.
+/// The refusal for a rebuild that failed.
 fn refuse(why: Failed) -> Refusal {
     match why {
         Failed::NoOutput(_) => Refusal::new(
@@ -469,7 +469,7 @@ impl<'v, 'g, 'p> HoistedValues<'v, 'g, 'p> {
     }
 
     /// Number of operations that may round differently: those of the hoisted values, and those that
-    /// stay without a reader beside them.
+    /// stay but lose a reader.
     fn roundings(&self) -> u32 {
         let of = self.choice.carried.iter().map(|(id, _)| *id);
         transitive_cost::transitive_cost(self.moved.values, of)

@@ -196,7 +196,7 @@ impl Pass for Outputs {
             Some(plan) => depth_pass::alone(plan, NAME)?,
             None => whole,
         };
-        // What decides coverage and depth is the author's alone: outputs decide nothing.
+        // The author's code alone decides coverage and depth: outputs decide nothing.
         let deciding = depth_only::slice(&author, VertexStage::Sliced, &[]);
         deciding.assumptions(&author, authors, NAME, &[PassEffect::SlicesForView])?;
         let wanted = wanted(&author, (params, &said), &asked)?;
@@ -319,7 +319,7 @@ fn add_targets(next: &mut Plan, extended: &Extended, wanted: &[Wanted]) {
     }
 }
 
-/// What a picture holds where no surface is.
+/// The value of a picture where no surface is.
 fn clear_value(wanted: &Wanted) -> ClearValue {
     let clear = match &wanted.shows {
         Shows::Distance(distance) => distance.clear_value(),
@@ -328,7 +328,7 @@ fn clear_value(wanted: &Wanted) -> ClearValue {
     ClearValue::Color([clear, 0.0, 0.0, 0.0])
 }
 
-/// What the words of `write` mean in this material, depths apart.
+/// The pictures that the words of `write` name in this material, without depths.
 fn wanted(
     opaque: &Opaque<'_>,
     (params, said): (&OutputsParams, &Said),
@@ -461,7 +461,7 @@ fn check_limits(pass: &GpuPass, author: &GpuPass) -> Result<(), Box<Refusal>> {
     Ok(())
 }
 
-/// The material without what depends on the viewer; `None`: nothing does.
+/// The material without code that depends on the viewer; `None`: nothing does.
 fn without_viewer(opaque: &Opaque<'_>, said: &Said) -> Result<Option<Dropped>, Box<Refusal>> {
     let stages = (Some(opaque.vertex), opaque.fragment);
     let follows = view::of_stages(&opaque.graph, stages, said);

@@ -219,7 +219,7 @@ impl<'v, 'g, 'p> DrawConstants<'v, 'g, 'p> {
         let pass = self.stage.pass;
         let fragment = pass.fragment.as_deref().unwrap_or_default();
         let extracted = outline::extract(program, self.moved.values, wanted, &NAMES)?;
-        // The slice reads what the values do not depend on: a decision of the fragment stage.
+        // The slice reads a decision of the fragment stage that the values do not depend on.
         if !extracted.arguments.is_empty() {
             return Err(Failed::NotSeparable);
         }
@@ -360,7 +360,7 @@ struct Built {
     entry: String,
     /// Group and binding of the values.
     at: [u32; 2],
-    /// Bytes of the values.
+    /// Size of the values in bytes.
     size: u32,
 }
 
@@ -385,7 +385,7 @@ struct Stored {
 }
 
 impl Stored {
-    /// The module with a compute entry point that stores what `function` returns.
+    /// The module with a compute entry point that stores the result of `function`.
     fn computed(&self, mut module: Module, function: Handle<Function>, name: &str) -> Module {
         let access = StorageAccess::LOAD | StorageAccess::STORE;
         let variable = GlobalVariable {

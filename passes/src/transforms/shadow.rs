@@ -79,7 +79,7 @@ impl Pass for Shadow {
     fn run(plan: &Plan, _facts: &Facts, params: &ShadowParams) -> Result<Outcome, Refused> {
         let opaque = depth_pass::alone(plan, Self::INFO.name)?;
         let slice = depth_only::slice(&opaque, VertexStage::Sliced, &[]);
-        // A light's view promises no picture of the author's: only what it cannot draw counts.
+        // A light's view promises no picture of the author's, so only refusals count.
         slice.assumptions(&opaque, plan, Self::INFO.name, &[PassEffect::SlicesForView])?;
         let mut next = plan.clone();
         let placed = slice.place(&opaque, "shadow", PositionInvariance::AsWritten, None);

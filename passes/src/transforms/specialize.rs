@@ -225,7 +225,7 @@ fn refusal(code: &RefusalInfo, reason: impl Into<String>, remedy: impl Into<Stri
 
 /// A material's main pass, specialised.
 pub struct Specialized {
-    /// The assumptions.
+    /// The assumptions, which a host checks.
     pub guard: Guard,
     /// Static cost of vertex and fragment stage, before and after.
     pub cost: [[f64; 2]; 2],
@@ -235,7 +235,7 @@ pub struct Specialized {
     of: String,
     /// Float operations of the original that were removed.
     roundings: BTreeSet<(FunctionId, Handle<Expression>)>,
-    /// Assumptions about what the stages depend on besides their inputs.
+    /// Assumptions about implicit inputs of the stages.
     given: Vec<Assumption>,
 }
 
@@ -326,7 +326,6 @@ impl Specialized {
         })
     }
 
-    /// The specialised program.
     pub fn program(&self) -> &Program {
         &self.program
     }
@@ -442,7 +441,7 @@ fn assumptions(
     })
 }
 
-/// Both stages folded.
+/// The result of folding both stages.
 struct Folded {
     module: naga::Module,
     /// Assumptions that the result depends on.
@@ -464,7 +463,7 @@ impl Folded {
     }
 }
 
-/// Folds both stages of `pass`. `facts` say which numbers of the material are finite.
+/// Folds both stages of `pass`. `facts` bound the numbers of `material`.
 fn folded(
     graph: &Graph<'_>,
     pass: &GpuPass,
@@ -477,7 +476,7 @@ fn folded(
     let entries = entries.filter(|_| params.fold == Fold::Rounding);
     let entries = entries.filter_map(|(stage, name)| program.entry_point(stage, name));
     let values = entries.map(|(entry, _)| Values::new(graph, entry));
-    // In a stage that is too large, nobody knows what tells zeros apart.
+    // In a stage that is too large, the effect of a zero's sign is unknown.
     let values: Option<Vec<Values<'_, '_>>> = values.map(Result::ok).collect();
     let zeros = values.as_ref().map(|values| {
         let zeros = values.iter().map(|v| Zeros::new(v, facts, material));

@@ -160,7 +160,7 @@ struct LoopCandidate {
     function: FunctionId,
     at: StmtId,
     span: Span,
-    /// Whether one of its weights is seen to shrink.
+    /// Whether one of its weights is known to shrink.
     ebbs: bool,
     counted: Result<Counted, Missed>,
 }
@@ -346,7 +346,7 @@ fn trimmed(graph: &Graph<'_>, chosen: &[(&LoopCandidate, &Counted)], turns: u32)
     module
 }
 
-/// Remaining iterations.
+/// Iterations that remain.
 fn less(counted: &Counted, turns: u32) -> u32 {
     counted.turns.saturating_sub(turns).max(1)
 }

@@ -19,7 +19,8 @@ pub enum FailOn {
 
 /// Reads `all`, `none`, or a class by its name or a common synonym.
 ///
-/// # Errors There is no such class, as a message with the names.
+/// # Errors
+/// There is no such class, as a message with the names.
 pub fn parse_class(text: &str) -> Result<FailOn, String> {
     match text {
         "all" => return Ok(FailOn::All),
@@ -112,7 +113,8 @@ pub struct Compared {
 /// language's rule, `again` reads that one with depths as written. `is_given` is true for a program
 /// whose clip space the author gave.
 ///
-/// # Errors The two do not fit together (`told` makes the error), or one cannot be read again.
+/// # Errors
+/// The two do not fit together (`told` makes the error), or one cannot be read again.
 pub fn compare<E>(
     mut plans: [Plan; 2],
     question: Question<'_>,

@@ -146,7 +146,8 @@ pub fn emit(plan: &Plan, targets: &[Target], options: &Options) -> Result<Vec<Fi
 /// As [`emit`], with the same bytes, and compares the meaning of each text with its program. Also
 /// returns a sentence on each text that was not compared, with the reason.
 ///
-/// # Errors As [`emit`]; a text that means something else is [`EmitError::Differs`].
+/// # Errors
+/// As [`emit`]; a text that means something else is [`EmitError::Differs`].
 pub fn emit_compared(
     plan: &Plan,
     targets: &[Target],

@@ -64,7 +64,8 @@ pub fn jobs(path: &Path) -> Result<Vec<Job>, FileError> {
 
 /// Reads merged results.
 ///
-/// # Errors It cannot be read, or is of another kind or version.
+/// # Errors
+/// It cannot be read, or is of another kind or version.
 pub fn results(file: &Path) -> Result<Results, FileError> {
     let wrong = "it is not what `preshade merge -o` writes, or of another version";
     read(file, wrong, (|r: &Results| &r.schema, SCHEMA))
@@ -72,7 +73,8 @@ pub fn results(file: &Path) -> Result<Results, FileError> {
 
 /// Reads a result.
 ///
-/// # Errors It cannot be read, or is of another kind or version.
+/// # Errors
+/// It cannot be read, or is of another kind or version.
 pub fn outcome(file: &Path) -> Result<Outcome, FileError> {
     read(file, NO_RESULT, (|o: &Outcome| &o.schema, OUTCOME_SCHEMA))
 }

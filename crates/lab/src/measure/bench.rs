@@ -46,7 +46,8 @@ pub(crate) enum Repeat {
 /// Draws a view with all, and compares each picture with the original's. Returns the original's
 /// picture. A contestant that cannot be drawn is removed.
 ///
-/// # Errors The original cannot be drawn, or the adapter is lost.
+/// # Errors
+/// The original cannot be drawn, or the adapter is lost.
 pub(crate) fn compare<'a>(
     contestants: &mut [impl Contestant<'a>],
     (view, frame): (&View, &Frame),

@@ -1,11 +1,11 @@
-//! Instructions that a compiler rewrites together with what reads them.
+//! Instructions that a compiler rewrites together with their readers.
 //!
 //! An exponential ends in an instruction of its own, so no multiply-add takes it in. But a compiler
 //! multiplies two of them by adding their exponents, divides by one by negating its exponent, and
-//! takes a logarithm or a root of one by dropping both (Mesa's `nir_opt_algebraic`). A product with 0
-//! or 1 becomes a selection, and `x - floor(x)` one instruction. If the two are compiled apart, none
-//! of this happens. On llvmpipe, `exp2(u.a) * exp2(uv.x)` has other bits where the first factor comes
-//! from another stage.
+//! takes a logarithm or a root of one by dropping both (Mesa's `nir_opt_algebraic`). A product with
+//! 0 or 1 becomes a selection, and `x - floor(x)` one instruction. If the two are compiled
+//! separately, none of this happens. On llvmpipe, `exp2(u.a) * exp2(uv.x)` has other bits where the
+//! first factor comes from another stage.
 
 use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind};
 
@@ -159,7 +159,7 @@ impl Operations<'_, '_, '_> {
         is_own || (sees_quotients && self.sources(operand).into_iter().any(is_quotient))
     }
 
-    /// Whether an operation reads an instruction beside that instruction's own argument.
+    /// Whether an operation reads an instruction and that instruction's own argument.
     fn joins_argument(&self, id: ValueId, reader: ValueId) -> bool {
         let value = &self.values.values;
         let sources = |id: ValueId| {
@@ -172,7 +172,7 @@ impl Operations<'_, '_, '_> {
             _ => !matches!(self.whole(*id), Some((_, Expression::GlobalVariable(_)))),
         };
         let arguments = sources(id);
-        // Behind a modifier is its own argument, which is not beside it.
+        // The argument of a modifier is no second operand.
         let plain = Self {
             sees_modifiers: false,
             ..*self

@@ -16,7 +16,7 @@ pub(crate) struct Arc {
 #[derive(Clone, Copy, Debug)]
 struct Half {
     to: u32,
-    /// Its reverse.
+    /// Index of the reverse edge.
     back: u32,
     /// Residual capacity.
     residual: u64,

@@ -1,10 +1,10 @@
-//! What the name and the type of a uniform say about the viewer.
+//! Evidence in the name and the type of a uniform that it follows the viewer.
 
 use naga::{Module, TypeInner, VectorSize};
 
 use super::Path;
 
-/// Who looks.
+/// Words for the viewer.
 const VIEWER: &[&str] = &["camera", "cam", "view", "viewer", "eye", "observer"];
 
 /// Words for a matrix that leads to, or from, the viewer's axes.
@@ -46,7 +46,7 @@ const DIRECTION: &[&str] = &[
     "vec",
 ];
 
-/// What the depths of a view depend on.
+/// Words for the parameters of a view's depths.
 const RANGE: &[&str] = &["near", "far", "fov", "fovx", "fovy", "aspect"];
 
 const BESIDE_RANGE: &[&str] = &[
@@ -90,7 +90,7 @@ const OBJECT: &[&str] = &[
     "mesh", "skin",
 ];
 
-/// More words of these.
+/// Words for other subjects with a place, an axis or a range.
 const OTHER: &[&str] = &[
     "light", "lights", "lamp", "sun", "shadow", "fog", "fade", "lod", "material", "wind",
 ];
@@ -192,7 +192,7 @@ fn all(words: &[String], of: &[&[&str]]) -> bool {
         .all(|word| of.iter().any(|list| list.contains(&word.as_str())))
 }
 
-/// Whether the path of a matrix says that it includes the view, and not the projection alone.
+/// Whether the path of a matrix suggests that it includes the view, and not the projection alone.
 pub(super) fn says_view(path: &str) -> bool {
     let own = words(path.rsplit('.').next().unwrap_or_default());
     any(
@@ -201,34 +201,34 @@ pub(super) fn says_view(path: &str) -> bool {
     )
 }
 
-/// Whether the name of a matrix says that it begins in an object's own space.
+/// Whether the name of a matrix suggests that it begins in an object's own space.
 pub fn is_combined(name: &str) -> bool {
     let name = name.to_lowercase().replace('_', "");
     let words = ["model", "mvp", "object", "local", "worldview", "wvp"];
     words.iter().any(|word| name.contains(word))
 }
 
-/// Whether a path says that it belongs to an object.
+/// Whether a path suggests that it belongs to an object.
 pub(super) fn is_of_object(path: &str) -> bool {
     any(&words(path), &[OBJECT, &["world"]])
 }
 
-/// Whether the path of a matrix says that it leads from the world, or from the viewer's axes, to the
-/// picture, and from no object's axes.
+/// Whether the path of a matrix suggests that it leads from the world, or from the viewer's axes,
+/// to the picture, and from no object's axes.
 pub fn is_of_view_alone(path: &str) -> bool {
     let own = words(path.rsplit('.').next().unwrap_or_default());
     let of_view = any(&own, &[VIEWER, MATRIX, &["p", "v"]]);
     of_view && !any(&own, &[OBJECT, &["mvp", "pvm", "wvp", "mv", "wv"]])
 }
 
-/// Whether the path of a uniform that follows the viewer says that it is a direction.
+/// Whether the path of a uniform that follows the viewer suggests that it is a direction.
 pub fn is_axis(path: &str) -> bool {
     let own = words(path.rsplit('.').next().unwrap_or_default());
     any(&own, &[DIRECTION]) && !any(&own, &[&["from"], MATRIX])
 }
 
 impl Path {
-    /// Whether name and type say that it follows the viewer.
+    /// Whether name and type suggest that it follows the viewer.
     pub(super) fn follows(&self, module: &Module) -> bool {
         let steps = self.steps(module);
         let Some(((name, _), outer)) = steps.split_last() else {

@@ -66,7 +66,7 @@ pub(crate) fn place(
 #[derive(Clone, Debug)]
 pub struct Placed {
     pub function: Handle<Function>,
-    /// Arguments of the original of which only some members are passed.
+    /// Arguments of the original that are passed in part: only some members.
     pub arguments: BTreeMap<u32, Narrowed>,
     /// The part of the original's result that is returned.
     pub returned: Returned,
@@ -104,7 +104,7 @@ pub(super) struct SliceCopier<'a, 'p> {
     /// New index of each kept argument.
     pub(super) arguments: Vec<Option<u32>>,
     pub(super) narrowed: BTreeMap<u32, Narrowed>,
-    /// Call results of which the callee returns only a part.
+    /// Call results that the callee returns only in part.
     pub(super) results: BTreeMap<Handle<Expression>, Returned>,
     /// Narrowed arguments and results, completed with zeros for users of the whole.
     pub(super) whole: BTreeMap<Handle<Expression>, Handle<Expression>>,

@@ -30,7 +30,6 @@ pub(crate) struct Placement<'a> {
 /// A struct with some members removed.
 #[derive(Clone, Debug)]
 pub(crate) struct Narrowed {
-    /// The author's type.
     pub whole: Handle<Type>,
     pub ty: Handle<Type>,
     /// The kept members, by index in the author's type.

@@ -99,7 +99,7 @@ impl SliceCopier<'_, '_> {
         }
     }
 
-    /// Whether a kept node uses more of a struct value than single members.
+    /// Whether a node of the slice uses a struct value as a whole, and not by single members.
     fn is_used_whole(&self, value: Handle<Expression>) -> bool {
         let same = |e: Handle<Expression>| match (
             &self.f.function.expressions[e],

@@ -1,4 +1,4 @@
-//! Removes what no entry point uses any more.
+//! Removes items that no entry point uses any more.
 
 use naga::{Expression, Function, Module, ShaderStage};
 

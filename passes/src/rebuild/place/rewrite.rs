@@ -22,16 +22,12 @@ pub enum Replacement {
     Other(Handle<Expression>),
     /// The same texture sample, with gradients from the prologue.
     Gradients {
-        /// Along x.
         x: Handle<Expression>,
-        /// Along y.
         y: Handle<Expression>,
     },
     /// The same texture sample, with these gradients of its coordinate. A bias scales them.
     Footprint {
-        /// Along x.
         x: Handle<Expression>,
-        /// Along y.
         y: Handle<Expression>,
     },
     /// The same texture sample, its implicit level moved by this number.
@@ -68,7 +64,6 @@ pub fn prologue_replacing(
 /// Changes to the author's code behind a prologue.
 #[derive(Clone, Debug, Default)]
 pub struct Rewrite {
-    /// Replaced expressions.
     pub replacements: Replacements,
     /// Additional arguments for calls, by callee, after the existing ones.
     pub arguments: BTreeMap<Handle<Function>, Vec<Handle<Expression>>>,

@@ -1,5 +1,5 @@
-//! Evaluates the derivatives of a fragment stage before a discard, for lanes that return without
-//! asking their neighbours.
+//! Evaluates the derivatives of a fragment stage before a discard, for lanes that return on their
+//! own.
 //!
 //! ```text
 //! before:  let base = textureSample(albedo, s, in.uv);

@@ -18,7 +18,6 @@ use preshade_plan::state::{ColorTarget, DepthDirection};
 /// Name of the attachment with the packed depth.
 pub const PREPASS_PACKED: &str = "prepass-depth-packed";
 
-/// Format of that attachment.
 pub(crate) const FORMAT: &str = "rgba8unorm";
 
 /// Distance between adjacent depths: one unit of the last digit.

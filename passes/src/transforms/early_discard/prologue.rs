@@ -24,15 +24,11 @@ pub(crate) enum DepthRange {
     Clamped,
 }
 
-/// The prologue's options.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct Prologue {
-    /// Type of the texture.
     pub texture: DepthTexture,
-    /// Samples per pixel.
     pub samples: u32,
     pub format: DepthFormat,
-    /// Forward or reversed depth.
     pub direction: DepthDirection,
     /// Which lanes of a quad return early.
     pub quad: Quad,
@@ -40,9 +36,8 @@ pub(crate) struct Prologue {
     pub mode: Mode,
     /// Range of the compared depths.
     pub range: DepthRange,
-    /// A fixed tolerance.
+    /// A fixed tolerance in depth. `None`: it follows from format, depth and slope.
     pub tolerance: Option<f32>,
-    /// Binding of the texture.
     pub binding: ResourceBinding,
 }
 
@@ -78,9 +73,9 @@ impl Prologue {
             Mode::Cull => hidden.to_owned(),
             Mode::Invert => format!("!({hidden})"),
         };
-        // A written or unclipped depth is clamped before it is stored. No language says what becomes
-        // of NaN there, so a fragment whose depth is NaN is never behind. A compiler may take
-        // `own != own` for false, but not a comparison of bits.
+        // A written or unclipped depth is clamped before it is stored. No language defines the
+        // result for NaN, so a fragment whose depth is NaN is never behind. A compiler may fold
+        // `own != own` to false, but not a comparison of bits.
         let (parameter, clamped, behind) = match self.range {
             DepthRange::Clipped => ("depth", "", behind.to_owned()),
             DepthRange::Clamped => (
@@ -120,9 +115,9 @@ fn {HIDDEN}(position: vec4<f32>, {parameter}: f32) -> bool {{
     /// The distance that proves a fragment hidden. It covers the format's rounding, the difference
     /// between two pipelines' positions (a few steps of the mantissa, and 1/64 pixel along the
     /// slope: four of the rasteriser's 1/256 subpixel steps), and with MSAA one pixel along the
-    /// slope: no language says at which point of the pixel `position.z` is interpolated. Most drivers
-    /// take the centre, SwiftShader takes the first sample. Packing adds its last digit and the
-    /// rounding of four bytes, four products and three sums.
+    /// slope: no language fixes the point of the pixel to which `position.z` is interpolated. Most
+    /// drivers take the centre, SwiftShader takes the first sample. Packing adds its last digit and
+    /// the rounding of four bytes, four products and three sums.
     fn tolerance_wgsl(&self) -> String {
         if let Some(fixed) = self.tolerance {
             return format!("let tolerance = f32({fixed:?});");

@@ -97,7 +97,7 @@ impl HalvedValues<'_, '_, '_> {
         let text = self.layout.reading(at, edges == Edges::Computed);
         let Linked { module, ours: own } = Linked::new(module, &text).map_err(Failed::Built)?;
         let read = ours(&own, text::READ).map_err(Failed::Built)?;
-        // The half-rate pass runs what the loops decided.
+        // The half-rate pass runs the loops that decided.
         let loops = Termination::Assumed;
         let read = &mut |build: &mut CodeBuilder<'_>| {
             self.read(build, read, &computed, guide.as_ref(), edges)

@@ -1,14 +1,16 @@
-//! Our own WGSL of `half-rate`: what a texel holds, and how a pixel reads its neighbours.
+//! Our own WGSL of `half-rate`: the content of a texel, and how a pixel reads its neighbours.
 //!
-//! A texel stands for the pixel at twice its coordinates. So a pixel of even coordinates reads its own
-//! value, and another one the mean of two or four neighbours: the bilinear weights are all equal.
+//! A texel stands for the pixel at twice its coordinates. So a pixel of even coordinates reads its
+//! own value, and another one the mean of two or four neighbours: the bilinear weights are all
+//! equal.
 //!
-//! The guides' weights have no unit and no parameter, because nobody tells whether a guide is a depth,
-//! a normal or a colour. Each squared difference is divided by the mean over the four neighbours: on a
-//! smooth surface all four come to 1, and across an edge some to 0 and others to 2 or more.
+//! The guides' weights have no unit and no parameter, because it is unknown whether a guide is a
+//! depth, a normal or a colour. Each squared difference is divided by the mean over the four
+//! neighbours: on a smooth surface all four come to 1, and across an edge some to 0 and others to 2
+//! or more.
 //!
-//! A pixel is *alike* if in every guide it is no farther from some neighbour than the neighbours are
-//! from each other. A thin thing that fell between the neighbours is not.
+//! A pixel is *alike* if in every guide it is no farther from some neighbour than the neighbours
+//! are from each other. A thin object that fell between the neighbours is not.
 
 use std::fmt::Write;
 
@@ -33,10 +35,10 @@ const FLAT: &str = "0.3";
 /// Squared difference of a guide, relative to its magnitude, that hardly matters.
 const SLIGHT: &str = "0.01";
 
-/// The four neighbours.
+/// Names of the four neighbours.
 const NEIGHBOURS: [&str; 4] = ["a", "b", "c", "d"];
 
-/// The widths of what a texel holds.
+/// The layout of a texel.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Layout {
     /// Components of each value.
@@ -58,7 +60,7 @@ impl Layout {
         words(self.values.iter().sum(), self.guides.iter().copied()).div_ceil(4) as usize
     }
 
-    /// What the half-rate stage calls.
+    /// The functions that the half-rate stage calls.
     pub fn storing(&self) -> String {
         let mut words: Vec<String> = Vec::new();
         for (i, width) in self.values.iter().enumerate() {
@@ -102,8 +104,8 @@ fn {STORE}({parameters}) -> {result} {{
         )
     }
 
-    /// What the main stage calls; the targets are bound in a group from a number on. `with_alike`: it also
-    /// tells whether the pixel is like a neighbour.
+    /// The functions that the main stage calls. The targets are bound in `group` from `first` on.
+    /// `with_alike`: the result also has whether the pixel is like a neighbour.
     pub fn reading(&self, [group, first]: [u32; 2], with_alike: bool) -> String {
         let mut text = String::new();
         for (i, name) in TEXTURES.iter().enumerate().take(self.targets()) {
@@ -273,13 +275,13 @@ fn {STORE}({parameters}) -> {result} {{
     let ratio{i} = far{i} / (dot(far{i}, vec4<f32>(share)) + least{i});
     unlike *= {FLAT} + ratio{i} * ratio{i};",
                 match width {
-                    // Of a depth near 1, the distance from 1 tells how far away it is.
+                    // For a depth near 1, the distance from 1 measures how far away it is.
                     1 => format!("min(g{i} * g{i}, (1.0 - g{i}) * (1.0 - g{i}))"),
                     _ => square(&format!("g{i}"), *width),
                 },
             );
             if with_alike {
-                // A neighbour that is not covered has no say.
+                // A neighbour that is not covered does not count.
                 let [a, b, c, d] = [("a", "x"), ("b", "y"), ("c", "z"), ("d", "w")]
                     .map(|(t, at)| format!("select(g{i}, {t}.g{i}, is_covered.{at})"));
                 let of = |f: &str| format!("{f}({f}({a}, {b}), {f}({c}, {d}))");

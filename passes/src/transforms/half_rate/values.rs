@@ -1,15 +1,17 @@
-//! Which values of a fragment stage to compute once for every 2x2 pixels, and which of its other
-//! values tell where that goes wrong.
+//! The values of a fragment stage to compute once for every 2x2 pixels, and the other values that
+//! show where that goes wrong.
 //!
-//! A minimum cut ([`crate::analysis::cut`]) weighs what a value costs each pixel against reading it
-//! back. Many cuts save nearly the same: a colour can be carried as it is, or the light in it, while
-//! each pixel multiplies it with its own texel. So among the cuts that save nearly the most we take the
-//! one that leaves most work to the pixels: it keeps most of what is finer than two pixels ([`choose`]).
+//! A minimum cut ([`crate::analysis::cut`]) weighs the cost of a value for each pixel against
+//! reading it back. Many cuts save nearly the same: a colour can be carried as it is, or the light
+//! in it, while each pixel multiplies it with its own texel. So among the cuts that save nearly the
+//! most we take the one that leaves most work to the pixels: it keeps most of the detail finer than
+//! two pixels ([`choose`]).
 //!
-//! A guide is a value that the stage loads at the pixel itself and that the carried values are computed
-//! from (a depth, a normal, a position). Where neighbours differ in it, the carried value is likely to
-//! differ too. What only chooses the coordinates of other loads is no guide: a rotation of taps by a
-//! texture of noise differs from pixel to pixel, and says nothing about the surface.
+//! A guide is a value that the stage loads at the pixel itself and that the carried values are
+//! computed from (a depth, a normal, a position). Where neighbours differ in it, the carried value
+//! is likely to differ too. A value that only chooses the coordinates of other loads is no guide: a
+//! rotation of taps by a texture of noise differs from pixel to pixel, and carries no information
+//! about the surface.
 
 use naga::{BinaryOperator, Expression, Handle, MathFunction, ScalarKind, Statement};
 
@@ -22,7 +24,7 @@ use crate::analysis::values::{ContextId, Node, ValueId, Values};
 use preshade_dataflow::graph::StmtId;
 use preshade_dataflow::graph::rate::Rate;
 
-/// Most numbers to carry.
+/// Most float components to carry.
 pub(crate) const MOST_CARRIED: u8 = 4;
 
 /// Words of a texel: two targets of `rgba32uint` have as many bytes as WebGPU lets a pass draw to
@@ -47,7 +49,7 @@ const SWEEP: [f64; 12] = [
 /// The part of the best saving that is enough.
 const ENOUGH: f64 = 0.9;
 
-/// Most cost of a guide: a sample, and what its coordinate costs.
+/// Most cost of a guide: a sample, and its coordinate.
 const MOST_GUIDE: f64 = 64.0;
 
 /// Why a value stays in each pixel's stage.
@@ -108,8 +110,8 @@ pub(crate) fn judge(values: &Values<'_, '_>) -> Vec<Result<(), NotHalved>> {
         .collect()
 }
 
-/// Whether every invocation runs a statement, returns of the entry point apart: the half-rate stage
-/// leaves them out.
+/// Whether every invocation runs a statement. Returns of the entry point do not count: the
+/// half-rate stage leaves them out.
 fn is_always_run(values: &Values<'_, '_>, mut context: ContextId, mut at: StmtId) -> bool {
     loop {
         let f = values.function(context);
@@ -134,7 +136,7 @@ pub(crate) fn width(values: &Values<'_, '_>, id: ValueId) -> Option<u8> {
     (scalar.width == 4 && scalar.kind == ScalarKind::Float).then_some(width)
 }
 
-/// What to compute at half rate.
+/// The values to compute at half rate, with their guides.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct CarriedValues {
     pub moved: Vec<ValueId>,
@@ -154,11 +156,11 @@ impl CarriedValues {
     }
 }
 
-/// The choice that saves at least `least` and nearly the most; `None` if there is none. `guide` tells
-/// which guides to use.
+/// The choice that saves at least `least` and nearly the most; `None` if there is none. `guide`
+/// selects the guides to use.
 ///
-/// A texel of the pixel that the slow part does not need stays with the pixels, if that saves nearly as
-/// much: then it keeps its detail, and guides nothing.
+/// A texel of the pixel that the slow part does not need stays with the pixels, if that saves
+/// nearly as much: then it keeps its detail, and guides nothing.
 pub(crate) fn choose(
     values: &Values<'_, '_>,
     verdicts: &[Result<(), NotHalved>],
@@ -271,13 +273,13 @@ pub(crate) fn guide_name(values: &Values<'_, '_>, id: ValueId) -> String {
     name.unwrap_or_else(|| "a texel".to_owned())
 }
 
-/// What giving a value costs each pixel; `None`: it must not move.
+/// The cost of giving a value to each pixel; `None`: it must not move.
 fn price(values: &Values<'_, '_>, verdicts: &[Result<(), NotHalved>], id: ValueId) -> Option<f64> {
     let width = width(values, id).filter(|_| verdicts[id].is_ok())?;
     Some(READ * f64::from(width))
 }
 
-/// Values that are loaded at the pixel itself, and that `moved` are computed from other than through a
+/// Values that are loaded at the pixel itself, and on which `moved` depend other than through a
 /// coordinate; one for each texture, in the order of evaluation.
 fn guides(values: &Values<'_, '_>, moved: &[ValueId]) -> Vec<ValueId> {
     let mut seen = vec![false; values.values.len()];

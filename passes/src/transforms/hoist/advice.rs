@@ -12,7 +12,7 @@ use preshade_plan::pass::{Facts, Pass, Refusal};
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Advice {
     Budget,
-    /// A budget; the author asked for a contract that needs none.
+    /// A budget: the user requested a contract that needs none.
     Allow,
     /// Treat values at vertices as finite: by assumption or by measurement.
     Finite,

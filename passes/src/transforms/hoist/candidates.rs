@@ -241,7 +241,7 @@ pub(super) fn find(
     found
 }
 
-/// Stable ids of values.
+/// Ids of values: the hash of the slice, and the calls that lead to it.
 fn ids(values: &Values<'_, '_>, of: impl Iterator<Item = ValueId>) -> BTreeMap<ValueId, String> {
     let graph = values.graph;
     let mut hashes: BTreeMap<(FunctionId, naga::Handle<naga::Expression>), String> =

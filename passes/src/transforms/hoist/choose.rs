@@ -35,7 +35,7 @@ pub(crate) struct Terms {
     pub worthwhile: f64,
 }
 
-/// The values to hoist.
+/// The choice of values to hoist, with its costs.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct CarriedValues {
     /// Values to compute in the vertex stage.
@@ -48,7 +48,7 @@ pub(crate) struct CarriedValues {
     pub read: Vec<usize>,
     /// Static cost of the fragment stage before, including transport.
     pub before: f64,
-    /// The same after hoisting.
+    /// Static cost of the fragment stage after hoisting.
     pub after: f64,
     /// Static cost of the additional work in the vertex stage.
     pub vertex: f64,

@@ -7,8 +7,8 @@
 //! operand never crosses the discontinuity, we ignore it.
 //!
 //! The operands of a discontinuity are continuous. A small error of theirs moves one threshold by
-//! as little. But `fract` has a threshold in every unit, and if the operand was scaled up before,
-//! as a depth packed into bytes is, a small error decides everything.
+//! as little. But `fract` has a threshold in every unit. If the operand was scaled up before, as
+//! for a depth packed into bytes, a small error decides everything.
 
 use naga::{BinaryOperator, Expression, Handle, ScalarKind};
 

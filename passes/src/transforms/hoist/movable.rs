@@ -40,7 +40,6 @@ pub enum Class {
 pub struct Carriage {
     /// The effect on the value.
     pub class: Class,
-    /// Interpolation.
     pub interpolated: Interpolated,
     /// Interpolation location in the pixel.
     pub at: At,
@@ -196,14 +195,11 @@ pub enum Jumps {
 /// Assumptions about unmeasured values.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Assumed {
-    /// Whether they are finite.
     pub finite: Finite,
-    /// Whether they are continuous.
     pub jumps: Jumps,
 }
 
 impl Assumed {
-    /// All assumptions.
     pub const ALL: Self = Self {
         finite: Finite::Assumed,
         jumps: Jumps::Carried,
@@ -235,7 +231,7 @@ pub struct Precision {
 }
 
 impl Precision {
-    /// No visible rounding.
+    /// Allows no rounding.
     pub const EXACT: Self = Self {
         ranges: Vec::new(),
         most: -1.0,
@@ -270,7 +266,7 @@ pub(super) fn held_back(
         hold(reached.map(|d| d.map(NotHoisted::from)).collect(), |_| true);
     }
     if assumed.finite == Finite::Proved {
-        // A flat value is what every fragment computed, NaN or not.
+        // A flat value equals the one that every fragment computed, NaN or not.
         hold(hazards(values, &ranges), |c| {
             c.interpolated != Interpolated::Flat
         });

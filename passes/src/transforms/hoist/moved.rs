@@ -1,5 +1,5 @@
-//! What the vertex stage reads now and only the fragment stage read before: a host must give it to
-//! the vertex stage too.
+//! Inputs that the vertex stage reads now and only the fragment stage read before: a host must give
+//! them to the vertex stage too.
 
 use std::collections::BTreeSet;
 

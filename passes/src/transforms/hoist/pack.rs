@@ -8,14 +8,13 @@ use naga::ScalarKind;
 use super::movable::Carriage;
 use preshade_dataflow::graph::rate::{At, Interpolated};
 
-/// A value to assign.
+/// A value that needs room in a varying.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Load {
-    /// Components, 1 to 4.
+    /// From 1 to 4 components.
     pub width: u8,
     /// Scalar kind, 32 bits wide.
     pub kind: ScalarKind,
-    /// Interpolation.
     pub carriage: Carriage,
 }
 
@@ -34,18 +33,17 @@ impl Load {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct VaryingSlot {
     pub kind: ScalarKind,
-    /// Interpolation.
     pub interpolated: Interpolated,
     /// Interpolation location in the pixel.
     pub at: At,
     /// Index of each value in it, and its first component.
     pub parts: Vec<(usize, u8)>,
-    /// Components, 1 to 4.
+    /// From 1 to 4 components.
     pub width: u8,
 }
 
-/// Slots for all values, beside `taken` varyings and with at most `limit` in total; `None` if they
-/// do not fit even when packed. First-fit decreasing; no value is split.
+/// Slots for all values, in addition to `taken` varyings and with at most `limit` in total; `None`
+/// if they do not fit even when packed. First-fit decreasing; no value is split.
 pub(crate) fn pack(loads: &[Load], taken: usize, limit: usize) -> Option<Vec<VaryingSlot>> {
     let mut slots: Vec<VaryingSlot> = Vec::new();
     let mut order: Vec<usize> = (0..loads.len()).collect();

@@ -32,10 +32,10 @@ use preshade_plan::program::Program;
 pub(crate) struct Outputs<'a> {
     /// Locations of the author's varyings that the fragment stage still reads.
     pub kept: &'a BTreeSet<u32>,
-    /// Moved values.
+    /// The moved values.
     pub wanted: &'a [Wanted],
     pub slots: &'a [VaryingSlot],
-    /// Location of each varying.
+    /// By slot.
     pub locations: &'a [u32],
 }
 
@@ -214,7 +214,7 @@ fn is_at(io: &interface::Io, wanted: u32) -> bool {
 enum OutputSource {
     /// An output of the author's stage, by index.
     Author(usize),
-    /// A varying, by index.
+    /// A varying with moved values, by index.
     Slot(usize),
 }
 

@@ -86,9 +86,8 @@ impl Authored {
         }
     }
 
-    /// Whether a user means this value by `name`: its name, or the end of it behind a dot, with
-    /// `@FUNCTION` behind where several functions have one, and `:LINE` where one function has
-    /// several.
+    /// Whether `name` is this value: its name, or the end of it behind a dot, with `@FUNCTION`
+    /// behind if several functions have one, and `:LINE` if one function has several.
     pub fn is_called(&self, name: &str, program: &Program) -> bool {
         let (name, line) = match name.rsplit_once(':') {
             Some((name, line)) => (name, Some(line)),

@@ -11,7 +11,7 @@ pub(crate) fn single(opaque: &Opaque<'_>, value: Authored) -> Result<Authored, B
     let (Some(entry), Some(function)) = (opaque.fragment, value.function_id()) else {
         return Ok(value);
     };
-    // Its role in the dataflow tells which call is meant.
+    // Its role in the dataflow identifies the call.
     if !value.calls.is_empty() {
         return Ok(value);
     }

@@ -1,5 +1,5 @@
-//! Leaves out of a fragment stage's coverage what depends on the viewer: parallax, fades by
-//! distance. [`analysis::viewer`](super::viewer) says what takes its place.
+//! Leaves out of a fragment stage's coverage the parts that depend on the viewer: parallax, fades
+//! by distance. [`analysis::viewer`](super::viewer) gives their replacements.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -16,18 +16,18 @@ use crate::rebuild::place::{self, Replacement, Rewrite};
 use preshade_dataflow::graph::{FunctionGraph, Graph, text};
 use preshade_plan::program::Program;
 
-/// A program without what depends on the viewer.
+/// A program without code that depends on the viewer.
 #[derive(Debug)]
 pub(crate) struct Dropped {
     pub program: Program,
-    /// What was left out, in a user's words.
+    /// The parts that were left out, in a user's words.
     pub left_out: Vec<String>,
 }
 
 /// Why the viewer cannot be left out.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) enum Stays {
-    /// Nobody can say what is discarded without it: why.
+    /// It is unclear which fragments are discarded without it; with the reason.
     Discard(String),
     /// The result is invalid: a bug.
     Built(String),
@@ -186,7 +186,7 @@ fn line(stage: &Stage<'_, '_>, span: Span) -> String {
     }
 }
 
-/// Replaces each `if` whose condition is a constant by what it does. A stage that discards nothing
+/// Replaces each `if` whose condition is a constant by the taken arm. A stage that discards nothing
 /// must not keep its `discard`, which switches early depth tests off.
 fn decide(function: &mut Function) {
     loop {

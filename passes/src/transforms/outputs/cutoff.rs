@@ -16,8 +16,8 @@ use preshade_plan::pass::Refusal;
 use preshade_plan::plan::{Phase, Plan, Role};
 use preshade_plan::state::ColorTarget;
 
-/// The plan with a main pass that discards below `cutoff`, and what it leaves out, in words. `None`:
-/// its alpha covers nothing.
+/// The plan with a main pass that discards below `cutoff`, and a sentence on what that leaves out.
+/// `None`: its alpha covers nothing.
 ///
 /// # Errors
 /// There is no `cutoff`, or no alpha.

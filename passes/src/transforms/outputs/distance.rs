@@ -1,4 +1,4 @@
-//! What a distance is measured between.
+//! The two ends of a distance: a surface and a light.
 
 use naga::{Binding, ScalarKind, TypeInner, VectorSize};
 
@@ -82,7 +82,7 @@ pub(crate) fn surface(
     ))
 }
 
-/// The range as a message tells it.
+/// The distance in words, for a message.
 pub(crate) fn described(distance: &Distance, params: &OutputsParams) -> String {
     let surface = match &distance.from {
         Surface::Value(value) => format!("`{}`", value.name),

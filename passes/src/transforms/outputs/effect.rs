@@ -9,7 +9,7 @@ use preshade_plan::mapping::{Mapping, Unknown};
 use preshade_plan::pass::Misnamed;
 use preshade_plan::state::DepthFormat;
 
-/// What is wrong with the parameters, whatever the material is.
+/// A mistake in the parameters, whatever the material is.
 pub(crate) fn slip(params: &OutputsParams) -> Option<Misnamed> {
     let said = |message: String| {
         Some(Misnamed {
@@ -44,7 +44,7 @@ pub(crate) fn slip(params: &OutputsParams) -> Option<Misnamed> {
     said(format!("`{name}` has no effect without {needs}"))
 }
 
-/// The first parameter that has no effect, and what it needs.
+/// The first parameter that has no effect, and the parameter that it needs.
 fn without_effect(params: &OutputsParams) -> Option<(&'static str, &'static str)> {
     let asked = params.requested();
     let has = |of: &Asked| asked.contains(of);

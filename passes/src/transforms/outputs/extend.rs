@@ -1,5 +1,5 @@
-//! A material with other outputs: the author's stages, extended by what auxiliary pictures show.
-//! Slices of the result are programs of these pictures.
+//! A material with other outputs: the author's stages, extended by the values of auxiliary
+//! pictures. Slices of the result are programs of these pictures.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -27,17 +27,15 @@ mod separate_calls;
 mod vertex;
 pub mod without_jitter;
 
-/// A picture to write.
 #[derive(Clone, Debug)]
 pub(crate) struct Wanted {
-    /// Name of its output.
     pub name: String,
     pub shows: Shows,
     /// Whether its target holds floats of 32 bits, in place of 16.
     pub full: bool,
 }
 
-/// What a picture shows.
+/// The content of a picture.
 #[derive(Clone, Debug)]
 pub(crate) enum Shows {
     /// A value of the fragment stage.
@@ -87,7 +85,7 @@ pub(crate) struct Direction {
 /// A buffer, or a part of one.
 pub(crate) type Member = mapping::MappedPlace;
 
-/// What a distance is measured between.
+/// The two ends of a distance, and its unit.
 #[derive(Clone, Debug)]
 pub(crate) struct Distance {
     pub from: Surface,
@@ -106,7 +104,7 @@ pub(crate) enum Surface {
     World(World),
 }
 
-/// What the position of the previous frame is computed from.
+/// The resources from which the position of the previous frame is computed.
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Velocity {
     /// Buffers, or loose uniforms, that do not change.
@@ -122,7 +120,6 @@ pub(crate) struct Velocity {
     pub is_down: bool,
 }
 
-/// The extended material.
 #[derive(Debug)]
 pub(crate) struct Extended {
     /// Its program, with the author's entry points extended.
@@ -177,7 +174,7 @@ struct Varying {
 /// The values that the vertex stage passes on.
 #[derive(Clone, Debug, Default)]
 struct Varyings {
-    /// Clip position without z.
+    /// x, y and w of the clip position.
     clip: Option<Varying>,
     /// That of the previous frame.
     previous: Option<Varying>,
@@ -241,7 +238,7 @@ impl Shows {
 }
 
 impl Distance {
-    /// What the picture holds where no surface is: the end of the range, or the largest number.
+    /// The value of the picture where no surface is: the end of the range, or the largest number.
     pub fn clear_value(&self) -> f64 {
         match self.is_divided() {
             true => 1.0,

@@ -135,7 +135,7 @@ fn is_constant(values: &Values<'_, '_>, value: ValueId) -> bool {
     })
 }
 
-/// Whether an expression loads what the host fills.
+/// Whether an expression loads from memory that the host fills.
 fn is_from_memory(values: &Values<'_, '_>, context: ContextId, e: Handle<Expression>) -> bool {
     let f = values.function(context);
     matches!(f.function.expressions[e], Expression::Load { .. }) && !is_variable(values, context, e)
@@ -208,7 +208,7 @@ fn is_unit(values: &Values<'_, '_>, value: ValueId, depth: u32) -> bool {
             (false, true) => is(right),
             _ => false,
         },
-        // The result of a call is one of what it returns; a load, one of what was stored.
+        // The result of a call is one of the returned values; a load, one of the stored values.
         Expression::CallResult(_) | Expression::Load { .. } => all_unit(values, value, depth),
         _ => false,
     }
@@ -223,7 +223,7 @@ fn all_unit(values: &Values<'_, '_>, value: ValueId, depth: u32) -> bool {
     depth > 0 && vectors.peek().is_some() && vectors.all(|v| is_unit(values, *v, depth - 1))
 }
 
-/// What a value is computed from.
+/// The sources that a value is computed from.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 struct LightReads {
     /// A vector of three or four floats in a buffer.

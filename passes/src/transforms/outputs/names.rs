@@ -1,4 +1,4 @@
-//! What the names among the parameters mean.
+//! Resolves the names among the parameters.
 
 use std::collections::BTreeSet;
 

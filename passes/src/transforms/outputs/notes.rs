@@ -1,4 +1,4 @@
-//! What a host should know of the pictures.
+//! Notes about the pictures for a host's author.
 
 use super::extend::{Normal, Shows, Wanted};
 use super::{OutputsParams, distance};
@@ -9,7 +9,7 @@ use preshade_dataflow::slice::{self, Criterion, OutputFilter};
 /// Words in the names of attributes that place an instance.
 const PLACES: [&str; 5] = ["instance", "transform", "model", "matrix", "object"];
 
-/// What a host should know of the pictures.
+/// The notes on all pictures, a sentence each.
 pub(crate) fn notes(opaque: &Opaque<'_>, params: &OutputsParams, wanted: &[Wanted]) -> Vec<String> {
     let mut found = Vec::new();
     if wanted.is_empty() {
@@ -49,7 +49,7 @@ pub(crate) fn notes(opaque: &Opaque<'_>, params: &OutputsParams, wanted: &[Wante
 }
 
 /// The attributes that look like transforms of instances and count as unchanged. No state of a
-/// material tells which attributes belong to instances.
+/// material shows which attributes belong to instances.
 fn unchanged(opaque: &Opaque<'_>, wanted: &[Wanted]) -> Option<String> {
     let velocity = wanted.iter().find_map(|w| match &w.shows {
         Shows::Velocity(velocity) => Some(velocity),

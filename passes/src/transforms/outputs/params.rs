@@ -193,7 +193,7 @@ fn is_none(target: &ColourTarget) -> bool {
     *target == ColourTarget::None
 }
 
-/// What a word of `write` asks for.
+/// A word of `write`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Asked {
     /// The camera's depth.

@@ -30,7 +30,7 @@ pub(crate) enum Unmapped {
     #[error("the slice reads `{read}`, which the other view lacks; it has {}", .has.join(", "))]
     Lacks {
         read: String,
-        /// What the other view has.
+        /// Parts that the other view has.
         has: Vec<String>,
     },
     /// The author's program has no resource of a name.
@@ -44,16 +44,16 @@ pub(crate) enum Unmapped {
 /// A source offset beyond every file.
 const NOWHERE: u32 = u32::MAX / 2;
 
-/// A part of the author's resources and what takes its place.
+/// A part of the author's resources, and its replacement.
 #[derive(Clone, Debug)]
 pub(crate) struct Pair {
-    /// The author's.
+    /// The author's part.
     pub ours: MappedPlace,
     pub theirs: MappedPlace,
 }
 
-/// Replaces what `mappings` name. `author` is the author's whole module, `module` a slice of it.
-/// `layout` declares the other view's resources in WGSL.
+/// Replaces the parts that `mappings` name. `author` is the author's whole module, `module` a slice
+/// of it. `layout` declares the other view's resources in WGSL.
 ///
 /// # Errors
 /// [`Unmapped`].
@@ -70,7 +70,7 @@ pub(crate) fn remap(
         let place = mapping.ours.resolve(author)?;
         let name = name_of(author, place.global, &place.steps);
         all.push((mapping, place));
-        // What the slice does not read needs no partner.
+        // A part that the slice does not read needs no partner.
         if let Ok(place) = name.resolve(&module) {
             ours.push((mapping, place));
         }
@@ -358,7 +358,7 @@ pub(crate) fn parts_read(function: &Function) -> Vec<(Handle<GlobalVariable>, Ve
     parts.map(|(_, part)| (part.global, part.steps)).collect()
 }
 
-/// Fails if a function reads of a replaced variable what has no partner.
+/// Fails if a function reads a part of a replaced variable that has no partner.
 fn check_reads(module: &Module, ours: &[(&Mapping, MappedPlace)]) -> Result<(), Unmapped> {
     let functions = module.functions.iter().map(|(_, f)| f);
     let entries = module.entry_points.iter().map(|e| &e.function);

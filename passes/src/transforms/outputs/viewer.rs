@@ -1,8 +1,8 @@
-//! What the viewer decides about a fragment stage's coverage, and what remains without it.
+//! The viewer's part in a fragment stage's coverage, and the rest without it.
 //!
-//! A texture coordinate becomes what it was before the viewer took part: of `uv + offset` it is
-//! `uv`. A condition of a discard becomes what it is without the viewer: of `alpha * fade < 0.5` it
-//! is `alpha < 0.5`. Each call of a function is judged apart.
+//! A texture coordinate becomes its value before the viewer took part: of `uv + offset` it is `uv`.
+//! A condition of a discard becomes the condition without the viewer: of `alpha * fade < 0.5` it is
+//! `alpha < 0.5`. Each call of a function is judged separately.
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -20,22 +20,20 @@ mod loads;
 mod surrounding_tests;
 mod without_viewer;
 
-/// What takes the place of an expression.
+/// The replacement of an expression.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Instead {
     /// Another expression of the author's, in the same function.
     Other(Handle<Expression>),
-    /// A constant.
     Bool(bool),
 }
 
 /// An expression in one chain of calls.
 pub type At = (ContextId, Handle<Expression>);
 
-/// Replaced expressions.
 pub(crate) type Changes = BTreeMap<At, Instead>;
 
-/// Nobody can say what this condition is without the viewer.
+/// It is unclear what this condition is without the viewer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) struct Unclear(pub At);
 
@@ -55,7 +53,7 @@ pub(crate) fn varyings(graph: &Graph<'_>, vertex: usize, follows: &[String]) -> 
     locations.collect()
 }
 
-/// A fragment stage and what depends on the viewer in it.
+/// A fragment stage, and which of its values depend on the viewer.
 pub(crate) struct Stage<'g, 'p> {
     pub values: Values<'g, 'p>,
     /// Whether each value depends on the viewer.
@@ -72,7 +70,7 @@ pub(crate) struct Stage<'g, 'p> {
     screen: Vec<bool>,
 }
 
-/// What a value that the viewer has no part in reads of the material.
+/// The parts of the material that a value without the viewer reads.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 enum ViewerReads {
     /// Nothing that differs on its surface: uniforms, the pixel's place.
@@ -83,7 +81,7 @@ enum ViewerReads {
 }
 
 impl<'g, 'p> Stage<'g, 'p> {
-    /// `None`: the stage is too large to tell.
+    /// `None`: the stage is too large to analyse.
     pub fn new(
         graph: &'g Graph<'p>,
         fragment: usize,
@@ -154,7 +152,8 @@ impl<'g, 'p> Stage<'g, 'p> {
         self.is(&self.screen, at)
     }
 
-    /// What a value reads of the material. Of one that loses the viewer, an input at least is left.
+    /// The parts of the material that a value reads. If it loses the viewer, at least an input is
+    /// left.
     fn reads(&self, at: At) -> ViewerReads {
         let decides = self.depends(at) || self.reads_screen(at);
         match self.is_textured(at) {
@@ -196,7 +195,7 @@ impl<'g, 'p> Stage<'g, 'p> {
         }
     }
 
-    /// Where a value comes from: an argument is what the caller gave.
+    /// The origin of a value: for an argument, the caller's value.
     fn origin(&self, mut at: At) -> At {
         while let Expression::FunctionArgument(i) = self.f(at.0).function.expressions[at.1]
             && let Some(outer) = self.argument(at.0, i)
@@ -212,7 +211,7 @@ impl<'g, 'p> Stage<'g, 'p> {
         self.values.child(context, call)
     }
 
-    /// What a function returns, in one context.
+    /// The values that a function returns, in one context.
     fn returns(&self, context: ContextId) -> Vec<(StmtId, At)> {
         let f = self.f(context);
         let all = f.statements.iter();

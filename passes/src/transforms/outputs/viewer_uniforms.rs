@@ -1,4 +1,4 @@
-//! What the user says about uniforms that follow the viewer.
+//! Parses the user's list of uniforms that follow the viewer.
 
 use naga::Module;
 
@@ -7,7 +7,7 @@ use super::{list, refusals};
 use crate::analysis::view::{self, Said};
 use preshade_plan::pass::{Misnamed, Refusal};
 
-/// What the words of `viewer` say. A word with a minus sign in front names a uniform that stays.
+/// The uniforms that the words of `viewer` name. A minus sign in front marks a uniform that stays.
 pub(crate) fn parse(module: &Module, viewer: Option<&str>) -> Result<Said, Box<Refusal>> {
     let mut said = Said::default();
     for word in list(viewer) {

@@ -188,7 +188,7 @@ impl Search<'_, '_, '_> {
         held
     }
 
-    /// The values of which a value is one: of several definitions or returns.
+    /// The possible values of a value with several definitions or returns.
     fn choices(&self, value: ValueId) -> Option<Vec<ValueId>> {
         let all = &self.values.values;
         match &all[value].node {

@@ -1,9 +1,10 @@
-//! Which values of a stage only the draw decides, and which of them to compute once a draw.
+//! Finds the values of a stage that the draw alone decides, and chooses those to compute once a
+//! draw.
 //!
 //! A driver's compiler does this after linking (Mesa's `nir_opt_preamble`, Arm's pilot shaders). A
-//! minimum cut ([`crate::analysis::cut`]) weighs what a value saves each invocation against reading
-//! it back, and a value below another that moves costs nothing more. If the values don't fit into the
-//! room, we raise the price of reading until they do.
+//! minimum cut ([`crate::analysis::cut`]) weighs the saving of a value in each invocation against
+//! reading it back, and a value below another that moves costs nothing more. If the values don't
+//! fit into the room, we raise the price of reading until they do.
 
 use std::collections::BTreeSet;
 
@@ -29,12 +30,12 @@ const SWEEP: [f64; 12] = [
     1.0, 1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 16.0, 32.0, 64.0, 128.0, 256.0,
 ];
 
-/// What moving a value may change.
+/// The possible change by moving a value.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Class {
-    /// Nothing: no compiler fuses it into what reads it.
+    /// None: no compiler fuses it into its readers.
     Exact,
-    /// A compiler may fuse it into what reads it, so the bits may differ.
+    /// A compiler may fuse it into a reader, so the bits may differ.
     Rounded,
 }
 
@@ -110,7 +111,7 @@ pub struct Judged {
 }
 
 /// Judges the values of a stage. `known` are ranges of its sources, `most` the largest change of an
-/// output by rounding. `is_steady` says which textures no other pass of the frame writes.
+/// output by rounding. `is_steady`: whether no other pass of the frame writes the texture.
 pub(crate) fn judge(
     values: &Values<'_, '_>,
     known: &[SourceRange],
@@ -158,7 +159,8 @@ pub(crate) fn judge(
     }
 }
 
-/// For each value, what it or its condition depends on that a compute stage lacks or might see too early.
+/// For each value, a dependence of it or its condition that a compute stage lacks or might read too
+/// early.
 fn foreign(
     values: &Values<'_, '_>,
     is_steady: &dyn Fn(&ResourceBinding) -> bool,
@@ -272,7 +274,6 @@ pub(crate) struct Terms {
 pub(crate) struct StoredValues {
     /// The values, in the order in which they are stored.
     pub moved: Vec<ValueId>,
-    /// What moving them may change.
     pub class: Class,
     /// Number of operations that may round otherwise.
     pub roundings: u32,
@@ -374,8 +375,8 @@ fn rows(values: &Values<'_, '_>, stored: &[ValueId]) -> u32 {
     end.div_ceil(4)
 }
 
-/// What reading a value costs an invocation; `None`: its class is weaker than `weakest`, or it must not
-/// move.
+/// The cost for an invocation of reading a value; `None`: its class is weaker than `weakest`, or it
+/// must not move.
 fn price(values: &Values<'_, '_>, judged: &Judged, weakest: Class, id: ValueId) -> Option<f64> {
     let is_allowed = matches!(judged.verdicts[id], Ok(class) if class <= weakest);
     let width = shape(values, id).filter(|_| is_allowed)?;

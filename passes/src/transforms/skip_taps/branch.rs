@@ -33,7 +33,7 @@ struct TermCopier<'a, 'p> {
     f: &'a FunctionGraph<'p>,
     module: &'a mut Module,
     threshold: f32,
-    /// Terms by product.
+    /// The terms of each product.
     terms: BTreeMap<Handle<Expression>, Vec<&'a Term>>,
     /// Expressions that are computed behind a branch, with their term: the innermost of several.
     /// `None`: a vector of terms, just before their product.

@@ -63,8 +63,8 @@ pub(crate) struct Terms {
 }
 
 impl Terms {
-    /// Keeps the terms that may be left out where their weight is 0, and moves the others to `left`.
-    /// Returns what leaving them out may change.
+    /// Keeps the terms that may be left out where their weight is 0, and moves the others to
+    /// `left`. Returns the remaining effect of leaving them out.
     ///
     /// # Errors
     /// The stage is too large.
@@ -163,7 +163,6 @@ enum User {
     Statement(StmtId),
 }
 
-/// The function under analysis.
 struct Within<'g, 'p> {
     graph: &'g Graph<'p>,
     f: &'g FunctionGraph<'p>,

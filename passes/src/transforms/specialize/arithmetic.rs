@@ -9,7 +9,7 @@ use naga_interp::Number as _;
 use naga_interp::accuracy::Accuracy;
 use naga_interp::interval::{Arithmetic, Interval};
 
-/// Applies a unary operator.
+/// Bounds of the result of a unary operator.
 pub(crate) fn unary(op: UnaryOperator, operand: &AbstractValue) -> AbstractValue {
     AbstractValue::zip(&[operand], &|s| match (op, s) {
         (UnaryOperator::LogicalNot, [Scalar::Bool(b)]) => Some(Scalar::Bool(!b)),

@@ -38,9 +38,9 @@ pub struct Branch {
     pub arms: Option<usize>,
     /// The known values that its condition depends on, by place.
     pub values: Vec<Assumed>,
-    /// The author's text of the condition, or what it is.
+    /// The author's text of the condition, or a description.
     pub condition: String,
-    /// Where the statement begins.
+    /// Start of the statement.
     pub location: Option<Location>,
 }
 

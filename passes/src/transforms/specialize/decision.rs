@@ -39,7 +39,7 @@ pub struct Decision {
     /// The function that contains it.
     pub function: FunctionId,
     pub statement: StmtId,
-    /// Its condition or selector.
+    /// Condition of an `if` or a loop, or selector of a `switch`.
     pub condition: Handle<Expression>,
     pub kind: DecisionKind,
     /// The arm that is taken; `None` if unknown, or for a loop.
@@ -53,7 +53,7 @@ pub struct Decision {
     pub within: Option<usize>,
 }
 
-/// A remaining call.
+/// A call that remains after folding.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Call {
     /// The callee, among the generated functions.
@@ -67,7 +67,6 @@ pub struct Call {
 /// An event of folding a function, in the order of its statements.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) enum Noted {
-    /// A draw-uniform decision.
     Decision(Decision),
     Call(Call),
 }
@@ -80,7 +79,7 @@ pub(crate) struct Record {
     pub used: BTreeSet<usize>,
     /// Float operations that were removed as neutral additions or multiplications.
     pub roundings: BTreeSet<(FunctionId, Handle<Expression>)>,
-    /// Decisions and calls.
+    /// In the order of the statements.
     pub notes: Vec<Noted>,
     /// Loops with a known number of iterations.
     pub turns: Vec<(FunctionId, StmtId, u32)>,

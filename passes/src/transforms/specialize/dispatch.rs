@@ -57,8 +57,9 @@ impl Versions {
         }
     }
 
-    /// The cheapest version for a draw. `None`: the original. `bytes` returns the content of a binding, by group and
-    /// binding; `is_kept`, whether an attribute, a texture or an override is as a guard says.
+    /// The cheapest version for a draw. `None`: the original. `bytes` returns the content of a
+    /// binding, by group and binding. `is_kept`: whether an attribute, a texture or an override
+    /// matches a guard.
     pub fn choose<'b>(
         &self,
         bytes: impl Fn(u32, u32) -> Option<&'b [u8]>,
@@ -80,8 +81,8 @@ fn operations(plan: &Plan) -> f64 {
     entry.map_or(0.0, |(index, _)| Graph::build(program).entry_cost(index))
 }
 
-/// Chooses versions, and remembers the choice by the words that decide it: a draw whose values were
-/// seen before costs one look into a hash table.
+/// Chooses versions, and remembers the choice by the words that decide it: a draw with known values
+/// costs one look into a hash table.
 #[derive(Clone, Debug)]
 pub struct Dispatch {
     versions: Versions,
@@ -96,7 +97,7 @@ pub struct Dispatch {
 const MOST: usize = 4096;
 
 impl Dispatch {
-    /// Nothing is remembered yet.
+    /// A dispatch without remembered choices.
     pub fn new(versions: Versions) -> Self {
         let all = || versions.versions.iter().flat_map(|v| &v.guard.values);
         let word = |assumed: &Assumed| match assumed.place {

@@ -1,9 +1,9 @@
 //! Counts a program as the draws of a scene run it.
 //!
-//! The static cost model counts both arms of a branch and guesses the iterations of a loop. Compared by
-//! that, a variant without the code that no draw runs would look faster, and one with a loop of known
-//! length slower or faster, although both do what the original does. So whatever is compared is counted
-//! with the same facts.
+//! The static cost model counts both arms of a branch and guesses the iterations of a loop. In such
+//! a comparison, a variant without code that no draw runs would look faster, and one with a loop of
+//! known length slower or faster, although both run the same code as the original. So both sides of
+//! a comparison are counted with the same facts.
 
 use std::collections::BTreeMap;
 

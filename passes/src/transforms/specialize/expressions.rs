@@ -266,8 +266,8 @@ impl<'p> Folder<'p> {
     }
 
     /// The operand that remains after adding 0, multiplying by 1, or mixing by 0 or 1, in real
-    /// numbers. `None` also if something tells a zero that is left from one of the other sign, or if
-    /// what is dropped may be infinite.
+    /// numbers. `None` also if an operation shows the sign of a remaining zero, or if a dropped
+    /// operand may be infinite.
     fn neutral(
         &self,
         frame: &FoldFrame<'p>,
@@ -523,7 +523,7 @@ impl FoldFrame<'_> {
         }
     }
 
-    /// Stores through a pointer.
+    /// Records a store through a pointer.
     pub(super) fn store(
         &mut self,
         module: &Module,
@@ -653,7 +653,7 @@ fn all_numbers(known: &AbstractValue, value: f64) -> Option<Sources> {
     Some(equal?.1)
 }
 
-/// What all components have in common, and the assumptions of all.
+/// The result of `of` that all components share, and the assumptions of all.
 fn common<T: PartialEq>(
     known: &AbstractValue,
     of: &dyn Fn(&AbstractValue) -> Option<(T, Sources)>,

@@ -49,7 +49,6 @@ pub(crate) struct FoldedStage {
     pub function: Function,
     /// The abstract value of its result.
     pub result: AbstractValue,
-    /// Its record, without callees.
     pub record: Record,
 }
 
@@ -70,12 +69,10 @@ pub(super) struct FoldFrame<'p> {
     /// The join of the values returned so far; `None` if there is none yet.
     pub returned: Option<AbstractValue>,
     pub breaks: Vec<Breaks>,
-    /// The current `Emit`.
     pub emit: OpenEmit,
     pub span: Span,
     /// Assumptions under which the current statement runs. Values behind it depend on them too.
     pub running: Sources,
-    /// Whether anything was folded.
     pub changed: bool,
     pub record: Record,
     /// Enclosing decisions, by index in the record.

@@ -153,7 +153,7 @@ impl AbstractValue {
         }
     }
 
-    /// The union of both.
+    /// The bounds that contain both.
     #[must_use]
     pub fn join(&self, other: &Self) -> Self {
         match (self, other) {

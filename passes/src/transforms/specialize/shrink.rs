@@ -23,8 +23,7 @@ pub(crate) struct Shrunk {
 }
 
 /// The program with only these entry points, sliced to their outputs, discards and stores. The
-/// vertex stage keeps the varyings that the fragment stage reads. A stage with stores is kept
-/// whole.
+/// vertex stage keeps the varyings that the fragment stage reads. A stage with stores stays whole.
 ///
 /// # Errors
 /// The result does not validate: a bug.

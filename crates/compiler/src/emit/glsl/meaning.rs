@@ -35,7 +35,8 @@ use preshade_plan::plan_file::Target;
 
 /// A program whose text by naga means the same as `program`. `None` if that is `program` itself.
 ///
-/// # Errors A bug of ours.
+/// # Errors
+/// A bug of ours.
 pub(super) fn kept(program: &Program, target: Target) -> Result<Option<Program>, Box<Invalid>> {
     let module = program.module();
     let info = program.info();

@@ -163,7 +163,8 @@ impl Model {
 
     /// The model as JSON, for later runs on the adapter.
     ///
-    /// # Errors A number that JSON cannot express.
+    /// # Errors
+    /// A number that JSON cannot express.
     pub fn to_json(&self) -> Result<String, serde_json::Error> {
         serde_json::to_string_pretty(self)
     }

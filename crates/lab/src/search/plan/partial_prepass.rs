@@ -58,7 +58,8 @@ const LEAST: f64 = 0.05;
 /// [`RECIPE`]. [`preshade_draw::render::SceneInputs::set_frame`] must have set the uniforms of
 /// `frame`.
 ///
-/// # Errors The original cannot be drawn or timed, or the adapter is lost.
+/// # Errors
+/// The original cannot be drawn or timed, or the adapter is lost.
 pub fn measured(
     session: &Session<'_>,
     frame: &Frame,

@@ -32,12 +32,13 @@ fn octahedral(v: vec3<f32>) -> vec2<f32> {
     return select((1.0 - abs(flat.yx)) * side, flat, v.z >= 0.0);
 }";
 
-/// The normal of a triangle from its position and the x, y and w of its clip position. A target may be upside down, so
-/// the place in the picture says which way the derivatives go. `SIDE` is the comparison for the side that is seen.
+/// The normal of a triangle from its position and the x, y and w of its clip position. A target may
+/// be upside down, so the place in the picture gives the direction of the derivatives. `SIDE` is
+/// the comparison for the visible side.
 ///
-/// The derivatives are those of the position divided by w, and point the same way. The position divided by w is linear
-/// in the picture, so a difference of two pixels is exact. A difference of positions turns round where the triangle's
-/// plane meets the horizon between them.
+/// The derivatives are those of the position divided by w, and point the same way. The position
+/// divided by w is linear in the picture, so a difference of two pixels is exact. A difference of
+/// positions turns round where the triangle's plane meets the horizon between them.
 const FACE: &str = "\
 fn face_normal(position: vec3<f32>, clip: vec3<f32>) -> vec3<f32> {
     let reciprocal = 1.0 / clip.z;
@@ -294,8 +295,8 @@ impl Extending<'_, '_> {
         })
     }
 
-    /// The normal of the triangle, computed before the author's code: derivatives must not stand behind branches.
-    /// `None`: the vertex stage does not pass on what it is computed from.
+    /// The normal of the triangle, computed before the author's code: derivatives must not stand
+    /// behind branches. `None`: the vertex stage does not pass on the surface's position.
     fn face(
         &mut self,
         entry: usize,

@@ -38,7 +38,7 @@ struct Unjittered<'j> {
 }
 
 impl Unjittered<'_> {
-    /// Fills the copy.
+    /// Fills the copy, without the members that have jitter.
     fn fill(&self, build: &mut CodeBuilder<'_>) {
         let whole: Vec<Vec<usize>> = match &self.members {
             Some(members) => members.iter().map(|member| vec![*member]).collect(),
@@ -143,7 +143,7 @@ impl Extending<'_, '_> {
             }
         });
         ahead.function = copies.get(&original).copied().unwrap_or(original);
-        // What stands still is read where it is.
+        // Values that stand still are read in place.
         let still = still.iter().filter(|still| !still.steps.is_empty());
         let is_jitter = |still: &&Member| loose.iter().any(|jitter| jitter == still);
         let still = still.filter(|still| !is_jitter(still));

@@ -1,4 +1,5 @@
-//! The vertex stage of an extended material: the author's, and what the fragment stage needs of it.
+//! The vertex stage of an extended material: the author's, and the values that the fragment stage
+//! needs.
 
 use naga::{
     BinaryOperator, Binding, BuiltIn, Expression, FunctionResult, Handle, Interpolation, Sampling,
@@ -16,7 +17,7 @@ use crate::rebuild::prologue::Ahead;
 use naga_edit::returns;
 use naga_edit::writer::FunctionWriter;
 
-/// What a varying carries.
+/// The content of a varying.
 enum Carried {
     /// The position that the author's code returns, without z.
     Position,
@@ -126,7 +127,7 @@ impl Extending<'_, '_> {
         }))
     }
 
-    /// Makes the vertex stage return the varyings beside its own outputs.
+    /// Makes the vertex stage return the varyings in addition to its own outputs.
     fn carry(
         &mut self,
         all: &[Option<&Varying>; 4],

@@ -6,7 +6,7 @@ use super::without_viewer::{self, Joined, Mode, Rest};
 use super::{At, Changes, Instead, Stage, Unclear, ViewerReads};
 use preshade_dataflow::graph::{FunctionGraph, StmtId};
 
-/// What remains of a condition.
+/// The rest of a condition.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum RemainingCondition {
     /// A condition of the author's.
@@ -30,10 +30,10 @@ impl RemainingCondition {
 }
 
 impl Stage<'_, '_> {
-    /// The changes that take the viewer out of the conditions under which something is discarded.
+    /// The changes that take the viewer out of the conditions of discards.
     ///
     /// # Errors
-    /// The first condition of which nobody can say what it is without the viewer.
+    /// The first condition whose form without the viewer is unclear.
     pub fn conditions(&self) -> Result<Changes, Unclear> {
         let mut changes = Changes::new();
         let mut limits = Vec::new();
@@ -60,7 +60,7 @@ impl Stage<'_, '_> {
                     self.kills(context, accept, first),
                     self.kills(context, reject, second),
                 ];
-                // Two ways to discard, of which the viewer takes one, are refused in the end.
+                // If both ways discard and the viewer takes one, the pass refuses in the end.
                 let (kills, discards_if) = match (then.any(), other.any()) {
                     (true, false) => (then, true),
                     (false, true) => (other, false),
@@ -98,8 +98,8 @@ impl Stage<'_, '_> {
         self.neutral(at, false, &mut Changes::new()) == Ok(RemainingCondition::Viewer)
     }
 
-    /// Takes the viewer out of a condition. Where the viewer alone decides a part, it counts as
-    /// `kept`, unless the author's part decides beside it.
+    /// Takes the viewer out of a condition. If the viewer alone decides a part, that part counts as
+    /// `kept`, unless the author's part decides too.
     fn neutral(
         &self,
         at: At,
@@ -186,7 +186,7 @@ impl Stage<'_, '_> {
                     limited: other,
                 },
             ] => {
-                // `alpha < 0.2 || near && alpha < 0.5`: a test of its own beside a limited one.
+                // `alpha < 0.2 || near && alpha < 0.5`: a test of its own next to a limited one.
                 if either && (limited || other) {
                     return Err(Unclear(sides[usize::from(other)].0));
                 }
@@ -258,8 +258,8 @@ impl Stage<'_, '_> {
         }
     }
 
-    /// A comparison of an author's value with what depends on the viewer and holds none of his
-    /// varying values.
+    /// A comparison of an author's value with a value that depends on the viewer and has none of
+    /// the author's varying values.
     fn with_threshold(
         &self,
         at: At,

@@ -11,7 +11,7 @@ use preshade_dataflow::graph::{FunctionId, StmtId};
 pub(super) struct Kills {
     /// Some run whatever the material holds, or may do so.
     pub direct: bool,
-    /// Some run if a condition that reads the material says so.
+    /// Some run only if a condition on the material holds.
     pub tested: bool,
 }
 

@@ -1,4 +1,4 @@
-//! What remains of variables, results of calls, and parts of vectors and structs.
+//! The rest of variables, results of calls, and parts of vectors and structs, without the viewer.
 
 use std::collections::BTreeSet;
 
@@ -14,17 +14,17 @@ use preshade_dataflow::graph::{Root, StmtId, cells};
 struct ReachingStore {
     statement: StmtId,
     value: Handle<Expression>,
-    /// Whether it writes just what the load reads.
+    /// Whether it writes exactly the part that the load reads.
     exact: bool,
 }
 
-/// What a load may see.
+/// The values that a load may see.
 #[derive(Clone, Debug, Default)]
 struct Reaching {
     stores: Vec<ReachingStore>,
     /// Whether it may see the variable's first value.
     initial: bool,
-    /// Whether it may see what nobody looks into.
+    /// Whether it may see a value that we do not follow.
     other: bool,
 }
 
@@ -86,7 +86,7 @@ impl Search<'_, '_, '_> {
         }
     }
 
-    /// Whether a value may be what the author had before the viewer took part.
+    /// Whether a value may be the author's from before the viewer took part.
     fn is_worth(&self, value: At) -> bool {
         self.stage.depends(value) || self.mode == Mode::Threshold || self.stage.is_varying(value)
     }
@@ -255,7 +255,7 @@ impl Search<'_, '_, '_> {
         self.lifted(at, rest)
     }
 
-    /// What remains of some components of a vector, or a member of a struct. Its root is the
+    /// The rest of some components of a vector, or of a member of a struct. Its root is the
     /// component's.
     fn component(&mut self, base: At, of: &[u32]) -> Rest {
         let (context, e) = base;
@@ -294,8 +294,8 @@ impl Search<'_, '_, '_> {
         }
     }
 
-    /// A part of what a load reads. What would take the place of the part cannot take that of the
-    /// whole, so only its root counts.
+    /// A part of a loaded value. A replacement of the part cannot replace the whole, so only its
+    /// root counts.
     fn loaded_part(&mut self, base: At, pointer: Handle<Expression>, of: &[u32]) -> Rest {
         match self.loaded(base, pointer, of, base.1) {
             Rest::Author(author) if author.changes.contains_key(&base) => match author.root {

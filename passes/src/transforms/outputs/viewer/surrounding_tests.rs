@@ -1,4 +1,4 @@
-//! Tests of the material around a condition, inside it and beside it.
+//! The material's tests around a condition, inside it and next to it.
 
 use std::collections::BTreeSet;
 
@@ -52,7 +52,7 @@ impl Stage<'_, '_> {
         }
     }
 
-    /// Whether a statement with the condition `at` runs only if a test of a texture says so.
+    /// Whether a statement with the condition `at` runs only after a test of a texture.
     ///
     /// # Errors
     /// An input decides it, or a test leads past it by a jump.
@@ -76,8 +76,8 @@ impl Stage<'_, '_> {
     }
 
     /// Fails if a test that the viewer limited would hold everywhere, and the material has another.
-    /// `near && noise < 0.5` beside `alpha < 0.5` thins what is near, and the shadow would be thin
-    /// everywhere. `limits` are the conditions of the viewer, and their branches.
+    /// `near && noise < 0.5` next to `alpha < 0.5` thins near surfaces, and the shadow would be
+    /// thin everywhere. `limits` are the conditions of the viewer, and their branches.
     pub(super) fn check_limits(
         &self,
         limits: &[(At, StmtId)],

@@ -1,5 +1,5 @@
-//! What remains of a value without the viewer: the author's value with the innermost operation
-//! replaced that joins it with the viewer's.
+//! The rest of a value without the viewer: the author's value, with the innermost operation that
+//! joins it with the viewer's replaced.
 
 use std::collections::BTreeSet;
 
@@ -9,7 +9,7 @@ use super::{At, Changes, Instead, Stage, ViewerReads};
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Mode {
-    /// To read a texture.
+    /// It is a coordinate of a texture.
     Coordinates,
     /// To be compared with a threshold.
     Alpha,
@@ -22,20 +22,20 @@ pub enum Mode {
 pub(super) enum Joined {
     #[default]
     Choice,
-    /// As a factor.
+    /// The viewer's value is a factor.
     Product,
-    /// As a summand.
+    /// The viewer's value is a summand.
     Sum,
 }
 
-/// What remains.
+/// The rest of a value without the viewer.
 #[derive(Clone, Debug)]
 pub(super) enum Rest {
     /// A value of the author's.
     Author(Author),
     /// Nothing: the value is the viewer's alone.
     Nothing,
-    /// Nobody can say.
+    /// The rest is unclear.
     Unclear,
 }
 
@@ -51,7 +51,7 @@ pub(super) struct Author {
 /// Operations that are looked at for one value.
 const MOST: u32 = 2_000;
 
-/// The changes that take the viewer out of a texture coordinate; none if nobody can say them.
+/// The changes that take the viewer out of a texture coordinate; none if they are unclear.
 pub(super) fn of_coordinate(stage: &Stage<'_, '_>, at: At) -> Changes {
     match of(stage, at, Mode::Coordinates) {
         Rest::Author(author) => author.changes,
@@ -59,7 +59,7 @@ pub(super) fn of_coordinate(stage: &Stage<'_, '_>, at: At) -> Changes {
     }
 }
 
-/// What remains of a value.
+/// Takes the viewer out of a value.
 pub(super) fn of(stage: &Stage<'_, '_>, at: At, mode: Mode) -> Rest {
     let mut search = Search {
         stage,
@@ -177,7 +177,8 @@ impl Search<'_, '_, '_> {
         }
     }
 
-    /// What nobody looks behind: lengths and directions, results of comparisons, other texels.
+    /// The rest of an operation that we do not look behind: lengths and directions, results of
+    /// comparisons, other texels.
     pub(super) fn wall(&self, at: At) -> Rest {
         let is_read = self.stage.is_textured(at) || self.stage.reads_screen(at);
         match self.mode != Mode::Coordinates && is_read {
@@ -205,7 +206,7 @@ impl Search<'_, '_, '_> {
         ty(a) == ty(b)
     }
 
-    /// What remains of an operand. In coordinates, a factor of another type is a weight.
+    /// The rest of an operand. In coordinates, a factor of another type is a weight.
     fn operand(&mut self, of: At, operand: At) -> Rest {
         match self.mode == Mode::Coordinates && !self.is_alike(of, operand) {
             true => Rest::Nothing,
@@ -296,7 +297,7 @@ impl Search<'_, '_, '_> {
         }
     }
 
-    /// A sum of which both sides depend on the viewer.
+    /// A sum with two sides that depend on the viewer.
     fn sum_of_two(&mut self, at: At, [left, right]: [At; 2], minus: bool) -> Rest {
         let coordinates = self.mode == Mode::Coordinates;
         match (self.operand(at, left), self.operand(at, right)) {
@@ -383,7 +384,7 @@ impl Search<'_, '_, '_> {
         }
     }
 
-    /// Nobody can say what a quotient is without its divisor.
+    /// A quotient whose divisor is the viewer's is unclear.
     fn quotient(&mut self, at: At, left: At, right: At) -> Rest {
         match (self.stage.depends(right), self.operand(at, left)) {
             (false, Rest::Author(author)) => Rest::Author(Author {
