@@ -35,7 +35,7 @@ impl<D: Difference> Difference for &D {
 }
 
 impl Metric {
-    /// The measured value.
+    /// The value of this metric in a measured difference.
     pub fn of(self, difference: &impl Difference) -> f64 {
         let [flip_mean, flip_p99, flip_tile, max_abs] = difference.by_metric();
         match self {

@@ -202,7 +202,6 @@ impl std::fmt::Display for Turned {
 }
 
 impl Contract {
-    /// `Exact` without assumptions.
     pub fn exact() -> Self {
         Self::Exact { given: Vec::new() }
     }
@@ -218,7 +217,7 @@ impl Contract {
     }
 
     /// The contract of applying both. Assumptions are united, and the weaker kind wins. All budgets
-    /// are kept, because they are about the output; the smaller one of the same metric.
+    /// remain, because they are about the output; of one metric, the smaller one.
     pub fn and(self, other: Self) -> Self {
         use Contract::{Exact, Rounding};
         let budgets = self.budgets().into_iter().chain(other.budgets());

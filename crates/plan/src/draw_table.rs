@@ -40,7 +40,7 @@ impl Words {
         AttachmentFormat::Color(self.color().to_owned())
     }
 
-    /// Name of that format.
+    /// The texture format of an id.
     pub fn color(self) -> &'static str {
         match self {
             Self::Two => "rg32uint",

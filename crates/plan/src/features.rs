@@ -7,10 +7,9 @@
 use naga::Module;
 use naga::valid::{Capabilities as C, ValidationFlags, Validator};
 
-/// Who has a capability.
+/// The devices that have a capability.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Has {
-    /// Every WebGPU device.
     Everyone,
     /// A device with all of these features.
     Features(&'static [&'static str]),
@@ -153,7 +152,7 @@ pub(crate) fn core() -> C {
 /// The capabilities beyond [`core`] that a valid module needs: we remove each that validation
 /// doesn't miss.
 pub(crate) fn needed(module: &Module) -> C {
-    /// Removes from `kept` those of `some` that validation doesn't miss.
+    /// Removes from `kept` the capabilities among `some` that validation does not need.
     fn leave_out(module: &Module, kept: &mut C, some: &[C]) {
         let less = some.iter().fold(*kept, |all, one| all - *one);
         let mut validator = Validator::new(ValidationFlags::all(), less);

@@ -112,15 +112,12 @@ pub enum FrameError {
     /// Two plans describe an attachment of the same name differently.
     #[error("attachment `{name}` is {a} in material `{first}` and {b} in material `{second}`")]
     AttachmentMismatch {
-        /// Attachment.
         name: String,
-        /// First material.
         first: String,
-        /// Its description.
+        /// The attachment as the first material describes it.
         a: String,
-        /// Second material.
         second: String,
-        /// Its description.
+        /// The attachment as the second material describes it.
         b: String,
     },
     /// A pass draws both to the scene's colour and to attachments of its own.
@@ -138,10 +135,10 @@ pub enum FrameError {
          render pass clears it"
     )]
     LoadMismatch {
-        /// Material that loads.
+        /// The material that loads it.
         material: String,
         role: &'static str,
-        /// Attachment and aspect.
+        /// With the aspect.
         attachment: String,
     },
     /// Two plans define a pass that runs once per frame differently.
@@ -151,9 +148,7 @@ pub enum FrameError {
     )]
     OnceMismatch {
         role: &'static str,
-        /// First material.
         first: String,
-        /// Second material.
         second: String,
     },
     /// A pass discards an attachment that a later pass uses.
@@ -162,10 +157,10 @@ pub enum FrameError {
          frame needs"
     )]
     Discarded {
-        /// Material that discards.
+        /// The material that discards it.
         material: String,
         role: &'static str,
-        /// Attachment and aspect.
+        /// With the aspect.
         attachment: String,
     },
 }

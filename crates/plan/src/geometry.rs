@@ -268,7 +268,7 @@ pub const FORMATS: [&str; 41] = [
 /// Layout of an attribute in the host's vertex buffer.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Stream {
-    /// Offset in bytes.
+    /// In bytes.
     pub offset: u32,
     /// Bytes from one vertex or instance to the next.
     pub stride: u32,

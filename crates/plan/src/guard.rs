@@ -2,8 +2,8 @@
 //!
 //! A variant that `specialize` made for `fog_density = 0` has no fog, and a loop that `hoist` moved
 //! ends only if its bound is a sensible number. The plan therefore lists the assumed numbers with
-//! their bounds. If a value leaves them, the host draws the original
-//! ([`crate::plan::ORIGINAL`]), whose files are emitted beside the variant's.
+//! their bounds. If a value leaves them, the host draws the original ([`crate::plan::ORIGINAL`]),
+//! whose files are emitted together with the variant's.
 
 use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
@@ -164,7 +164,7 @@ impl std::fmt::Display for Guard {
 }
 
 impl Guard {
-    /// The condition before a description of what holds under it: empty without a guard.
+    /// The condition that precedes a description: empty without a guard.
     pub fn condition(of: Option<&Self>) -> String {
         of.map_or_else(String::new, |guard| format!("with {guard}: "))
     }

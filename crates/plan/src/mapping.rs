@@ -1,7 +1,7 @@
-//! Which resource of one program is which of another: `light.view_proj=camera.view_proj`.
+//! Pairs of resources of two programs: `light.view_proj=camera.view_proj`.
 //!
-//! A program that draws the same material from another view has other bindings. A mapping says
-//! that its variable, member or attribute `theirs` holds what `ours` holds in the program of
+//! A program that draws the same material from another view has other bindings. A mapping states
+//! that its variable, member or attribute `theirs` has the value that `ours` has in the program of
 //! reference.
 
 use std::fmt;
@@ -9,7 +9,7 @@ use std::str::FromStr;
 
 use naga::{ArraySize, GlobalVariable, Handle, Module, Type, TypeInner};
 
-/// `theirs=ours`.
+/// The text `theirs=ours`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Mapping {
     /// The variable, member or attribute of the other program.
@@ -52,7 +52,8 @@ impl FromStr for Mapping {
     }
 }
 
-/// A mapping, one side of which may be a product of matrices: `light.space=camera.proj*camera.view`.
+/// A mapping that may have a product of matrices on one side:
+/// `light.space=camera.proj*camera.view`.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Equation {
     /// The part of the other program, or factors from left to right.

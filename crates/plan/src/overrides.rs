@@ -43,7 +43,6 @@ impl Guard {
 /// An assumption about an override.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Constant<'g> {
-    /// The assumption.
     pub assumed: &'g Assumed,
     /// Its key in a pipeline's constants: its `@id`, or else its name.
     pub key: String,
@@ -59,7 +58,7 @@ pub fn scalar_type(module: &Module, ty: Handle<Type>) -> Option<ScalarType> {
     }
 }
 
-/// The overrides that have a default, as assumptions: what a pipeline has that sets none.
+/// The overrides that have a default, as assumptions: the values of a pipeline that sets none.
 pub fn defaults(module: &Module) -> Vec<Assumed> {
     let default = |(_, constant): (Handle<Override>, &Override)| {
         let name = constant.name.clone()?;

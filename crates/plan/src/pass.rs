@@ -19,9 +19,9 @@ use shader_text::source::{Location, SourceMap};
 pub struct PassInfo {
     /// Name of the pass, of its file and of its flag.
     pub name: &'static str,
-    /// One line.
+    /// The description of the pass in one line.
     pub summary: &'static str,
-    /// The paper or article.
+    /// The paper or article that describes the method.
     pub source: &'static str,
     /// When to take it, and what to take instead; a clause that follows "where".
     pub when: &'static str,
@@ -43,7 +43,7 @@ pub struct Example {
 
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub enum Use {
-    /// Applied to every fixture: the text is kept as a snapshot, shown to other compilers and
+    /// Applied to every fixture: the text becomes a snapshot, goes through other compilers, and is
     /// validated.
     Snapshot,
     /// As [`Use::Snapshot`], without the snapshot.
@@ -98,7 +98,7 @@ pub enum Use {
     },
 }
 
-/// A pass applied.
+/// The result of a pass that applied.
 #[derive(Clone, Debug)]
 pub struct Outcome {
     pub plan: Plan,
@@ -117,7 +117,6 @@ pub struct Refused {
 }
 
 impl Refused {
-    /// The first reason.
     pub fn first(self) -> Box<Refusal> {
         let first = self.refusals.into_iter().next();
         Box::new(first.unwrap_or_else(|| {
@@ -207,7 +206,8 @@ impl Refusal {
         self
     }
 
-    /// Our own transform built something that does not validate: a bug, told as such.
+    /// The refusal if our own transform built something that does not validate. It is reported as a
+    /// bug.
     pub fn bug(pass: &str, what: impl std::fmt::Display) -> Self {
         Self::new(
             pass,
@@ -274,8 +274,8 @@ pub struct Facts {
 }
 
 impl Facts {
-    /// What a budget is based on: pictures of a scene, or nothing. A scene that was read and not
-    /// drawn, or that preshade made up, is nothing.
+    /// The evidence for a budget: pictures of a scene, or none. A scene that was read but not
+    /// drawn, or that preshade made up, is no evidence.
     pub fn evidence(&self) -> Assumption {
         let is_drawn = self.depth_ties.is_some()
             || self.vertices_per_fragment.is_some()
@@ -468,8 +468,8 @@ impl Difference for Frequency {
 }
 
 impl Frequency {
-    /// Whether nothing was seen that is NaN or infinite: not the value itself at a vertex or
-    /// between them, and no pixel drawn with it. A target of fixed point shows no such pixel.
+    /// Whether no measurement found NaN or infinity: not the value itself at a vertex or between
+    /// them, and no pixel drawn with it. A target of fixed point shows no such pixel.
     pub fn is_finite(&self) -> bool {
         self.nan_pixels == 0 && self.interpolation.is_none_or(|i| i.not_finite == 0)
     }
@@ -522,7 +522,7 @@ pub enum Bound {
 }
 
 impl Facts {
-    /// What a scene without any ties was measured to be.
+    /// The facts of a measured scene without ties.
     pub fn without_ties() -> Self {
         Self {
             depth_ties: Some(0),
@@ -533,9 +533,8 @@ impl Facts {
     }
 }
 
-/// A transform.
+/// A transform from plan to plan.
 pub trait Pass {
-    /// Its parameters, with defaults.
     type Params: Serialize + DeserializeOwned + JsonSchema + Default;
 
     const INFO: PassInfo;
@@ -543,16 +542,16 @@ pub trait Pass {
     /// Its own refusals; those of shared analyses are in `preshade_passes::analysis::refusals`.
     const REFUSALS: &'static [RefusalInfo];
 
-    /// Recipes that show it.
+    /// Recipes that show the pass.
     const EXAMPLES: &'static [Example];
 
-    /// What of its parameters names nothing in the material: a slip of whoever wrote them where
-    /// none of the materials meant has it, and no refusal.
+    /// A parameter that names nothing in the material. If no requested material has the name, it is
+    /// a mistake of the recipe's author, and not a refusal.
     fn misnamed(_plan: &Plan, _params: &Self::Params) -> Option<Misnamed> {
         None
     }
 
-    /// What a check of its variant must know besides the contract.
+    /// The facts about the variant that its validation needs in addition to the contract.
     fn expected(_params: &Self::Params) -> Expected {
         Expected::default()
     }
@@ -564,7 +563,7 @@ pub trait Pass {
     fn run(plan: &Plan, facts: &Facts, params: &Self::Params) -> Result<Outcome, Refused>;
 }
 
-/// What `preshade-validate` must know of a step besides its contract.
+/// Facts about a step that `preshade-validate` needs in addition to its contract.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Expected {
     /// The step replaces varyings of the author, so arbitrary numbers cannot stand for them.
@@ -580,13 +579,13 @@ pub struct Expected {
     pub is_diagnostic: bool,
 }
 
-/// A name among the parameters that a material has not, or a value that what is named cannot have.
+/// A name among the parameters that a material lacks, or a value that the named item cannot have.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Misnamed {
-    /// What is wrong, in words.
+    /// The mistake, in words.
     pub message: String,
     pub name: String,
-    /// The names there are; empty where the name is not what is wrong.
+    /// The names that exist; empty if the name is not the mistake.
     pub known: Vec<String>,
 }
 
@@ -595,12 +594,11 @@ pub struct Misnamed {
 #[error("{pass}: {message}")]
 pub struct ParamError {
     pub pass: String,
-    /// What does not fit, with what would.
+    /// The parameter that does not fit, with the allowed values.
     pub message: String,
 }
 
-/// A [`Pass`] with its parameter type erased to JSON: what a recipe, a command line or a build
-/// script holds.
+/// A [`Pass`] with its parameter type erased to JSON, for recipes, command lines and build scripts.
 pub trait AnyPass: Sync {
     fn info(&self) -> &'static PassInfo;
     fn refusals(&self) -> &'static [RefusalInfo];
@@ -740,8 +738,8 @@ fn is_founded(before: &Plan, after: &Plan) -> bool {
     new.all(|step| !step.contract.given().is_empty()) || is_same()
 }
 
-/// Bases the budgets of the steps from `first` on what was measured. The guard keeps the host to
-/// the branches that were drawn.
+/// Bases the budgets of the steps from `first` on the measurements. The guard limits the host to
+/// the drawn branches.
 fn hold_budgets(plan: &mut Plan, first: usize, facts: &Facts) {
     let new = plan.steps.iter().skip(first);
     if new.clone().all(|step| step.contract.budgets().is_empty()) {
@@ -763,7 +761,7 @@ fn hold_budgets(plan: &mut Plan, first: usize, facts: &Facts) {
     }
 }
 
-/// Says so if a value of the scene is outside the guard in every draw.
+/// Adds a note if a value of the scene is outside the guard in every draw.
 fn tell_unguarded(plan: &mut Plan, facts: &Facts) {
     let values = plan.guard.iter().flat_map(|guard| &guard.values);
     let is_outside = |seen: &Assumed, guarded: &Assumed| {
@@ -790,7 +788,7 @@ fn tell_unguarded(plan: &mut Plan, facts: &Facts) {
 }
 
 /// Names the cause if a variant is invalid because one stage has both variables of a binding or of
-/// the immediate data: with the variables apart, it is valid.
+/// the immediate data: with separate variables, it is valid.
 fn shared_binding(
     mut refused: Refused,
     plan: &Plan,

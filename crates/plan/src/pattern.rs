@@ -30,14 +30,14 @@ pub enum Pattern {
     Uniform,
 }
 
-/// A divided triangle.
+/// The subdivision of a triangle.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Divided {
     /// The sum of each vertex's coordinates; at most 192.
     pub denominator: u32,
     /// Barycentric coordinates, times `denominator`.
     pub vertices: Vec<[u32; 3]>,
-    /// Three vertices each.
+    /// Three vertex indices each.
     pub triangles: Vec<[u32; 3]>,
 }
 

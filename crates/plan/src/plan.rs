@@ -1,8 +1,8 @@
 //! A plan: the host's instructions and the programs they use. Every transform maps a plan to a
 //! plan.
 //!
-//! A plan is emitted as `MATERIAL.plan.json` beside the shaders ([`Plan`] without its programs is
-//! that file's data), and preshade's own renderer executes exactly that data.
+//! A plan is emitted as `MATERIAL.plan.json`, in one folder with the shaders ([`Plan`] without its
+//! programs is that file's data), and preshade's own renderer executes exactly that data.
 
 use std::collections::BTreeMap;
 use std::sync::Arc;
@@ -368,7 +368,7 @@ pub enum BindingKind {
 }
 
 impl BindingKind {
-    /// Whether a shader may write what is bound.
+    /// Whether a shader may write the resource.
     pub fn is_writable(self) -> bool {
         matches!(self, Self::StorageReadWrite | Self::StorageTexture)
     }
@@ -506,7 +506,7 @@ pub enum Draws {
 }
 
 impl Draws {
-    /// Whether all are included.
+    /// Whether all draws are included.
     pub fn is_all(&self) -> bool {
         *self == Self::All
     }
@@ -897,7 +897,7 @@ pub struct Plan {
 }
 
 impl Plan {
-    /// Adds a step of the pass `name`, with its promise and a note on what it changed.
+    /// Adds a step of the pass `name`, with its promise and a note on its change.
     pub fn add_step(
         &mut self,
         name: &str,
@@ -915,7 +915,8 @@ impl Plan {
         self.contract = self.contract.clone().and(contract);
     }
 
-    /// Makes it for draws whose values match a guard, too, and says so in the assumptions of a step.
+    /// Restricts the plan to draws whose values also match a guard. Adds that to the assumptions of
+    /// a step.
     pub fn assume(&mut self, guard: Option<Guard>, given: &mut Vec<Assumption>) {
         let Some(guard) = guard else { return };
         self.guard = Some(self.guard.take().unwrap_or_default().and(guard));

@@ -241,7 +241,7 @@ impl StageFile {
         }
     }
 
-    /// Adds a specialisation constant of which the text has the array lengths alone.
+    /// Adds a specialisation constant that the text uses only in array lengths.
     pub fn add_length(&mut self, of: &LengthConstant, default: u32) -> SpecConstant {
         // Its key is its override's, which may have another id.
         let mut known = self.constants.values();

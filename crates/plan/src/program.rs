@@ -109,12 +109,10 @@ impl Program {
         self.as_written
     }
 
-    /// The author's files.
     pub fn sources(&self) -> &Arc<SourceMap> {
         &self.sources
     }
 
-    /// The author's language.
     pub fn language(&self) -> Language {
         self.language
     }

@@ -1,4 +1,5 @@
-//! What a driver must know of a program that runs without WGSL's run-time checks, and of one whose loops may not end.
+//! Facts that a driver must know about a program that runs without WGSL's run-time checks, and
+//! about one whose loops may not end.
 
 use naga::ResourceBinding;
 
@@ -19,7 +20,7 @@ impl Checks {
         indices: true,
     };
 
-    /// Those of two programs.
+    /// The checks that either of two programs needs.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
         Self {
@@ -33,13 +34,12 @@ impl Checks {
 /// 65,535.
 pub const MOST_TURNS: u32 = 1 << 15;
 
-/// A bounded copy.
+/// A copy of a program in which every loop ends.
 #[derive(Clone, Debug)]
 pub struct Bounded {
-    /// The copy.
     pub program: Program,
     /// Its `atomic<u32>`, which gets the number of a loop that did not end.
     pub binding: ResourceBinding,
-    /// The loops that may not end, in words. The first has the number that was asked for.
+    /// The loops that may not end, in words. The first has the requested number.
     pub loops: Vec<String>,
 }

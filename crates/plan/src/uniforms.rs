@@ -13,7 +13,7 @@ const MOST_ELEMENTS: u32 = 64;
 /// A part of a value in memory: a member, an element, a column or a component.
 #[derive(Clone, Debug)]
 pub struct UniformPart<'m> {
-    /// The author's path: `hall.lights[1].color.x`.
+    /// Path in the author's words: `hall.lights[1].color.x`.
     pub name: String,
     /// Offset from the start of the buffer, in bytes.
     pub offset: u32,
@@ -140,7 +140,7 @@ impl<'m> UniformPart<'m> {
 /// A scalar of a uniform buffer.
 #[derive(Clone, Debug, PartialEq)]
 pub struct UniformScalar {
-    /// The author's path: `hall.lights[1].color.x`.
+    /// Path in the author's words: `hall.lights[1].color.x`.
     pub name: String,
     pub group: u32,
     pub binding: u32,

@@ -32,7 +32,7 @@ struct MergedPass<'p> {
     pass: &'p GpuPass,
 }
 
-/// What earlier passes did to each attachment.
+/// The effects of earlier passes on each attachment.
 #[derive(Default)]
 struct Before<'p> {
     drawn: Vec<OperationTarget>,
