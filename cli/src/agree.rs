@@ -17,10 +17,10 @@ use preshade_validate::agree::{self, Agreement, Question, Relation};
 use rayon::prelude::*;
 
 use crate::agree_inputs::{self, Asked};
+use crate::agree_revisions::{self, Tree};
 use crate::agree_scene::SceneArgs;
 use crate::file_names::is_stdin;
 use crate::input::{Clip, ShaderArgs};
-use crate::trees::{self, Tree};
 use crate::{Ending, Failure, output};
 
 #[derive(clap::Args)]
@@ -203,7 +203,7 @@ impl AgreeArgs {
                         after.name()
                     )));
                 }
-                let (pairs, alone) = trees::pairs(
+                let (pairs, alone) = agree_revisions::pairs(
                     [&before, &after],
                     [&self.shader, &self.other(Vec::new())],
                     &pair,

@@ -18,7 +18,7 @@ use clap::parser::ValueSource;
 use clap::{Arg, ArgAction, ArgMatches, Command};
 use shader_text::limits::Limits;
 use shader_text::nearest::nearest;
-use shader_text::regular;
+use shader_text::read_limited;
 use toml::{Table, Value};
 
 use crate::{Failure, output, worker};
@@ -85,7 +85,7 @@ impl Config {
             let failed = |message: String| Failure(format!("error: {}: {message}", path.display()));
             let is_found = asked(arguments).is_none();
             let text = match is_found {
-                true => regular::text(path, &Limits::default(), "source-bytes")
+                true => read_limited::text(path, &Limits::default(), "source-bytes")
                     .map_err(|e| failed(e.to_string()))?,
                 false => std::fs::read_to_string(path).map_err(|e| failed(e.to_string()))?,
             };

@@ -21,7 +21,7 @@ use preshade_plan::plan_file::Target;
 use preshade_plan::state::{CullMode, MaterialState};
 use preshade_scenes::{Variable, Variables, capture};
 use shader_text::source::Language;
-use shader_text::{options, regular};
+use shader_text::{options, read_limited};
 
 use crate::file_names::{self, captured, from_here, is_gltf, is_scene, is_stdin};
 use crate::limits::LimitArgs;
@@ -652,7 +652,7 @@ impl ShaderArgs {
                 path.display()
             )));
         }
-        let bytes = regular::bytes(path, &self.limits.limits(), "source-bytes")
+        let bytes = read_limited::bytes(path, &self.limits.limits(), "source-bytes")
             .map_err(|e| Failure::unread(path, &e))?;
         let Some(name) = path.to_str().map(str::to_owned) else {
             return Err(Failure(format!(

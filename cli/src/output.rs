@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use indicatif::{ProgressBar, ProgressStyle};
-use preshade_lab::report::plain::is_obeyed;
+use preshade_lab::report::control_characters::is_obeyed;
 
 use crate::{Failure, Table, bounded, worker};
 

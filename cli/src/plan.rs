@@ -23,7 +23,7 @@ use preshade_plan::plan::Plan;
 use preshade_plan::plan_file::Target;
 use preshade_scenes::ShaderForm;
 use shader_text::files::File;
-use shader_text::regular;
+use shader_text::read_limited;
 
 use crate::input::{self, FrameArgs, ShaderArgs};
 use crate::limits::LimitArgs;
@@ -418,7 +418,7 @@ pub fn model(
     let told =
         |path: &Path, e: &dyn std::fmt::Display| Failure(format!("error: {}: {e}", path.display()));
     if let Some(path) = args.model.as_deref().filter(|p| p.exists()) {
-        let text = regular::text(path, &args.limits.limits(), "file-bytes")
+        let text = read_limited::text(path, &args.limits.limits(), "file-bytes")
             .map_err(|e| Failure::unread(path, &e))?;
         let model = Model::from_json(&text).map_err(|e| told(path, &e))?;
         if let decide::ModelOrigin::Fitted { adapter, .. } = &model.origin

@@ -9,7 +9,7 @@ use preshade_plan::state::{
     CompareFunction, CullMode, DepthDirection, DepthFormat, MaterialState, Topology,
 };
 use shader_text::limits::Limits;
-use shader_text::regular;
+use shader_text::read_limited;
 
 use crate::Failure;
 
@@ -106,7 +106,7 @@ impl StateArgs {
         let mut state = match &self.state {
             None => MaterialState::default(),
             Some(path) => {
-                let text = regular::text(path, &Limits::default(), "source-bytes")
+                let text = read_limited::text(path, &Limits::default(), "source-bytes")
                     .map_err(|e| Failure::unread(path, &e))?;
                 let read = if path.extension().is_some_and(|e| e == "json") {
                     serde_json::from_str(&text).map_err(|e| e.to_string())

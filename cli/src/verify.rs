@@ -26,7 +26,7 @@ use crate::materials::{self, Job};
 use crate::output::{self, ProgressLine};
 use crate::saved_results::Keeper;
 use crate::share::share;
-use crate::variable::Axis;
+use crate::sweep_axis::Axis;
 use crate::variants::VariantArgs;
 use crate::view::ViewArgs;
 use crate::{Ending, Failure, Table, color_on, guesses, worker};

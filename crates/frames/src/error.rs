@@ -1,7 +1,7 @@
 //! Why a frame cannot be read.
 
 use shader_text::limits::Exceeded;
-use shader_text::regular::ReadError;
+use shader_text::read_limited::ReadError;
 
 /// Why a frame cannot be read.
 #[derive(Debug, thiserror::Error)]

@@ -10,7 +10,7 @@ use super::error::Error;
 use super::file::{CaptureFile, Command, DataName, DrawCommand, Resource, SCHEMA};
 use super::ranges;
 use shader_text::limits::Limits;
-use shader_text::regular;
+use shader_text::read_limited;
 
 /// The file that makes a folder a frame folder.
 pub(crate) const FILE: &str = "frame.json";
@@ -62,8 +62,8 @@ impl Capture {
     pub fn open(folder: &Path, limits: &Limits) -> Result<Self, Error> {
         let path = file_of(folder);
         let text = match path.ends_with(PACKED) {
-            true => unpacked(&path, limits, "file-bytes").and_then(regular::decode),
-            false => regular::text(&path, limits, "file-bytes"),
+            true => unpacked(&path, limits, "file-bytes").and_then(read_limited::decode),
+            false => read_limited::text(&path, limits, "file-bytes"),
         };
         let text = text.map_err(|error| Error::Read {
             file: path
@@ -140,7 +140,7 @@ impl Capture {
         if let Some(Some(known)) = self.data.borrow().get(name) {
             return Ok(Arc::clone(known));
         }
-        let bytes = regular::bytes(&self.path(name), &self.limits, "file-bytes");
+        let bytes = read_limited::bytes(&self.path(name), &self.limits, "file-bytes");
         let bytes: Arc<[u8]> = bytes
             .map_err(|error| Error::Read {
                 file: format!("data/{}", name.file()),
@@ -180,7 +180,7 @@ impl Capture {
     pub fn text(&self, shader: usize) -> Result<String, Error> {
         let of = get(&self.file.shaders, shader, "shader", "a pipeline")?;
         let bytes = self.data(&of.data)?;
-        regular::decode(bytes.to_vec()).map_err(|error| Error::Read {
+        read_limited::decode(bytes.to_vec()).map_err(|error| Error::Read {
             file: format!("data/{}", of.data.file()),
             error,
         })
@@ -306,8 +306,8 @@ pub(super) fn unpacked(
     path: &Path,
     limits: &Limits,
     limit: &'static str,
-) -> Result<Vec<u8>, regular::ReadError> {
-    let packed = regular::bytes(path, limits, limit)?;
+) -> Result<Vec<u8>, read_limited::ReadError> {
+    let packed = read_limited::bytes(path, limits, limit)?;
     let mut bytes = Vec::new();
     flate2::read::GzDecoder::new(packed.as_slice())
         .take(limits.of(limit).saturating_add(1))

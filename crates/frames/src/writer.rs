@@ -12,7 +12,7 @@ use std::{fs, mem};
 use super::folder::{FILE, PACKED, file_of, is_folder};
 use shader_text::files::File;
 use shader_text::limits::Limits;
-use shader_text::regular;
+use shader_text::read_limited;
 
 pub(super) const DATA: &str = "data";
 
@@ -120,7 +120,7 @@ fn named(folder: &Path, limits: &Limits) -> io::Result<BTreeSet<String>> {
     let file = file_of(folder);
     let bytes = match file.ends_with(PACKED) {
         true => super::folder::unpacked(&file, limits, "file-bytes"),
-        false => regular::bytes(&file, limits, "file-bytes"),
+        false => read_limited::bytes(&file, limits, "file-bytes"),
     };
     let bytes = bytes.map_err(io::Error::other)?;
     let words = bytes.split(|b| *b == b'"').filter(|word| word.len() == 32);

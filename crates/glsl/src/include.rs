@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use shader_text::limits::Limits;
 use shader_text::memory::Memory;
 use shader_text::options::Options;
-use shader_text::regular;
+use shader_text::read_limited;
 
 /// Searches beside the including file, then below the include folders.
 pub(super) struct Files {
@@ -97,14 +97,15 @@ impl Files {
                 .map(|()| text.to_owned())
                 .map_err(|e| refused(e.to_string()));
         }
-        let bytes = regular::bytes(found, &self.limits, "source-bytes").map_err(|e| match e {
-            regular::ReadError::Io(e) => e,
-            regular::ReadError::TooLarge(e) => refused(e.to_string()),
-            other => refused(format!("{}: {other}", found.display())),
-        })?;
+        let bytes =
+            read_limited::bytes(found, &self.limits, "source-bytes").map_err(|e| match e {
+                read_limited::ReadError::Io(e) => e,
+                read_limited::ReadError::TooLarge(e) => refused(e.to_string()),
+                other => refused(format!("{}: {other}", found.display())),
+            })?;
         // Comments may have any encoding. The parser rejects invalid characters elsewhere.
         let lossy = || String::from_utf8_lossy(&bytes).into_owned();
-        Ok(regular::decode(bytes.clone()).unwrap_or_else(|_| lossy()))
+        Ok(read_limited::decode(bytes.clone()).unwrap_or_else(|_| lossy()))
     }
 
     /// The file's name in messages: as the author wrote it if that exists.

@@ -7,7 +7,8 @@ use super::machine::{Activation, Machine, part};
 use super::number::Number;
 use super::value::{self, Scalar, Value};
 use super::{
-    Derivative, Lookup, Sampling, Stuck, constants, flips, layout, math, notes, undefined,
+    Derivative, Lookup, Sampling, Stuck, comparison_notes, constants, flips, layout, math,
+    undefined,
 };
 
 impl<'a, F: Number> Machine<'a, F> {
@@ -184,7 +185,7 @@ impl<'a, F: Number> Machine<'a, F> {
         if F::NOTES
             && let (Expression::Binary { op, .. }, [a, b]) = (operation, &operands[..])
         {
-            notes::comparison(frame.function, e, *op, [a, b]);
+            comparison_notes::comparison(frame.function, e, *op, [a, b]);
         }
         self.flips += flips::of(operation, &operands, &value);
         if self.undefined.is_none() {

@@ -19,6 +19,7 @@ use naga::{Function, Module};
 pub mod accuracy;
 mod bits;
 pub mod bound;
+mod comparison_notes;
 mod constants;
 mod expression;
 mod expression_kind;
@@ -28,20 +29,19 @@ mod layout;
 mod machine;
 pub mod math;
 mod matrix;
-mod notes;
 mod number;
 pub mod overrides;
 mod scalar;
-mod shadow;
 mod undefined;
 mod value;
+mod with_reference;
 
 pub use constants::{OverrideValue, constant, default_constant};
 pub use layout::{RUNTIME_ELEMENTS, from_bytes, place, scalars};
 pub use number::Number;
-pub use shadow::{Shadowed, ulps};
 pub use undefined::Undefined;
 pub use value::{Scalar, Value};
+pub use with_reference::{Shadowed, ulps};
 
 use machine::Machine;
 

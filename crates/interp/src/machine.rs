@@ -11,7 +11,9 @@ use naga::{
 use super::expression_kind::kind;
 use super::number::Number;
 use super::value::{Scalar, Value};
-use super::{Environment, RunResult, Stuck, Traced, Undefined, constants, layout, notes};
+use super::{
+    Environment, RunResult, Stuck, Traced, Undefined, comparison_notes, constants, layout,
+};
 
 /// Most scalars in private and local memory. Each takes many bytes, and is copied with its
 /// composite.
@@ -331,7 +333,7 @@ impl<'a, F: Number> Machine<'a, F> {
                 let site = *selector;
                 let selector = self.get(frame, *selector)?.scalar()?;
                 if F::NOTES {
-                    notes::cases(frame.function, site, selector, cases);
+                    comparison_notes::cases(frame.function, site, selector, cases);
                 }
                 let matches = |value: &SwitchValue| match (value, selector) {
                     (SwitchValue::I32(a), Scalar::I32(b)) => *a == b,
@@ -443,7 +445,7 @@ impl<'a, F: Number> Machine<'a, F> {
         let mut globals = self.module.global_variables.iter();
         let global = globals.find(|(handle, _)| handle.index() == address);
         if let Some(at) = global.and_then(|(_, global)| layout::place(global)) {
-            notes::read(at, &mut path.to_vec(), read);
+            comparison_notes::read(at, &mut path.to_vec(), read);
         }
     }
 

@@ -2,7 +2,6 @@
 //! Nothing here depends on a transform.
 
 pub mod budget;
-mod build;
 pub mod channels;
 pub mod codes;
 pub mod contract;
@@ -13,6 +12,7 @@ pub mod geometry;
 pub mod guard;
 pub mod limits;
 pub mod mapping;
+mod original_plan;
 pub mod overrides;
 pub mod pass;
 pub mod pattern;

@@ -50,13 +50,13 @@ mod proof;
 mod quad;
 mod random;
 mod resolve;
-mod split;
 pub mod stage;
 mod static_frame;
 mod tape;
 pub mod term;
 mod trial;
 pub mod verdict;
+mod visibility_buffer;
 
 use executor::Runner;
 use promise::Pair;
@@ -147,7 +147,7 @@ pub fn validate_by(original: &Plan, variant: &Plan, by: By<'_>) -> Vec<Check> {
         not(Role::Main, "anything", why);
         return checks;
     }
-    let is_run = |p: &&ComputePass| split::runs(variant, p) || per_draw_values::runs(p);
+    let is_run = |p: &&ComputePass| visibility_buffer::runs(variant, p) || per_draw_values::runs(p);
     for pass in variant.compute.iter().filter(|p| !is_run(p)) {
         let why = "a compute pass is not run by the interpreter; `verify` draws what it makes";
         not(

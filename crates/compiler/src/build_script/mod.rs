@@ -79,7 +79,7 @@ use crate::recipe::Recipe;
 use preshade_plan::plan_file::Target;
 use shader_text::files::File;
 use shader_text::options;
-use shader_text::regular::ReadError;
+use shader_text::read_limited::ReadError;
 
 /// The options of a build: see the module.
 #[must_use]

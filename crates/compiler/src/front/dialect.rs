@@ -195,7 +195,7 @@ pub(super) fn text_within(path: &Path, options: &Options) -> Option<String> {
         let whole = root.canonicalize();
         real.starts_with(whole.as_deref().unwrap_or(root))
     });
-    let text = || shader_text::regular::text(&real, &options.limits, "source-bytes").ok();
+    let text = || shader_text::read_limited::text(&real, &options.limits, "source-bytes").ok();
     within.then(text).flatten()
 }
 

@@ -38,7 +38,7 @@ pub use shader_text::options::{ClipSpace, Options};
 pub use wgsl::for_naga;
 
 use shader_text::panics;
-use shader_text::regular::{self, ReadError};
+use shader_text::read_limited::{self, ReadError};
 
 /// One file of a material.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -85,7 +85,7 @@ impl Source {
         }
         let name = name.into();
         let is_module = extension(&name) == Some("spv");
-        let text = regular::decode(bytes).map_err(|error| match error {
+        let text = read_limited::decode(bytes).map_err(|error| match error {
             ReadError::NoText(_) | ReadError::Binary("no text") if is_module => {
                 ReadError::Binary("no SPIR-V, whose first word is 0x07230203")
             }

@@ -8,7 +8,7 @@ use codespan_reporting::files::SimpleFile;
 use codespan_reporting::term;
 
 use super::codes;
-use shader_text::regular;
+use shader_text::read_limited;
 
 /// A scene that cannot be loaded, or a draw that cannot be bound. [`Display`](std::fmt::Display) is
 /// one line; [`SceneError::render`] shows the place in the scene file.
@@ -64,9 +64,9 @@ impl SceneError {
     }
 
     /// A file is missing, too large or unreadable.
-    pub fn unread(path: &Path, error: regular::ReadError) -> Self {
+    pub fn unread(path: &Path, error: read_limited::ReadError) -> Self {
         match error {
-            regular::ReadError::TooLarge(exceeded) => exceeded.into(),
+            read_limited::ReadError::TooLarge(exceeded) => exceeded.into(),
             other => Self::new(format!("cannot read `{}`: {other}", path.display())),
         }
     }

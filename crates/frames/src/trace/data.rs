@@ -8,7 +8,7 @@ use wgpu_core::device::trace::Data;
 use super::TraceError;
 use crate::file::DataName;
 use shader_text::limits::Limits;
-use shader_text::regular;
+use shader_text::read_limited;
 
 /// The data of a trace: files and bytes, read on demand.
 pub struct Store {
@@ -92,7 +92,7 @@ impl Store {
         if about.is_symlink() {
             return Err(TraceError::DataName(name.to_owned()));
         }
-        let mut bytes = regular::bytes(&path, &self.limits, "file-bytes").map_err(wrong)?;
+        let mut bytes = read_limited::bytes(&path, &self.limits, "file-bytes").map_err(wrong)?;
         if let Some(size) = size {
             if (bytes.len() as u64) < size {
                 return Err(TraceError::Short {

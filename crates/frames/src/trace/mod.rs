@@ -35,7 +35,7 @@ use data::Store;
 use elements::Elements;
 use recorder::{Mark, Recorder, TraceAction};
 use shader_text::limits::{Exceeded, Limits};
-use shader_text::regular::ReadError;
+use shader_text::read_limited::ReadError;
 
 /// The file that makes a folder a trace.
 pub const TRACE: &str = "trace.ron";

@@ -4,7 +4,7 @@ use preshade_plan::contract::Verdict;
 use preshade_plan::guard::Assumed;
 use preshade_plan::plan::Plan;
 
-use super::owners::{Broke, Group};
+use super::promises_by_material::{Broke, Group};
 use super::verdict::Promise;
 use super::{Error, ErrorLadder, Session, View, compare};
 use preshade_draw::render::{self, Prepared, Rendered};

@@ -4,7 +4,7 @@
 use std::cell::OnceCell;
 use std::sync::Arc;
 
-use super::owners::only;
+use super::promises_by_material::only;
 use super::record::Picture;
 use super::{Error, Subject, View};
 use preshade_draw::render::Rendered;

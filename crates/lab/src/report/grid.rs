@@ -2,7 +2,7 @@
 
 use std::borrow::Cow;
 
-use super::plain::plain;
+use super::control_characters::plain;
 use crate::measure::Estimate;
 
 /// A cell of a terminal's table, with the estimate that colours it, if any.

@@ -6,9 +6,9 @@
 //! `effects.html` shows the effects that the scene uses. `chart` and `range` draw figures, `diff`
 //! shows shaders, and `words` puts contracts into words.
 
-mod chart;
 mod diff;
 pub mod explore;
+mod frontier_chart;
 pub mod merged;
 pub mod plan;
 mod range;
@@ -20,7 +20,7 @@ pub use words::contract as promise;
 
 use base64::Engine;
 
-use super::sheet;
+use super::contact_sheet;
 use crate::measure::record::Picture;
 
 /// Why a page could not be made.
@@ -89,10 +89,10 @@ const WIDEST: u32 = 1280;
 
 /// A picture as the text of a URL.
 fn data_uri(picture: &Picture) -> Result<String, PageError> {
-    let opaque = sheet::opaque(picture.clone());
+    let opaque = contact_sheet::opaque(picture.clone());
     let shown = match picture.size[0].div_ceil(WIDEST) {
         0 | 1 => opaque,
-        factor => sheet::reduce(&opaque, factor),
+        factor => contact_sheet::reduce(&opaque, factor),
     };
     let bytes = shown.file("")?.bytes;
     let text = base64::engine::general_purpose::STANDARD.encode(bytes);

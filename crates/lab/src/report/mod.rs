@@ -4,6 +4,8 @@
 //! line uses this module.
 
 mod choice;
+pub mod contact_sheet;
+pub mod control_characters;
 pub mod crossover;
 pub mod csv;
 pub mod decision;
@@ -14,11 +16,9 @@ mod headline;
 pub mod html;
 pub mod merged;
 pub mod picture;
-pub mod plain;
 pub mod plot;
 pub mod profile;
 pub mod regret;
-pub mod sheet;
 pub mod sweep;
 pub mod table;
 

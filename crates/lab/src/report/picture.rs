@@ -2,7 +2,7 @@
 
 use image::{ExtendedColorType, ImageEncoder};
 
-use super::sheet;
+use super::contact_sheet;
 use crate::measure::record::{Picture, Pictures};
 use shader_text::files::File;
 
@@ -39,10 +39,12 @@ impl Pictures {
         ];
         let scale = self.overdraw_scale();
         if let Some(shading) = &self.overdraw_before {
-            files.push(sheet::overdraw(shading, scale).file("original.overdraw.png")?);
+            files.push(contact_sheet::overdraw(shading, scale).file("original.overdraw.png")?);
         }
         if let Some(shading) = &self.overdraw_after {
-            files.push(sheet::overdraw(shading, scale).file(&format!("{name}.overdraw.png"))?);
+            files.push(
+                contact_sheet::overdraw(shading, scale).file(&format!("{name}.overdraw.png"))?,
+            );
         }
         if let Some(worst) = &self.worst {
             files.push(worst.variant.file(&format!("{name}.worst.png"))?);
@@ -52,7 +54,7 @@ impl Pictures {
         for (what, picture) in &self.outputs {
             files.push(picture.file(&format!("{name}.{what}.png"))?);
         }
-        files.push(sheet::contact(self).file(&format!("{name}.sheet.png"))?);
+        files.push(contact_sheet::contact(self).file(&format!("{name}.sheet.png"))?);
         Ok(files)
     }
 
@@ -62,7 +64,7 @@ impl Pictures {
             .into_iter()
             .flatten()
             .flat_map(|s| &s.counts.values)
-            .fold(sheet::LEAST_SCALE, |m, v| m.max(*v))
+            .fold(contact_sheet::LEAST_SCALE, |m, v| m.max(*v))
     }
 }
 

@@ -3,10 +3,10 @@
 use preshade_plan::budget::Metric;
 use preshade_plan::contract::Verdict;
 
+use super::contact_sheet;
 use super::grid::{self, or_dash};
 use super::picture::file_name;
 use super::plot::{self, Line, Mark, Panel};
-use super::sheet;
 use crate::measure::ErrorLadder;
 use crate::measure::record::{Picture, Pictures, Report, SweepReport, VariantReport};
 use preshade_compiler::sweep::number;
@@ -189,7 +189,7 @@ impl SweepReport {
             if drawn.is_empty() {
                 continue;
             }
-            let sheet: Picture = sheet::rows(&drawn);
+            let sheet: Picture = contact_sheet::rows(&drawn);
             let part = file_name(&series);
             files.push(match part.as_str() {
                 "" => sheet.file(&format!("{name}.png"))?,

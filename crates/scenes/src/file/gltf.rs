@@ -12,7 +12,7 @@ use crate::file::place::Access;
 use crate::file::text::{SceneText, parsed};
 use crate::file::variables::Variables;
 use preshade_draw::scene::{Scene, SceneError};
-use shader_text::regular;
+use shader_text::read_limited;
 
 /// The shaders for drawing a glTF file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -48,7 +48,7 @@ pub fn load_gltf(
             (path, String::new(), text)
         }
         Shading::Materials(map) => {
-            let text = regular::text(map, &limits, "source-bytes")
+            let text = read_limited::text(map, &limits, "source-bytes")
                 .map_err(|e| SceneError::unread(map, e))?;
             (map.as_path(), map.display().to_string(), text)
         }

@@ -33,7 +33,7 @@ use preshade_draw::scene::{
     Camera, Draw, DrawOrder, DrawRange, Light, Material, Mesh, Scene, SceneError, Stream, material,
     value_path,
 };
-use shader_text::{options, regular};
+use shader_text::{options, read_limited};
 
 /// Loads a scene file. `docs/reference/scenes.md` documents the format and the folders that its
 /// paths may reach.
@@ -63,7 +63,7 @@ pub fn load_within(
     variables: &Variables,
     access: Access,
 ) -> Result<Scene, SceneError> {
-    let text = regular::text(path, &access.limits, "source-bytes")
+    let text = read_limited::text(path, &access.limits, "source-bytes")
         .map_err(|e| SceneError::unread(path, e))?;
     read(&text, path, variables, access)
 }

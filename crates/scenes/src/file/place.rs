@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use preshade_draw::scene::SceneError;
 use shader_text::limits::Limits;
-use shader_text::regular;
+use shader_text::read_limited;
 
 /// The files that a scene may read, and its size limits.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -116,7 +116,7 @@ impl Folder {
                  `.git`, or else its own folder; --allow-outside lets files leave it",
             ));
         }
-        let bytes = regular::bytes(&real, &self.access.limits, "file-bytes")
+        let bytes = read_limited::bytes(&real, &self.access.limits, "file-bytes")
             .map_err(|e| SceneError::unread(Path::new(name), e))?;
         self.read.borrow_mut().insert(real.clone());
         let shown = real.strip_prefix(&self.root).unwrap_or(&real);

@@ -4,13 +4,13 @@
 use askama::Template;
 use preshade_plan::pass::Frequency;
 
-use super::chart::{self, Chart};
+use super::frontier_chart::{self, Chart};
 use super::section::{Cameras, Section, section};
 use super::words::{self, or_dash};
 use super::{Gallery, PageError, Shell, data, diff};
 use crate::measure::record::{Choice, VariantReport};
+use crate::report::control_characters::plain;
 use crate::report::frontier;
-use crate::report::plain::plain;
 use crate::search::explore::{Exploration, Explored, Point};
 use preshade_compiler::command::explain::EffectUse;
 use preshade_draw::scene::Scene;
@@ -117,8 +117,8 @@ pub fn page(found: &Explored, scene: &Scene, effects: &[EffectUse]) -> Result<St
             data: data(exploration)?,
             gallery,
         },
-        chart: chart::chart(exploration, &points),
-        size: chart::SIZE,
+        chart: frontier_chart::chart(exploration, &points),
+        size: frontier_chart::SIZE,
         columns: [
             &metric,
             "max abs",

@@ -5,9 +5,9 @@ use askama::Template;
 use super::{Gallery, PageError, Shell, words};
 use crate::jobs::{Answer, Kind, Reason, Results, Said, Standing};
 use crate::measure::error::counted;
+use crate::report::control_characters::plain;
 use crate::report::frontier;
 use crate::report::merged::holds_and_pays;
-use crate::report::plain::plain;
 use crate::search::plan::RegretReport;
 use preshade_draw::render::AdapterReport;
 

@@ -8,7 +8,7 @@ use super::section::{Cameras, Section, section};
 use super::words::{self, DASH, or_dash};
 use super::{Gallery, PageError, Shell, data, diff};
 use crate::measure::{Variant, Verified};
-use crate::report::plain::plain;
+use crate::report::control_characters::plain;
 use crate::report::{decision as table, frontier};
 use crate::search::plan::decision::{Decision, MaterialDecision, PlanReport};
 use preshade_compiler::command::explain::EffectUse;

@@ -7,7 +7,7 @@ use super::{Gallery, PageError, data_uri};
 use crate::measure::record::{KeptMaterial, Picture, Pictures, VariantReport, Worst};
 use crate::measure::{ErrorLadder, Shading};
 use crate::report::picture::flip;
-use crate::report::{frontier, sheet};
+use crate::report::{contact_sheet, frontier};
 
 /// The data for the template `variant.html`.
 #[derive(Default)]
@@ -188,7 +188,7 @@ fn shots(
 ) -> Result<Vec<Shot>, PageError> {
     let scale = pictures.overdraw_scale();
     let overdraw = |shading: &Option<Shading>| {
-        let picture = shading.as_ref().map(|s| sheet::overdraw(s, scale));
+        let picture = shading.as_ref().map(|s| contact_sheet::overdraw(s, scale));
         picture.as_ref().map(data_uri).transpose()
     };
     let headline = variant.and_then(|v| v.by_view.first());
