@@ -1,4 +1,4 @@
-//! `preshade agree`: holds two programs against each other, whoever wrote them.
+//! `preshade agree`: compares two programs, whoever wrote them.
 
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};

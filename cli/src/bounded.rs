@@ -16,7 +16,7 @@ const GRACE: Duration = Duration::from_secs(2);
 struct Bound {
     seconds: u64,
     memory: u64,
-    /// When the work now in hand was begun; `None` while others work.
+    /// When the current work began; `None` while another process works.
     since: Option<Instant>,
     /// Prints why the process ends.
     tell: fn(&str),

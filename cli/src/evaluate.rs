@@ -208,7 +208,6 @@ struct Place {
 }
 
 impl Model {
-    /// See [`adapter_id`].
     pub fn id(&self) -> String {
         adapter_id(&self.report)
     }

@@ -137,7 +137,7 @@ pub fn message(text: &str) {
     let _ = writeln!(io::stderr().lock(), "{}", plain(text.trim_end()));
 }
 
-/// The variable by which somebody asks for `no` progress.
+/// The variable that switches progress off, with the value `no`.
 pub const PROGRESS: &str = "PRESHADE_PROGRESS";
 
 /// Longest time without a line of progress.
@@ -155,7 +155,7 @@ struct Said {
     began: Instant,
     told: Instant,
     what: String,
-    /// Steps done, of 1000; `None` if nobody knows how many there are.
+    /// Steps done, of 1000; `None` if their number is unknown.
     done: Option<u64>,
 }
 

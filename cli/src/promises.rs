@@ -57,7 +57,7 @@ struct Promises {
     #[serde(default, skip_serializing_if = "BTreeMap::is_empty")]
     why: BTreeMap<String, usize>,
     broken: Vec<Finding>,
-    /// Declared recipes that ask for a budget that nobody measured before, and exceed it here.
+    /// Declared recipes whose budget nobody measured before and that exceed it here.
     over_budget: Vec<Finding>,
     /// Why it was not drawn.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -292,8 +292,8 @@ fn promises_of(findings: &[Finding]) -> usize {
 
 struct Judged {
     variant: Variant,
-    /// Whether its budget, if it has one, is the user's, or was chosen by measurement. Otherwise an
-    /// example asks for it.
+    /// Whether its budget, if it has one, is the user's, or was chosen by measurement. If not, it
+    /// comes from an example.
     is_budget_kept: bool,
     /// Its place among the variants that are drawn.
     drawn: usize,

@@ -182,7 +182,7 @@ fn same_in_any_spelling<'p>(paths: impl Iterator<Item = &'p Path>) -> Vec<PathBu
     all
 }
 
-/// Why a file is not the one that was measured, if it is not.
+/// Why a file is not the measured one. `None`: it is.
 fn changed(path: &str, expected: &str) -> Option<String> {
     match std::fs::read(path) {
         Err(e) => Some(format!("{path}: {e}")),

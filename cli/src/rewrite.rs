@@ -376,7 +376,7 @@ impl<'a> Run<'a> {
         }
         let nowhere = self.args.out.is_none() && self.args.out_dir.is_none();
         let is_written = self.sum.written > 0 || (nowhere && self.errors.is_empty());
-        // Of several jobs the sum is printed.
+        // For several jobs, the sum is printed.
         if self.jobs == 1 && is_written && self.args.format == Format::Human {
             self.assumed.iter().for_each(|note| output::message(note));
         }

@@ -313,8 +313,8 @@ impl Recipe {
         steps.join(" ")
     }
 
-    /// Checks the names among the parameters. A name is wrong only if every material lacks it;
-    /// otherwise the materials without it refuse the step.
+    /// Checks the names among the parameters. A name is wrong only if every material lacks it. If
+    /// some have it, the others refuse the step.
     ///
     /// # Errors
     /// [`RecipeError::Misnamed`].

@@ -58,7 +58,7 @@ pub enum SweepError {
     /// `8..1`, or an end that is not a number.
     #[error("`{text}` is not a range: write `1..8`, the smaller end first")]
     Range { text: String },
-    /// It has more than [`MOST`] combinations.
+    /// It has more combinations than a sweep may have.
     #[error(
         "`{text}` stands for {count} recipes; the most is {MOST}: shorten a range, or name one \
          word of a choice (form=shared)"

@@ -133,8 +133,8 @@ impl Numbers {
         }
     }
 
-    /// In half of the cases the number itself. Otherwise a number of the programs, a neighbour, a bit
-    /// at that place, or two of them combined.
+    /// In half of the cases the number itself. In the others a number of the programs, a neighbour,
+    /// a bit at that place, or two of them combined.
     pub(super) fn integer(&self, own: u32, random: &mut Random) -> u32 {
         let mut one = || self.integers[random.below(self.integers.len())];
         let (first, second) = (one(), one());

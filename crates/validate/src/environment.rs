@@ -403,7 +403,7 @@ pub(super) fn buffers_of_terms(module: &Module) -> BTreeMap<(u32, u32), Value<Sy
 pub(crate) fn symbolic<'a>(module: &'a Module, inputs: &'a Inputs) -> World<'a, Symbolic> {
     World {
         resources: Arc::new(buffers_of_terms(module)),
-        // A term stands for any.
+        // A term represents the number of any corner.
         corner: 0,
         attribute: Box::new(|module, io, corner| {
             let slot = Slot::of(io.binding.as_ref()?);

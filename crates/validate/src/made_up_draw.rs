@@ -309,7 +309,6 @@ fn two_in_a_word(indices: &[u32]) -> u32 {
     indices[0] | indices.get(1).map_or(0, |index| index << 16)
 }
 
-/// An array of words.
 pub(super) fn words<F: Number>(words: &[u32]) -> Value<F> {
     Value::Composite(words.iter().map(|word| Value::u32(*word)).collect())
 }

@@ -219,7 +219,8 @@ pub struct Quad<'a, F> {
     pub(super) steps: u64,
 }
 
-/// Operands of the derivatives of a run, in order. An implicit sample is one of its coordinates.
+/// Operands of the derivatives of a run, in order. The coordinates of implicit samples are among
+/// them.
 type Operands<F> = Vec<Vec<F>>;
 
 /// The pixels of a quad.

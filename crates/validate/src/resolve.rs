@@ -36,8 +36,8 @@ use preshade_plan::state::ColorTarget;
 /// The largest difference of colours in `f64`, relative to the largest component or 1.
 const SAME_FUNCTION: f64 = 1e-6;
 
-/// Many triangles are behind the viewer, or discarded: the most seeds for each of the effort's
-/// inputs, and how many of these one compared pixel stands for.
+/// The most seeds for each of the effort's inputs (many triangles are behind the viewer, or
+/// discarded), and the number of inputs that one compared pixel counts for.
 const MORE_SEEDS: u64 = 4;
 const COSTLIER: u64 = 6;
 

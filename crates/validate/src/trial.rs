@@ -271,7 +271,7 @@ pub(super) fn is_whole(promised: Colors, asked: Colors, is_kept: bool) -> bool {
     promised == Colors::Ignored || (asked != Colors::Ignored && is_kept)
 }
 
-/// The verdict of agreeing inputs, of which `compared` compared everything promised.
+/// The verdict of agreeing inputs. `compared` of them compared everything promised.
 pub(super) fn of_compared(inputs: u64, compared: u64, unsure: u64) -> Verdict {
     match compared {
         0 => Verdict::NotEvaluable {

@@ -150,7 +150,7 @@ fn looked<'g, 'p>([a, b]: [(&'g Graph<'p>, usize); 2]) -> Result<[Looked<'g, 'p>
     Ok([Looked::new(a.0, a.1)?, Looked::new(b.0, b.1)?])
 }
 
-/// The reader that stands for the stage's outputs.
+/// The reader that represents the stage's outputs.
 const OUTPUT: ValueId = usize::MAX;
 
 /// The values of a stage as operations. Copies count as the value that they copy.

@@ -56,7 +56,8 @@ pub(crate) fn items<'v>(
         let depth = values
             .expression(id)
             .map(|(c, ..)| values.contexts[c].depth);
-        // Of two names for one value prefer the outermost function's: it needs no copy of the callee.
+        // If a value has two names, prefer the outermost function's: it needs no copy of the
+        // callee.
         let depth = 1.0 + 0.002 * f64::from(depth.unwrap_or_default());
         Item {
             cost: Some(value.cost),
@@ -120,7 +121,7 @@ const SINK: usize = 1;
 /// join their users.
 struct Contracted {
     network: Network,
-    /// The node of `N(item)`; `None` if nobody needs it.
+    /// The node of `N(item)`; `None` if no item needs it.
     needed: Vec<Option<usize>>,
     /// The node of `F(item)`.
     computed: Vec<Option<usize>>,

@@ -59,8 +59,8 @@ pub(crate) fn differentiates_after_discard(graph: &Graph, id: FunctionId) -> boo
     })
 }
 
-/// The first node of a function with one of these effects. A call stands for a callee without a
-/// source span.
+/// The first node of a function with one of these effects. If the callee has no source span, the
+/// call takes its place.
 pub(crate) fn find(graph: &Graph, id: FunctionId, wanted: &[Effect]) -> Option<Span> {
     if graph.effects(id).iter().all(|e| !wanted.contains(e)) {
         return None;

@@ -185,7 +185,7 @@ struct InputRow {
 
 /// The consequence for a pass that changes an implicit input.
 enum Then {
-    /// It promises the same only under this assumption.
+    /// It promises the same picture only under this assumption.
     Assume(Assumption),
     /// It refuses: the code, the consequence, the remedy.
     Refuse(&'static RefusalInfo, &'static str, &'static str),

@@ -81,7 +81,7 @@ pub struct Roundings {
 
 impl Roundings {
     /// The bounds for each value that `may` move as an affine one. `unsteady` are the values that a
-    /// compiler may round otherwise in another stage ([`crate::analysis::contraction`]).
+    /// compiler may round differently in another stage ([`crate::analysis::contraction`]).
     pub fn new(
         values: &Values<'_, '_>,
         known: &[SourceRange],

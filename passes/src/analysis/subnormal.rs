@@ -45,8 +45,8 @@ const OFF_ZERO: f64 = 1e-12;
 /// Rounds through the values of a loop.
 const MOST_ROUNDS: usize = 16;
 
-/// Values that another stage may compute otherwise, because they depend on a subnormal number. `known`
-/// are the numbers of the material.
+/// Values that another stage may compute differently, because they depend on a subnormal number.
+/// `known` are the numbers of the material.
 pub(crate) fn changed(values: &Values<'_, '_>, known: &[SourceRange]) -> Vec<bool> {
     with_users(values, met(values, known))
 }

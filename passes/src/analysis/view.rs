@@ -79,7 +79,7 @@ pub(crate) fn of_stages(
     });
     let mut listed: Vec<String> = Vec::new();
     for (_, name) in ordered {
-        // A whole variable stands for its members.
+        // The name of a whole variable includes its members.
         let is_listed = |whole: &String| name.starts_with(&format!("{whole}."));
         if !listed.iter().any(is_listed) {
             listed.push(name);
@@ -307,7 +307,8 @@ fn product(
     Some((*context, factors.0, factors.1))
 }
 
-/// The matrices of nested products, outermost first. `None`: a matrix that is computed otherwise.
+/// The matrices of nested products, outermost first. `None`: a matrix that is computed in another
+/// way.
 fn factors_of(values: &Values<'_, '_>, value: ValueId, found: &mut Vec<Option<ValueId>>) {
     let value = source(values, value);
     let Some((context, [matrix, vector], is_row)) = product(values, value) else {

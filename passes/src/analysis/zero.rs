@@ -25,7 +25,7 @@ pub(crate) enum Kept {
     Sign(&'static str),
     /// The weighted number may be infinite or NaN, by this operation.
     Infinite(&'static str),
-    /// It is sampled from a texture that holds an infinite number or NaN.
+    /// The number is sampled from a texture that holds an infinite number or NaN.
     Texture,
 }
 
@@ -139,7 +139,7 @@ impl<'v, 'g, 'p> Zeros<'v, 'g, 'p> {
                         return Err(Kept::Infinite(operation));
                     }
                 }
-                // It only chooses.
+                // A condition only chooses.
                 Node::Control(..) => continue,
                 Node::Input(_) | Node::Version(..) => {}
             }
@@ -188,7 +188,7 @@ impl<'v, 'g, 'p> Zeros<'v, 'g, 'p> {
         infinite.any(|t| at.is_none_or(|at| (t.group, t.binding) == (at.group, at.binding)))
     }
 
-    /// The same of every input of the stage.
+    /// Checks every input of the stage like [`Self::sign`].
     fn inputs(&self) -> Result<(), Kept> {
         let inputs = self.values.values.iter().enumerate();
         let mut inputs = inputs.filter(|(_, v)| matches!(v.node, Node::Input(_)));
@@ -302,7 +302,7 @@ pub(crate) fn left_out(
 
 /// How an operation depends on the sign of a zero.
 enum Tells {
-    /// Nobody: the result is the same.
+    /// It does not: the result is the same.
     Never,
     /// Perhaps whoever reads the result, which may be a zero of either sign.
     Result,

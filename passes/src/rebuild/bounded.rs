@@ -20,7 +20,8 @@ use preshade_plan::safety::{Bounded, MOST_TURNS};
 use preshade_plan::uniforms::UniformScalar;
 use shader_text::source::Invalid;
 
-/// Most turns of a [`cut`] program: far more than a page takes that a browser draws, and a second of a GPU.
+/// Most turns of a [`cut`] program: far more than a page takes that a browser draws, and about a
+/// second of a GPU.
 const MOST_TURNS_OF_CUT: u32 = 1 << 20;
 
 /// Whether a program has a loop that may not end, wherever it is called from. `is_small`: whether a

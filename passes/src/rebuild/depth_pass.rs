@@ -53,7 +53,7 @@ pub(crate) fn of_light(attachment: String, format: DepthFormat) -> DepthState {
 pub(crate) enum PrepassProgram {
     /// The main pass's, because the hardware compares depths of both passes for equality.
     Main,
-    /// One that contains only the pre-pass's entry points.
+    /// A module that contains only the pre-pass's entry points.
     Own,
 }
 

@@ -226,8 +226,8 @@ struct BuildInputs<'s> {
 }
 
 impl BuildInputs<'_> {
-    /// Applies the steps of `recipe` that need no more facts than are known. Returns the reasons of
-    /// the skipped steps too. `name` is the variant's.
+    /// Applies the steps of `recipe` that the known facts suffice for. Returns the reasons of the
+    /// skipped steps too. `name` is the variant's.
     fn plan(
         &self,
         original: &Plan,

@@ -1,4 +1,4 @@
-//! Two programs held against each other.
+//! The comparison of two programs.
 
 use naga::ShaderStage;
 use naga_edit::declared::Depth;

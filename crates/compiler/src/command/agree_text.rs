@@ -129,7 +129,7 @@ impl<D: Drawn> Pair<D> {
         }
     }
 
-    /// Whether a matrix stands for another one, or for a product, that no mapping names.
+    /// Whether a matrix was paired with another one, or with a product, without a mapping.
     fn has_guess(&self) -> bool {
         let mut partners = self.agreement.partners.iter();
         partners.any(|partner| partner.by == By::Product)
@@ -218,7 +218,7 @@ impl<D: Drawn> Report<D> {
         for (waiver, _) in unused {
             match names.get(&waiver.pair) {
                 Some(true) => self.unused_waivers.push(waiver.clone()),
-                // Nobody knows.
+                // The pair could not be read: the waiver may be needed.
                 Some(false) => {}
                 None => {
                     let known: Vec<&str> = names.keys().map(String::as_str).collect();

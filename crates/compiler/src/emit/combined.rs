@@ -65,7 +65,8 @@ fn place(binding: ResourceBinding) -> BindingPlace {
 }
 
 impl CombinedSamplers {
-    /// Those of `program`, a program of `plan`. All programs of a plan agree on places.
+    /// The combined samplers of `program`, a program of `plan`. All programs of a plan agree on
+    /// places.
     pub(super) fn of(plan: &Plan, program: &Program) -> Self {
         let declared = program.declared();
         let mut out = Self::default();
@@ -113,7 +114,7 @@ fn placed(plan: &Plan, declared: &Declared) -> Vec<Combined> {
         taken.remove(&place(*texture));
         taken.remove(&place(*sampler));
     }
-    // By the author's place, the elements of an array together.
+    // Keyed by the author's place. The elements of an array stay together.
     let mut wanted: BTreeMap<(Option<BindingPlace>, String), Vec<Combined>> = BTreeMap::new();
     for CombinedSampler {
         path,

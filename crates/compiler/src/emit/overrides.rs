@@ -191,7 +191,7 @@ pub(super) struct Variable {
 }
 
 impl Variable {
-    /// Of a constant by its id.
+    /// A variable for a constant that the host sets by its id.
     #[cfg(feature = "glsl")]
     pub(super) fn new(marker: String, constant: SpecConstant) -> Self {
         let key = constant.id.to_string();

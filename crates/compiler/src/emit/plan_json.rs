@@ -130,7 +130,7 @@ pub(super) fn file(plan: &Plan, written: &WrittenFiles, original: Option<Fallbac
 /// `MATERIAL.versions.json`: which version of a material a draw takes.
 pub fn versions(versions: &Versions) -> File {
     let name = format!("{}.versions.json", versions.material);
-    // As above.
+    // Plain data with string keys, too.
     let mut bytes = serde_json::to_vec_pretty(versions).unwrap_or_default();
     bytes.push(b'\n');
     File { name, bytes }

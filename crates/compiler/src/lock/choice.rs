@@ -113,7 +113,7 @@ fn resolved(plan: &Plan) -> Recipe {
 
 /// The facts that a lock keeps: those about the material, without frequencies.
 fn about(material: &str, facts: &Facts) -> Facts {
-    // Every field by name: whoever adds a fact decides here which material it belongs to.
+    // Every field by name: a new fact must be assigned to a material here.
     let Facts {
         depth_ties,
         undiscarded_depth_ties,

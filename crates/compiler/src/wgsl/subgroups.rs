@@ -1,6 +1,6 @@
-//! `enable subgroups;`: WGSL has the directive, and naga has the operations without it. Text is
-//! given to naga without the directive, and written with it where the author had it: the author's
-//! host asks for it then.
+//! `enable subgroups;`: WGSL has the directive, and naga has the operations without it. naga gets
+//! the text without the directive. Text is written with it where the author had it, because the
+//! author's host requires it then.
 
 use std::borrow::Cow;
 use std::ops::Range;

@@ -49,7 +49,7 @@ type Drawn<'a> = Result<&'a VariantReport, (Reason, &'a str)>;
 pub enum Standing {
     Holds,
     Broken,
-    /// It was run, and nothing was compared.
+    /// The job ran, and nothing was compared.
     NotMeasured,
     DoesNotApply,
     Refused,

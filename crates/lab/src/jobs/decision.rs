@@ -450,7 +450,7 @@ mod tests {
         made.extend(on_all("discard", SIX.map(|s| s * 1.05)));
         let decision = decided(&made).unwrap();
         assert_eq!(decision.choice.as_deref(), Some("discard"));
-        // One that pays on a half is not chosen.
+        // A variant that pays on half of the adapters is not chosen.
         let half = on_all("prepass", [2.0, 2.0, 2.0, 2.0, 1.0, 1.0, 1.0, 1.0]);
         let decision = decided(&half).unwrap();
         assert_eq!(decision.choice, None);

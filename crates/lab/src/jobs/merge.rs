@@ -215,7 +215,7 @@ impl Results {
                 if *known == measured {
                     return None;
                 }
-                // Of several the first two are reported in any order.
+                // Which two of several are reported does not depend on the order.
                 let mut both = [known.told(), measured.told()];
                 if both[1] < both[0] {
                     both.swap(0, 1);
@@ -233,7 +233,7 @@ impl Results {
                     Entry::Vacant(place) => {
                         place.insert(failed);
                     }
-                    // Of two failures the same one remains in any order.
+                    // Which of two failures remains does not depend on the order.
                     Entry::Occupied(mut place) => {
                         if place.get().is_after(&failed) {
                             place.insert(failed);
@@ -420,7 +420,7 @@ mod tests {
         let error = Results::merge([a.clone(), b.clone()], false).unwrap_err();
         assert!(matches!(error, MergeError::Differ { .. }), "{error}");
         assert_eq!(Results::merge([b, a.clone()], false).unwrap_err(), error);
-        // Of two adapters they are two columns.
+        // The results of two adapters are two columns.
         let other = picture(1, "b", measured("y"));
         let results = Results::merge([a, other], false).unwrap();
         assert_eq!(results.jobs.values().next().unwrap().answers.len(), 2);
@@ -445,7 +445,7 @@ mod tests {
         let mut other_card = timed(3, "1", [5, 6]);
         other_card.run.as_mut().unwrap().card = "2".to_owned();
         Results::merge([timed(1, "1", [0, 100]), other_card], false).unwrap();
-        // One that failed disturbed the other too.
+        // A failed job disturbed the other too.
         let lost = Outcome {
             result: failed("the adapter was lost"),
             ..timed(3, "1", [5, 6])

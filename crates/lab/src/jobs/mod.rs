@@ -99,7 +99,7 @@ pub struct Run {
     pub card: String,
     /// Milliseconds since 1970 when it began.
     pub start_ms: u64,
-    /// The same when it ended.
+    /// Milliseconds since 1970 when it ended.
     pub end_ms: u64,
     /// When it had the adapter for itself: starts and ends in milliseconds.
     pub alone: Vec<[u64; 2]>,
@@ -111,7 +111,7 @@ pub struct Run {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(tag = "kind", rename_all = "kebab-case")]
 pub enum JobResult {
-    /// It was measured. A broken promise is in there.
+    /// The job was measured. A report of a broken promise counts, too.
     Measured {
         #[serde(flatten)]
         found: Found,
@@ -170,9 +170,9 @@ pub enum Reason {
     /// The process ended without a report.
     Crashed,
     DeviceLost,
-    /// It ran out of memory, or over its limit.
+    /// The process ran out of memory, or over its limit.
     OutOfMemory,
-    /// It ran over its time.
+    /// The process ran over its time.
     TimedOut,
 }
 

@@ -6,8 +6,8 @@ use crate::search::plan::model::Observation;
 use crate::search::plan::regret::{self, Choosing};
 
 impl Results {
-    /// For each adapter that ran jobs of [`EVERY`] candidate, the regret of `choosing` among them. Of several
-    /// runs of a scene the first by name counts. Scenes are ordered by their files.
+    /// For each adapter that ran jobs of [`EVERY`] candidate, the regret of `choosing` among them.
+    /// If a scene has several runs, the first by name counts. Scenes are ordered by their files.
     pub fn regrets(&self, choosing: Choosing, command: &str) -> Vec<RegretReport> {
         let jobs = self.jobs.values().filter(|job| job.job.variant == EVERY);
         let mut jobs: Vec<_> = jobs.collect();

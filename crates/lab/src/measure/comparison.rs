@@ -79,7 +79,7 @@ impl Drawn for Beside {
                 pixels > 0 || depths > 0,
                 format!("{pixels} pixels and {depths} depths"),
             ),
-            // A light's matrix may be rounded otherwise, and its depths are biased.
+            // A light's matrix may be rounded differently, and its depths are biased.
             Relation::Shadow => (apart > 0, format!("{apart} depths")),
             // Each of these two ignores the part that the other decides.
             Relation::Position => (self.moved > 0, format!("{} depths", self.moved)),

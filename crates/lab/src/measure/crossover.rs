@@ -45,14 +45,14 @@ pub struct Crossover {
 pub struct Crossing {
     /// Crossing of the medians.
     pub value: f64,
-    /// Of the ends of the ratios' intervals; `None`: they do not pass 1 on that side within the
-    /// series.
+    /// Crossing of the ends of the ratios' intervals; `None`: they do not pass 1 on that side
+    /// within the series.
     pub low: Option<f64>,
     pub high: Option<f64>,
 }
 
 impl Series {
-    /// Of reports of the same variants.
+    /// A series from reports of the same variants.
     pub fn new(variable: &str, mut points: Vec<Point>) -> Self {
         points.sort_by_key(|p| p.value);
         let names: Vec<String> = points.first().map_or(Vec::new(), |p| {
@@ -132,7 +132,7 @@ fn crossings(ratios: &[(u32, Estimate)]) -> Vec<Crossing> {
     };
     let (low, high) = (of(|e| e.low), of(|e| e.high));
     let medians = of(|e| e.median);
-    // With several crossings, their order does not say which end belongs to which.
+    // With several crossings, the order of the ends does not pair them with crossings.
     let alone = medians.len() == 1;
     medians
         .into_iter()

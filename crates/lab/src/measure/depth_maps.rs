@@ -1,4 +1,4 @@
-//! Depths of passes outside of the frame, held against those of the authors' whole programs.
+//! Compares depths of passes outside of the frame with those of the authors' whole programs.
 
 use preshade_plan::contract::Verdict;
 use preshade_plan::plan::{Attachment, GpuPass, Phase, Plan, SCENE_DEPTH};

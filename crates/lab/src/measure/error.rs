@@ -204,7 +204,7 @@ fn step(format: wgpu::TextureFormat, magnitude: f32) -> f64 {
     let bits = match format {
         R16Float | Rg16Float | Rgba16Float => 10,
         Rgb9e5Ufloat => 8,
-        // Of blue, the narrowest.
+        // The bits of blue, which are the fewest.
         Rg11b10Ufloat => 5,
         _ => return STEP,
     };

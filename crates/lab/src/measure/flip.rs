@@ -61,8 +61,8 @@ fn maps(original: &ColorImage, variant: &ColorImage) -> Vec<Vec<f32>> {
 
 type Rgb = [f32; 3];
 
-/// The map of two pictures; `None`: nobody sees a difference. `is_linear`: whether values between 0
-/// and 1 are encoded before they are displayed.
+/// The map of two pictures; `None`: there is no visible difference. `is_linear`: whether values
+/// between 0 and 1 are encoded before they are displayed.
 fn map(size: [u32; 2], a: &[Rgb], b: &[Rgb], is_linear: bool) -> Option<Vec<f32>> {
     let mut map: Option<Vec<f32>> = None;
     for look in looks(a, b, is_linear) {
@@ -128,7 +128,7 @@ impl Look {
     }
 }
 
-/// Every way to look at a picture and its variant.
+/// Every way to display a picture and its variant.
 fn looks(original: &[Rgb], variant: &[Rgb], is_linear: bool) -> Vec<Look> {
     let all = || original.iter().chain(variant).flatten();
     let finite = || all().filter(|v| v.is_finite());

@@ -216,7 +216,7 @@ impl Measured {
         }
     }
 
-    /// Of the component that is furthest off.
+    /// The measurement of the component with the largest error.
     fn worst(self) -> Option<Interpolation> {
         let worst = self
             .components

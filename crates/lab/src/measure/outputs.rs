@@ -50,9 +50,8 @@ pub struct VelocityReport {
     pub left_out: u64,
     /// Largest way of a pixel between the frames, in pixels.
     pub longest: f64,
-    /// Largest difference in pixels, less what the adapter may do otherwise: a step of a half float
-    /// where the target holds these, roundings of positions, and the snapping of corners to 1/256 of a
-    /// pixel.
+    /// Largest difference in pixels, less the adapter's freedom: a step of a half float where the
+    /// target holds these, roundings of positions, and the snapping of corners to 1/256 of a pixel.
     pub worst: f64,
     /// Camera, column and row of the largest difference.
     pub at: Option<(String, [u32; 2])>,

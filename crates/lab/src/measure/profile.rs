@@ -410,7 +410,7 @@ fn flat(plan: &Plan) -> Option<Plan> {
     Some(out)
 }
 
-/// The same without writing colours.
+/// Like [`flat`], and without colour writes.
 fn depth_only(plan: &Plan) -> Option<Plan> {
     let mut out = flat(plan)?;
     out.passes.iter_mut().for_each(mask);

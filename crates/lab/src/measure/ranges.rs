@@ -261,7 +261,7 @@ impl Ends {
         }
     }
 
-    /// Those of `before` are known already.
+    /// Buffers that equal those of `before` are skipped.
     fn add_buffers(
         &mut self,
         module: &Module,

@@ -28,8 +28,8 @@ pub enum CountProgram {
     /// Counts every fragment that passes the depth test. For materials that neither discard nor
     /// write depth.
     Constant,
-    /// A program with the pass's discards, depth output and coverage alpha, which otherwise returns
-    /// 1 at location 0.
+    /// A program with the pass's discards, depth output and coverage alpha, which returns 1 at
+    /// location 0 instead of a colour.
     Sliced {
         /// It has both stages.
         program: Program,
@@ -230,7 +230,7 @@ pub fn facts(session: &Session<'_>) -> Result<Facts, Error> {
         undiscarded_depth_ties: Some(undiscarded).filter(evidence),
         near_plane_pixels: near_plane_pixels(session)?.filter(evidence),
         vertices_per_fragment: vertices_per_fragment(session)?,
-        // Of an adapter that does not show it the usual is taken.
+        // If an adapter's rasteriser cannot be tested, the usual one is assumed.
         rasterizer: Error::unless_lost(super::rasterizer(session.gpu()))?,
         ..super::known(session.scene())
     })

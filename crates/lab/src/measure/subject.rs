@@ -17,7 +17,7 @@ pub struct Subject<'a> {
     pub plans: Vec<Plan>,
     /// The promise of all plans together.
     pub promise: Promise,
-    /// Those of its materials, where they differ.
+    /// Promises of groups of materials, where they differ from that of all.
     groups: Vec<Group<'a>>,
     /// The promise that the verdict is about: another one if it is broken for some materials alone.
     pub judged: Promise,

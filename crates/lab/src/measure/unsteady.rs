@@ -108,8 +108,9 @@ impl Original {
         }
     }
 
-    /// The picture of a variant, to be held against the first. Before it is blamed, the original is drawn several times
-    /// more: one that repeats itself only most of the time proves nothing.
+    /// The picture of a variant, to compare with the first. Before the variant is blamed, the
+    /// original is drawn several times more: an original that repeats itself only most of the time
+    /// proves nothing.
     pub(crate) fn of_variant(
         &mut self,
         original: &mut Subject<'_>,

@@ -222,7 +222,7 @@ impl Run<'_, '_> {
         warnings.extend(self.colours.warning().filter(|_| !nothing));
         warnings.extend(picture_warnings::unsteady(self.unsteady));
         let frames: Vec<_> = self.views.iter().map(|(v, f)| (*f, v.order)).collect();
-        // Of an empty picture the verdicts speak.
+        // The verdicts report an empty picture.
         let undiscarded = match nothing || self.lost.is_some() {
             true => Vec::new(),
             false => undiscarded(self.session, &frames)?,

@@ -67,7 +67,7 @@ fn rows(csv: &mut Csv, report: &Report, first: &[String]) {
             cells.push(number(view.shaded_per_pixel));
             csv.line(cells);
         }
-        // Of one that was not drawn there is the reason alone.
+        // A variant that was not drawn has only the reason.
         if v.by_view.is_empty() {
             let mut cells = about;
             cells.resize(first.len() + COLUMNS.len(), String::new());

@@ -127,7 +127,7 @@ fn best(report: &Report) -> Option<(&VariantReport, Speedups<'_>)> {
     worth.max_by(|(_, a), (_, b)| a.mean.total_cmp(&b.mean))
 }
 
-/// The sentence where preshade made the scene up, by which nobody can decide.
+/// The sentence if preshade made the scene up, which is no basis for a decision.
 fn made_up(report: &Report) -> String {
     let guessed = match report.assumed.len() {
         0 => String::new(),

@@ -75,8 +75,8 @@ impl Picture {
         texels.flat_map(|[r, g, b, _]| [*r, *g, *b]).collect()
     }
 
-    /// The picture as a PNG file, without alpha: many materials write an alpha that nobody sees, and with it a viewer
-    /// would show them blank.
+    /// The picture as a PNG file, without alpha: many materials write an alpha that is not
+    /// displayed, and with it a viewer would show them blank.
     pub fn file(&self, name: &str) -> Result<File, image::ImageError> {
         let mut bytes = Vec::new();
         image::codecs::png::PngEncoder::new(&mut bytes).write_image(

@@ -26,7 +26,7 @@ pub(super) struct Budget {
 }
 
 impl Budget {
-    /// Of a pair whose runs take at most this many steps.
+    /// A budget for a pair whose runs take at most `run` steps.
     pub(super) fn new(run: u64) -> Self {
         Self {
             run,
@@ -52,7 +52,7 @@ impl Budget {
         if is_first { self.left.get() / 2 } else { 0 }
     }
 
-    /// Whether no more is left than this.
+    /// Whether at most `allowed` steps are left.
     pub(super) fn is_below(&self, allowed: u64) -> bool {
         self.left.get() <= allowed
     }

@@ -167,7 +167,7 @@ impl Matcher<'_> {
             && !their_program.declared().is_loose(theirs.binding)
     }
 
-    /// Whether a type of theirs has values of two frames.
+    /// Whether a type of the second program's has values of two frames.
     fn is_of_two_frames(&self, ty: Handle<Type>) -> bool {
         self.relation == Relation::Velocity && holds_previous(self.theirs, ty)
     }

@@ -23,8 +23,8 @@ const SAMPLE_MASK: Slot = Slot::BuiltIn(BuiltIn::SampleMask);
 pub(super) const BIASED: &str = "z of the position";
 
 impl Two<'_> {
-    /// Whether rounding alone makes the two differ. Another outcome of one comparison of the same
-    /// numbers is none.
+    /// Whether rounding alone makes the two differ. Two outcomes of a comparison of the same
+    /// numbers are no rounding.
     pub(super) fn is_rounding(
         &self,
         what: What,
@@ -65,7 +65,7 @@ impl Two<'_> {
         place: TestPoint,
     ) -> bool {
         let mut world = environment::precise(inputs);
-        // Products are rounded otherwise.
+        // The rules' products round differently in `f64`.
         fed::feed(rules, Arc::make_mut(&mut world.resources));
         let run = |stages| world.run(stages, place, 4 * self.effort.steps, None);
         let (Ok(first), Ok(second)) = (run(self.first), run(self.second)) else {
@@ -129,8 +129,8 @@ impl Two<'_> {
         mask & all
     }
 
-    /// The first buffer that two vertices or discarded fragments leave otherwise. A stage that cannot
-    /// write a buffer leaves none.
+    /// The first buffer whose contents differ after two vertices or discarded fragments. A stage
+    /// that cannot write a buffer leaves none.
     fn stored<F: Number>(
         &self,
         what: What,

@@ -176,7 +176,7 @@ fn is_number(text: &str) -> bool {
     !text.is_empty() && text.bytes().all(|b| b.is_ascii_digit())
 }
 
-/// How elements of arrays of one stride fit, where the languages pad them otherwise: a scalar of
+/// How elements of arrays of one stride fit if the languages pad them differently: a scalar of
 /// `std140` is the first of a vector in GLSL, and the first member of a struct in SPIR-V.
 fn padded(theirs: (&Module, Handle<Type>), ours: (&Module, Handle<Type>)) -> Option<Cast> {
     let (mut a, mut b) = (Vec::new(), Vec::new());
@@ -204,7 +204,7 @@ fn padded(theirs: (&Module, Handle<Type>), ours: (&Module, Handle<Type>)) -> Opt
 struct Flat {
     offset: u32,
     scalar: naga::Scalar,
-    /// It fills a gap alone.
+    /// It only fills a gap.
     fills: bool,
     steps: Vec<usize>,
 }

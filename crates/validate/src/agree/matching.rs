@@ -112,7 +112,8 @@ pub(super) struct Matcher<'a> {
     partners: Vec<Partner>,
     pub(super) lost: Vec<Lost>,
     pub(super) notes: Vec<String>,
-    /// Our place, and the place of theirs that has it now.
+    /// A place in the first program, and the place of the second program's variable that has it
+    /// now.
     taken: BTreeMap<(u32, u32), Option<(u32, u32)>>,
     own: u32,
     /// The textures and samplers that each program uses together: ours, theirs.
@@ -360,7 +361,7 @@ impl Matcher<'_> {
             (Some(number), Some(name)) if number.0 == name.0 || same_host => Some(number),
             (_, Some(name)) => Some(name),
             (Some(number), None) => {
-                // It is somebody else's, by name.
+                // By name, it belongs to another variable.
                 let our = plain(
                     self.ours.global_variables[number.0]
                         .name
@@ -461,7 +462,7 @@ impl Matcher<'_> {
             (their.global == global).then_some((our.global, By::Map))
         });
         let is_hidden = self.is_hidden(1, global);
-        // Another sampler may filter otherwise, so one with a name has no partner by its texture.
+        // Another sampler may filter differently, so one with a name has no partner by its texture.
         let of_texture = || {
             let all = self.samplers_of_textures(global);
             let mut all = all
@@ -475,8 +476,8 @@ impl Matcher<'_> {
             .or_else(of_texture)
     }
 
-    /// Whether a variable is the sampler of a combined one, which has no name and number of its own.
-    /// Our program is the first.
+    /// Whether a variable is the sampler of a combined one, which has no name and number of its
+    /// own. `program` is 0 for ours, 1 for theirs.
     fn is_hidden(&self, program: usize, sampler: Handle<GlobalVariable>) -> bool {
         let module = [self.ours, self.theirs][program];
         let binding = module.global_variables[sampler].binding;

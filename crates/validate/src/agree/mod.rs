@@ -318,7 +318,7 @@ pub struct Agreement {
     pub notes: Vec<String>,
 }
 
-/// Two programs that cannot be held against each other.
+/// Two programs that cannot be compared.
 #[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
 pub enum Mismatch {
     #[error("{side} program has no {stage} stage")]

@@ -56,7 +56,7 @@ impl Two<'_> {
         Ok(What::Outputs(ours, theirs))
     }
 
-    /// The same two, with the pass that writes the normal as the first if that is compared.
+    /// The same two programs. If the normal is compared, the first one is the pass that writes it.
     pub(super) fn of_normal(&self, what: What) -> Self {
         let pass = match (what, &self.normal) {
             (What::Outputs(..), Some(Ok(pass))) => *pass,

@@ -58,8 +58,8 @@ impl Leaf {
 }
 
 impl<'r> Probed<'r> {
-    /// Of a comparison on a tape. `run` gives the tape with another value of an input, or `None` if no
-    /// runs are left.
+    /// A search for a comparison on a tape. `run` returns the tape with another value of an input,
+    /// or `None` if no runs are left.
     pub(super) fn new(
         (tape, at): (&'r Tape, usize),
         run: &'r dyn Fn(Source, Scalar) -> Option<Tape>,
@@ -94,7 +94,7 @@ impl<'r> Probed<'r> {
         leaves
     }
 
-    /// The sides if a leaf is another integer, and all that was compared before comes to the same end.
+    /// The sides if a leaf is another integer, and all earlier comparisons have the same results.
     fn sides(&self, leaf: Leaf, integer: i64) -> Option<[f64; 2]> {
         let (source, scalar) = leaf.with(self.tape, integer)?;
         let tape = (self.run)(source, scalar)?;
@@ -116,7 +116,8 @@ impl<'r> Probed<'r> {
         Some(new.sides)
     }
 
-    /// By the secant method: at once for sums and masks, and for a product that is a multiple.
+    /// Solves by the secant method: at once for sums and masks, and for a product that is a
+    /// multiple.
     fn secant(&self, leaf: Leaf) -> Steps {
         let [a, b] = self.own().sides;
         let (mut last, mut gap) = (leaf.now(), a - b);
@@ -191,7 +192,7 @@ impl<'r> Probed<'r> {
         self.sides(leaf, !leaf.now()) != Some(self.own().sides)
     }
 
-    /// Values of an input near which the comparison comes to another end.
+    /// Values of an input near which the comparison has the other result.
     pub(super) fn solutions(&self) -> Vec<Solution> {
         let own = self.own();
         let [a, b] = own.sides;

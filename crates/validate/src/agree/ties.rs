@@ -108,7 +108,7 @@ impl<'t> Step<'t> {
         }
     }
 
-    /// Of the comparisons after one, the next that are no ties.
+    /// The next comparisons after one, except for ties.
     fn near(all: &[Self], tape: &Tape, site: u64) -> Vec<u64> {
         let mut after = all.iter().skip_while(|step| step.site(tape) != site);
         after.next();
@@ -134,7 +134,7 @@ pub(super) fn converted(tape: &Tape, decision: &Decision, wanted: f32) -> Option
 }
 
 impl Ties {
-    /// For at most so many inputs of a promise that takes at most so many steps.
+    /// A search for at most `left` inputs of a promise that takes at most `steps` steps.
     pub(super) fn new(left: u64, steps: u64) -> Self {
         Self {
             tries: BTreeMap::new(),
@@ -216,8 +216,8 @@ impl Ties {
     }
 }
 
-/// The values near which a decision comes to another end, of an input that nothing else was solved for
-/// if there is one.
+/// The values near which a decision has the other result. They are values of an input that nothing
+/// else was solved for, if there is one.
 fn solved(tape: &Tape, decision: &Decision, count: usize, point: &Point) -> Vec<Solution> {
     let mut all = decision.solutions(tape);
     let turned = count % all.len().max(1);

@@ -36,7 +36,7 @@ const BESIDE: u64 = 16;
 /// One in this many inputs should keep a fragment, and one discard it.
 const RARE: u64 = 8;
 
-/// Otherwise this many times as many inputs are tried.
+/// If fewer do, the trial takes this many times as many inputs.
 const MORE: u64 = 4;
 
 /// One in this many inputs must end.

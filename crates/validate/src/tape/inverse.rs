@@ -300,7 +300,7 @@ fn from_ordinal(at: i64) -> f32 {
     if at < 0 { -size } else { size }
 }
 
-/// The float that is so many further.
+/// The float that is `by` steps away.
 fn moved(x: f32, by: i64) -> f32 {
     from_ordinal(ordinal(x) + by)
 }

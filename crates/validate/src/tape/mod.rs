@@ -42,9 +42,9 @@ pub enum Source {
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Taped {
     pub(super) value: f32,
-    /// In `f64`, from the same inputs and by the same decisions.
+    /// The value in `f64`, from the same inputs and by the same decisions.
     pub(super) truth: f64,
-    /// It was rounded on the way, in either.
+    /// The value or the reference was rounded on the way.
     pub(super) is_rounded: bool,
     /// Its index on the tape; [`CONSTANT`] if it depends on no input.
     at: u32,
@@ -65,7 +65,7 @@ enum Computation {
 struct Node {
     made: Computation,
     value: f32,
-    /// Of the operations and sources, without numbers of inputs.
+    /// Hash of the operations and sources, without the numbers of inputs.
     hash: u64,
 }
 
@@ -302,7 +302,7 @@ impl Taped {
 }
 
 impl Decision {
-    /// Whether its comparison comes to another end with other sides.
+    /// Whether its comparison has the other result with these sides.
     pub(super) fn flips(&self, [a, b]: [f32; 2]) -> bool {
         let own = self.sides.map(|side| side.value);
         let holds = |[a, b]: [f32; 2]| self.op.and_then(|op| f32::holds(op, a, b));

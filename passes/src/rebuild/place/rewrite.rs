@@ -163,7 +163,7 @@ impl<'a> CopyFunction<'a> for AuthorCopy<'a> {
         if let Some(Replacement::Value(_) | Replacement::Other(_)) =
             self.rewrite.replacements.get(&e)
         {
-            // The call still returns a result, which nobody reads.
+            // The call still returns a result that is not read.
             let expression = copying.original.expressions[e].clone();
             let span = copying.original.expressions.get_span(e);
             return copying.writer.append(expression, span);

@@ -143,7 +143,7 @@ pub(crate) struct CarriedValues {
     pub guides: Vec<ValueId>,
     /// Static cost of a pixel before.
     pub before: f64,
-    /// The same after, with reading and a quarter of the half-rate stage.
+    /// Static cost of a pixel after, with reading and a quarter of the half-rate stage.
     pub after: f64,
     /// Static cost of the half-rate stage.
     pub half: f64,

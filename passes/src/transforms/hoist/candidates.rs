@@ -178,7 +178,7 @@ fn dearest(values: &Values<'_, '_>, verdicts: &[Verdict], most: usize) -> Vec<(V
         let costs = transitive_cost::dearest(values, &smooth, looked_at, choose::SMOOTH_PRICE);
         let costs = costs.into_iter().filter(|(v, cost)| *cost > price(*v));
         let costs: BTreeMap<ValueId, f64> = costs.collect();
-        // Of several names for one value keep the last: a call's result rather than the callee's
+        // If a value has several names, keep the last: a call's result rather than the callee's
         // return value.
         let is_last = |v: ValueId, cost: f64| {
             !users[v]

@@ -215,7 +215,7 @@ pub struct Judged {
     pub verdicts: Vec<Verdict>,
     /// Rounding error of the outputs if values move.
     pub roundings: Arc<Roundings>,
-    /// Whether moving each value only rounds it otherwise: it is affine in the varyings, or fused.
+    /// Whether moving each value only changes its rounding: it is affine in the varyings, or fused.
     pub affine: Arc<[bool]>,
     /// Ids of an earlier choice that no value has.
     pub unknown: Vec<String>,
@@ -325,8 +325,8 @@ pub(super) fn judge(values: &Values<'_, '_>, precision: &Precision) -> Judged {
                     if fact.rate == Rate::Draw && is_cheap(values, id) {
                         return Err(NotHoisted::NotCarried);
                     }
-                    // A compiler that fuses it into its reader rounds otherwise than one that does
-                    // not see both.
+                    // A compiler that fuses it into its reader rounds differently from one that
+                    // does not see both.
                     let class = match unsteady[id] {
                         false => Class::Exact,
                         true if coverage[id] => return Err(NotHoisted::Coverage),
@@ -406,7 +406,7 @@ fn pins(values: &Values<'_, '_>) -> Vec<Option<ValueId>> {
     }
     let mut pins: Vec<Option<ValueId>> = vec![None; values.values.len()];
     while let Some(id) = queue.pop_front() {
-        // Of equally near ones, the one through the first operand.
+        // If several are equally near, the one through the first operand.
         let operands = &values.values[id].operands;
         pins[id] = match distance[id] {
             0 => Some(id),

@@ -1,4 +1,4 @@
-//! Assigns moved values to varying slots: one location each if there is room, otherwise packed into
+//! Assigns moved values to varying slots: one location each if there is room, and else packed into
 //! vectors.
 
 use std::collections::BTreeSet;

@@ -176,7 +176,7 @@ struct Varying {
 struct Varyings {
     /// x, y and w of the clip position.
     clip: Option<Varying>,
-    /// That of the previous frame.
+    /// Clip position of the previous frame.
     previous: Option<Varying>,
     instance: Option<Varying>,
     /// Position in the world.

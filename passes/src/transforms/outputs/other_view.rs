@@ -173,7 +173,7 @@ fn renamed(
                 format!("the slice reads a uniform `{theirs}` of the author's too"),
             ));
         }
-        // One that nothing reads takes the free name.
+        // A uniform that nothing reads takes the free name.
         for uniform in &mut declared.uniforms {
             if uniform.name == *ours {
                 uniform.name = (*theirs).to_owned();

@@ -64,7 +64,7 @@ pub(crate) enum NotOncePerDraw {
     Conditional,
     /// It depends on a number that may be subnormal in the scene.
     Subnormal,
-    /// It decides coverage or depth, and may round otherwise.
+    /// It decides coverage or depth, and may round differently.
     Coverage,
     /// Its rounding may change an output too far.
     RoundsFar,
@@ -275,11 +275,11 @@ pub(crate) struct StoredValues {
     /// The values, in the order in which they are stored.
     pub moved: Vec<ValueId>,
     pub class: Class,
-    /// Number of operations that may round otherwise.
+    /// Number of operations that may round differently.
     pub roundings: u32,
     /// Static cost of an invocation before.
     pub before: f64,
-    /// The same after, with reading.
+    /// Static cost of an invocation after, with reading.
     pub after: f64,
     /// Static cost of the draw's own work.
     pub once: f64,

@@ -45,7 +45,6 @@ pub(crate) struct Folder<'p> {
 }
 
 pub(crate) struct FoldedStage {
-    /// The entry point's function.
     pub function: Function,
     /// The abstract value of its result.
     pub result: AbstractValue,

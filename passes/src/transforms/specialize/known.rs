@@ -227,7 +227,7 @@ impl AbstractValue {
         }
     }
 
-    /// Applies a function component by component. A scalar among vectors stands for each of its
+    /// Applies a function component by component. A scalar among vectors counts for each of its
     /// components.
     pub fn zip(operands: &[&Self], function: &dyn Fn(&[Scalar]) -> Option<Scalar>) -> Self {
         let width = operands.iter().find_map(|o| match o {

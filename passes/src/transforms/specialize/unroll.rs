@@ -76,7 +76,7 @@ impl<'p> Folder<'p> {
     }
 
     /// Unrolls a loop. A speculative run comes first, so that a failure leaves no trace. A failed
-    /// loop is not tried again; otherwise nested loops would take exponential time.
+    /// loop is not tried again, because nested loops would take exponential time.
     fn written_out(&mut self, frame: &mut FoldFrame<'p>, this: Loop<'p>) -> Option<Turns> {
         if frame.hopeless.contains(&this.id) {
             return None;
@@ -287,7 +287,7 @@ impl Snapshot {
                 frame.tried -= 1;
                 frame.wasted = self.wasted;
             }
-            // Inside an unroll that is itself discarded, nobody reads it.
+            // Inside an unroll that is itself discarded, the result is not read.
             None => {
                 let more = frame.function.expressions.len() - self.length;
                 frame.wasted = self.wasted + more;

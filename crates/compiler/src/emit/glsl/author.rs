@@ -759,7 +759,7 @@ impl Authored {
 
     /// The name of a struct whose samplers alone are used.
     fn own_struct(&mut self, name: &str, declared: &[Declaration]) -> String {
-        // As in the other stage, which may read its data.
+        // The other stage may read its data, so it is declared alike here.
         let data = declared.iter().filter(|d| d.ty.has_data());
         let mut members: Vec<SamplerMember> = data.filter_map(|d| self.member(d)).collect();
         members.extend(self.sampler_members(declared));

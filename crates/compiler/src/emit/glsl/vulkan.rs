@@ -36,7 +36,8 @@ impl Vulkan {
         for attribute in &mut declared.attributes {
             attribute.chosen = Chosen::ByAuthor;
         }
-        // Nor has it structs of samplers. Each sampler that no numbered array has is declared by itself.
+        // Nor has it structs of samplers. Samplers outside of numbered arrays are declared one by
+        // one.
         let module = program.module();
         let numbers = program.declared().numbers.iter();
         let numbered: HashSet<_> = numbers.map(|n| n.binding).collect();

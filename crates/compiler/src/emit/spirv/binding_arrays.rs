@@ -95,7 +95,7 @@ fn non_uniforms(module: &Module) -> HashSet<u32> {
         .collect()
 }
 
-/// The same, and the textures and samplers that are made of it.
+/// [`non_uniforms`], and the textures and samplers that are made of them.
 fn spread(module: &Module) -> HashSet<u32> {
     let mut out = non_uniforms(module);
     if out.is_empty() {

@@ -92,7 +92,7 @@ pub(super) fn size<'l>(
     if !sized.is_empty() && !has_initial_values(of) {
         drop_initial_zeros(module, sized);
     }
-    // Those of constants with their defaults.
+    // Names of types whose lengths are constants with their defaults.
     let is_of_length = |i: &Instruction| match i.operands.get(1) {
         Some(Operand::LiteralString(name)) => LengthConstant::is_type_name(name),
         _ => false,

@@ -12,7 +12,7 @@ use super::tokens::{Kind, Token, tokens};
 /// naga's messages about constant expressions that it lacks.
 const LACKS: [&str; 3] = [
     "Not implemented as constant expression",
-    // Of a call that it leaves to run time, with abstract arguments.
+    // naga's message for a call that it leaves to run time, with abstract arguments.
     "failed to convert expression to a concrete type",
     "Cannot apply the binary op",
 ];
@@ -29,7 +29,7 @@ const NAME: &str = "preshade_value";
 pub(super) fn value(text: &str, part: Range<usize>) -> Option<(Range<usize>, String)> {
     let part = part.start..end_of_call(text, part.end);
     let member = || {
-        // Of a struct, which no literal expresses.
+        // A member of a struct, which no literal expresses.
         let behind = tokens(&text[part.end..]);
         let (dot, name) = (behind.first()?, behind.get(1)?);
         (dot.text == ".").then(|| part.start..part.end + name.range().end)

@@ -55,7 +55,7 @@ impl Runner for OnAdapter<'_> {
         if stages.fragment.is_none() && place != TestPoint::Vertex {
             return Ok(draws.iter().map(|_| nothing()).collect());
         }
-        // Those of a pair are the same in all its inputs.
+        // All inputs of a pair have the same levels.
         let levels = draws.first().map(|d| Arc::clone(&d.inputs.levels));
         let mut harness = harness(stages, place, &levels.unwrap_or_default())?;
         let mut given = [Vec::new(), Vec::new()];

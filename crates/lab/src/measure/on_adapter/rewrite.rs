@@ -102,7 +102,7 @@ pub(crate) fn rewritten(
         killed,
         buffers: BTreeMap::new(),
     };
-    // They are there from the start, as global variables are.
+    // These exist from the start, like global variables.
     rewriter.evaluated.push(Vec::new());
     for (_, expression) in old.expressions.iter() {
         if let Expression::GlobalVariable(global) = expression {

@@ -9,9 +9,9 @@ use super::{Variant, pass_of};
 use preshade_draw::scene::bind::{self, DrawBindings};
 use preshade_draw::scene::{Draw, Frame, Scene, Stream};
 
-/// The draws a little earlier: elsewhere, turned, bent and blended otherwise, and each instance
-/// too. Of these changes, a draw makes those that `allows` accepts: it gets the draw without the
-/// change and with it.
+/// The draws a little earlier: moved, turned, bent and with another blend, and each instance too. A
+/// draw makes those of these changes that `allows` accepts: it gets the draw without the change and
+/// with it.
 pub fn earlier(scene: &Scene, allows: &dyn Fn(&Draw, &Draw) -> bool) -> Scene {
     let try_change = |draw: &mut Draw, change: &dyn Fn(&mut Draw)| {
         let mut next = draw.clone();

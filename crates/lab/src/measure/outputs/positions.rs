@@ -297,14 +297,15 @@ struct Hit {
     apart: f64,
     /// Its velocity, in parts of the picture.
     velocity: [f64; 2],
-    /// How much of it an adapter may compute otherwise.
+    /// The part of it that an adapter may compute differently.
     slack: [f64; 2],
 }
 
 /// Depths that count as equal: an adapter interpolates in 32-bit floats.
 const SAME_DEPTH: f64 = 4e-6;
 
-/// Pixels that an adapter may compute a velocity otherwise by. A pixel with more is not compared.
+/// The most pixels by which an adapter may compute a velocity differently. A pixel with more is not
+/// compared.
 const MOST_SLACK: f64 = 0.125;
 
 /// The triangle that a pixel shows: of those that cover it, the one nearest to the depth drawn. `None`: that is not known.
@@ -312,7 +313,7 @@ fn chosen(hits: &[Hit], size: [u32; 2]) -> Option<Hit> {
     let best = hits.iter().min_by(|a, b| a.apart.total_cmp(&b.apart))?;
     let differs = |hit: &Hit| {
         let mut axes = hit.velocity.iter().zip(&best.velocity).zip(size);
-        // One that is no number differs from all.
+        // NaN differs from all.
         !axes.all(|((a, b), size)| (a - b).abs() * f64::from(size) <= TOLERANCE)
     };
     let is_near = |hit: &Hit| hit.apart <= SAME_DEPTH;
@@ -401,7 +402,7 @@ struct Point {
 /// An adapter snaps corners to this part of a pixel.
 const SNAP: f64 = 1.0 / 256.0;
 
-/// An adapter may round positions otherwise than the interpreter, by this many of its errors.
+/// An adapter may round positions differently from the interpreter, by this many of its errors.
 const ROUNDINGS: f64 = 4.0;
 
 /// How far beyond an edge a triangle may still cover a pixel, in pixels: an adapter snaps corners

@@ -141,7 +141,8 @@ impl Choice {
         let drawn: Vec<Compared<'_>> = drawn
             .filter_map(|variant| {
                 let error = variant.error.as_ref()?;
-                // One that breaks its own promise is not for shipping, whatever this budget allows.
+                // A variant that breaks its own promise is not for shipping, whatever this budget
+                // allows.
                 let stands = !matches!(
                     variant.verdict,
                     Verdict::NotMeasured { .. } | Verdict::Broken { .. }

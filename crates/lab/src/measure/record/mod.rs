@@ -33,7 +33,7 @@ pub const ORIGINAL: &str = "original";
 pub struct Report {
     pub schema: String,
     pub scene: String,
-    /// Of a captured frame, the part of it that `scene` is, in words.
+    /// For a captured frame, the part of it that `scene` is, in words.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
     /// Width and height, in pixels.

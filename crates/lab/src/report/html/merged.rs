@@ -94,7 +94,7 @@ pub fn page(
             said: Vec::new(),
             command: command.to_owned(),
             file: "results.json",
-            // Of many adapters and inputs they are too many for a page.
+            // With many adapters and inputs, the data are too large for a page.
             data: "null".to_owned(),
             gallery: Gallery::default(),
         },

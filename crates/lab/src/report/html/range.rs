@@ -25,7 +25,7 @@ pub(crate) struct Strip {
 }
 
 impl Scale {
-    /// One that has all of these on it, and 1. Ratios far beyond ten are drawn at its end.
+    /// A scale that has all of these on it, and 1. Ratios far beyond ten are drawn at its end.
     pub fn of<'e>(ratios: impl Iterator<Item = &'e Estimate>) -> Self {
         let (mut from, mut to) = (0.9_f64, 1.1_f64);
         for ratio in ratios.filter(|r| r.low.is_finite() && r.high.is_finite()) {

@@ -37,7 +37,7 @@ pub(crate) struct Shot {
     pub original: usize,
     /// The text if the variant has no picture of its own.
     pub same: &'static str,
-    /// The variant's; `None`: it looks the same.
+    /// The variant's picture; `None`: it looks the same.
     pub variant: Option<String>,
     /// Their FLIP map; `None`: it would be black.
     pub flip: Option<String>,
@@ -210,7 +210,7 @@ fn shots(
             gallery,
         )?
     }];
-    // Of the headline's own camera, in another order or frame.
+    // The headline's own camera, in another order or frame.
     let seen = |worst: &&Worst| pictures.elsewhere.iter().any(|e| e.view == worst.view);
     if let Some(worst) = pictures.worst.as_ref().filter(|w| !seen(w)) {
         shots.push(shot(

@@ -38,10 +38,10 @@ pub struct Known {
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 enum Mark {
-    /// It is to be measured, under this name.
+    /// A candidate to measure, under this name.
     Planned(String),
     Begun,
-    /// It is drawn, or cannot be.
+    /// A candidate that is drawn, or cannot be.
     Ended,
 }
 

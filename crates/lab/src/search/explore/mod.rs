@@ -173,7 +173,7 @@ pub enum Ended {
 pub struct Exploration {
     pub schema: String,
     pub scene: String,
-    /// Of a captured frame, the part of it that `scene` is, in words.
+    /// For a captured frame, the part of it that `scene` is, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
     /// Width and height, in pixels.

@@ -36,7 +36,7 @@ pub(crate) struct Predictor<'f> {
 }
 
 impl<'f> Predictor<'f> {
-    /// Of the materials as their author wrote them.
+    /// A predictor for the materials as their author wrote them.
     pub fn new(plans: &[Plan], facts: &'f Facts, metric: Metric) -> Self {
         let fragment = |plan: &Plan| {
             let pass = plan.main()?;

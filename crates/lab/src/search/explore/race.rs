@@ -194,7 +194,7 @@ impl<'a> Search<'a> {
         sequence
     }
 
-    /// Draws each that waits, compares it with the original, and looks how long it takes.
+    /// Draws each waiting candidate, compares it with the original, and estimates its time.
     pub(super) fn draw(
         &self,
         arena: &mut Arena<'a>,

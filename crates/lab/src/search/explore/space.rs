@@ -134,7 +134,8 @@ fn thresholds(frequencies: &[Frequency], metric: Metric) -> Vec<f64> {
     let finite = frequencies.iter().filter(|f| f.is_finite());
     let mut errors: Vec<f64> = finite.map(|f| metric.of(f)).collect();
     errors.sort_by(f64::total_cmp);
-    // Of errors that hardly differ the largest: a threshold between them parts nothing that matters.
+    // Of errors that hardly differ, the largest remains: a threshold between them would separate
+    // nothing.
     errors.reverse();
     errors.dedup_by(|a, b| *a * APART >= *b);
     errors.reverse();

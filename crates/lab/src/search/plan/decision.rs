@@ -22,7 +22,7 @@ pub(crate) const SCHEMA: &str = "preshade.decision.v2";
 pub struct Decision {
     pub schema: String,
     pub scene: String,
-    /// Of a captured frame, the part of it that `scene` is, in words.
+    /// For a captured frame, the part of it that `scene` is, in words.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub part: Option<String>,
     /// Width and height, in pixels.

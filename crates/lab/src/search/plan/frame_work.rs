@@ -80,7 +80,7 @@ pub(crate) fn of_draw(scene: &Scene, draw: usize) -> Option<DrawCounts> {
 /// Fragments of one material in one view, in pixels. With multisampling these are fractions.
 #[derive(Clone, Copy, Debug, Default, PartialEq, serde::Serialize)]
 pub struct Fragments {
-    /// Those of all its triangles, whatever lies in front.
+    /// Fragments of all its triangles, whatever lies in front.
     pub rasterised: f64,
     /// Those that pass the depth test, in the order of the draws.
     pub drawn: f64,
@@ -103,7 +103,7 @@ impl Fragments {
 pub struct Counted {
     /// Width and height of the frame.
     pub size: [u32; 2],
-    /// Of each material, in the scene's order.
+    /// One for each material, in the scene's order.
     pub materials: Vec<Fragments>,
 }
 
@@ -139,7 +139,7 @@ struct Cost {
 }
 
 impl Cost {
-    /// Of every entry point of a program, by name.
+    /// The cost of every entry point of a program, by name.
     fn of(graph: &Graph<'_>) -> BTreeMap<String, Self> {
         let module = graph.module();
         let mut ops: BTreeMap<FunctionId, f64> = BTreeMap::new();

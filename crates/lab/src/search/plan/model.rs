@@ -55,10 +55,10 @@ pub struct Model {
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ModelError {
-    /// It is no JSON of a model.
+    /// The text is no JSON of a model.
     #[error("this is no cost model: {0}")]
     Json(#[from] serde_json::Error),
-    /// It is of another version.
+    /// The model is of another version.
     #[error("the cost model is of version `{0}`, and this preshade reads `{SCHEMA}`")]
     Version(String),
     /// A coefficient is negative or no number.

@@ -172,7 +172,7 @@ impl Hidden {
         while !left.is_empty() {
             let is_free = |i: &usize| !left[..*i].iter().any(|b| self.are_tied(*b, left[*i]));
             let free = (0..left.len()).filter(is_free);
-            // Of equals the first.
+            // Of equal draws, the first.
             let next = free
                 .rev()
                 .max_by(|a, b| balances[left[*a]].total_cmp(&balances[left[*b]]));

@@ -56,7 +56,7 @@ impl<'a> Contestant<'a> for Runner<'a> {
         &mut self.subject
     }
 
-    /// One that breaks its contract is drawn no more.
+    /// A frame that breaks its contract is drawn no more.
     fn hold(
         &mut self,
         view: (&View, &Frame),

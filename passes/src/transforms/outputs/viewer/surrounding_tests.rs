@@ -101,7 +101,8 @@ impl Stage<'_, '_> {
                     let is_kept = limits.iter().any(|limit| is_limit(d, limit));
                     matches!(change, Some(Instead::Bool(_))) && !is_kept
                 };
-                // One that disappears is no test, and one that no surface decides is none either.
+                // A condition that disappears is no test, and neither is one that no surface
+                // decides.
                 if deciders.iter().any(|d| is_constant(&d))
                     || deciders
                         .iter()

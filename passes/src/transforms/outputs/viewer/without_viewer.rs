@@ -187,7 +187,7 @@ impl Search<'_, '_, '_> {
         }
     }
 
-    /// The same, where an author's value takes part that may be an alpha.
+    /// Like [`Self::wall`], if an author's value takes part that may be an alpha.
     fn wall_beside(&self, at: At, free: At) -> Rest {
         match self.mode == Mode::Alpha && self.stage.reads(free) != ViewerReads::Nothing {
             true => Rest::Unclear,

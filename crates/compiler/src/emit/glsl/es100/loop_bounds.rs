@@ -107,7 +107,7 @@ impl Test {
         }
         match counter {
             Number::Int(_) => Some(turns),
-            // An adapter may round its sums otherwise.
+            // An adapter may round its sums differently.
             Number::Float(_) => Some(turns + turns / 8 + 1),
         }
     }

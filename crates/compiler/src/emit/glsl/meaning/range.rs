@@ -1,5 +1,5 @@
-//! The range of each expression of a function, whatever its inputs are, as far as one look at each
-//! finds it. A counter's range follows from its loop's condition.
+//! The range of each expression of a function, whatever its inputs are. Each expression is examined
+//! once. A counter's range follows from its loop's condition.
 
 use std::collections::BTreeMap;
 
@@ -169,7 +169,7 @@ impl Ranges<'_> {
         };
         match from {
             ScalarKind::Float if is_bits => None,
-            // It is brought into the range of the integers.
+            // The conversion clamps to the range of the integers.
             ScalarKind::Float => Some(range.rising(|x| x.trunc().clamp(target.low, target.high))),
             _ if target.low <= range.low && range.high <= target.high => Some(range),
             _ => None,
@@ -193,7 +193,7 @@ impl Ranges<'_> {
             B::Subtract => Some(wrapped(a.plus(b.negated()), scalar)),
             B::Multiply => Some(wrapped(a.times(b), scalar)),
             B::Divide if are_positive => Some(Interval::new(0.0, a.high)),
-            // By 0 it is 0.
+            // The result for a divisor of 0 is 0.
             B::Modulo if are_positive => {
                 Some(Interval::new(0.0, a.high.min((b.high - 1.0).max(0.0))))
             }
