@@ -1,22 +1,23 @@
-//! How accurate an adapter's operations are: WGSL section 15.7.4, accuracy of concrete floating
-//! point expressions.
+//! Accuracy of an adapter's operations: WGSL section 15.7.4, accuracy of concrete floating point
+//! expressions.
 //!
-//! An adapter may fuse and reassociate where that is at least as accurate (section 15.7.5), and may
-//! flush a subnormal number to zero (section 15.7.2).
+//! An adapter may fuse and reassociate operations if the result is at least as accurate (section
+//! 15.7.5), and may flush a subnormal number to zero (section 15.7.2).
 
 use naga::MathFunction;
 
-/// How far the result of an operation may be from the exact one: a part of it, and a number beside.
+/// Largest distance between the result of an operation and the exact result: a relative part plus
+/// an absolute part.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Accuracy {
     relative: f64,
     absolute: f64,
 }
 
-/// A unit in the last place of a number is at most this part of it. The excess is there for the
-/// roundings of `f64`, which the arithmetic itself makes.
+/// Upper bound of one unit in the last place, relative to the number. Slightly larger than exact,
+/// to cover the roundings of this analysis in `f64`.
 const ULP: f64 = 1.000_001 * f32::EPSILON as f64;
-/// Least normal `f32`: what is below it may be flushed.
+/// Smallest normal `f32`. An adapter may flush smaller numbers.
 pub(crate) const SMALLEST: f64 = f32::MIN_POSITIVE as f64;
 /// From this magnitude of its argument on, the quotient that defines `tanh` may overflow.
 pub const LARGEST_TANH: f64 = 88.0;
@@ -24,26 +25,26 @@ pub const LARGEST_TANH: f64 = 88.0;
 pub(crate) const LARGEST: f64 = f32::MAX as f64;
 
 impl Accuracy {
-    /// The exact number, if it can be one: `floor`, `abs`, `max`.
+    /// The exact number, if an `f32` can represent it: `floor`, `abs`, `max`.
     pub const EXACT: Self = Self {
         relative: 0.0,
         absolute: 0.0,
     };
 
-    /// Correctly rounded, which is upwards or downwards: `+`, `-`, `*`.
+    /// Correctly rounded, up or down: `+`, `-`, `*`.
     pub const ROUNDED: Self = Self::ulps(1.0);
 
     /// Division, by divisors from 2^-126 to 2^126.
     pub const QUOTIENT: Self = Self::ulps(2.5);
 
-    /// WGSL promises nothing.
+    /// WGSL guarantees nothing.
     pub const UNKNOWN: Self = Self {
         relative: f64::INFINITY,
         absolute: f64::INFINITY,
     };
 
-    /// Of a function that WGSL does not define by other operations, for a first argument of up to
-    /// this much.
+    /// Accuracy of a function that WGSL does not define by other operations. The first argument has
+    /// at most this magnitude.
     pub fn of_function(function: MathFunction, argument: f64) -> Self {
         use MathFunction as M;
         match function {
@@ -60,13 +61,13 @@ impl Accuracy {
             // By definition `1 / inverseSqrt(x)`.
             M::Sqrt => Self::ulps(5.0),
             M::InverseSqrt | M::Radians | M::Degrees => Self::ulps(2.0),
-            // Of `t * t * (3 - 2 * t)`: two products and a difference.
+            // The definition is `t * t * (3 - 2 * t)`: two products and a difference.
             M::SmoothStep => Self::ulps(4.0),
             _ => Self::UNKNOWN,
         }
     }
 
-    /// So many units in the last place.
+    /// An error of this many units in the last place.
     pub const fn ulps(count: f64) -> Self {
         Self {
             relative: count * ULP,
@@ -74,7 +75,7 @@ impl Accuracy {
         }
     }
 
-    /// This much, whatever the number is.
+    /// An error of this much, independent of the number.
     pub const fn absolute(error: f64) -> Self {
         Self {
             relative: ULP,
@@ -82,20 +83,20 @@ impl Accuracy {
         }
     }
 
-    /// Of sine and cosine of up to this much. Beyond half a turn, where WGSL promises nothing, it
-    /// is taken that the argument is reduced by a multiple of a period that is good to 2^-22:
-    /// within a hundred turns about what Direct3D asks for.
+    /// Accuracy of sine and cosine for arguments of at most this magnitude. Beyond half a turn WGSL
+    /// guarantees nothing. There we assume that the argument is reduced by a multiple of a period
+    /// that is accurate to 2^-22: within a hundred turns, about as Direct3D requires.
     pub fn wave(argument: f64) -> Self {
         let beyond = (argument - std::f64::consts::PI).max(0.0);
         Self::absolute(2_f64.powi(-11) + beyond * 2_f64.powi(-22))
     }
 
-    /// Of a power of a constant with an exponent of up to this much.
+    /// Accuracy of a power with a constant base and an exponent of at most this magnitude.
     pub fn exponential(exponent: f64) -> Self {
         Self::ulps(3.0 + 2.0 * exponent)
     }
 
-    /// Of a logarithm: 2^-21 about 1, 3 units elsewhere.
+    /// Accuracy of a logarithm: 2^-21 near 1, 3 units elsewhere.
     pub fn logarithm() -> Self {
         Self {
             relative: 3.0 * ULP,
@@ -103,14 +104,15 @@ impl Accuracy {
         }
     }
 
-    /// Of `exp2(y log2(x))`, with `y`, `y log2(x)` and the power itself of up to so much.
+    /// Accuracy of `exp2(y log2(x))`. The arguments bound the magnitudes of `y`, of `y log2(x)`,
+    /// and of the power.
     pub fn power(y: f64, exponent: f64, largest: f64) -> Self {
-        // The logarithm is off by 2^-21 near 1, and with the product by 4 units of the exponent;
-        // the power of two by 3 units and 2 of the exponent for each of its own.
+        // The logarithm has an error of 2^-21 near 1, and with the product of 4 units of the
+        // exponent. The power of two adds 3 units, and 2 for each unit of its exponent.
         let off = std::f64::consts::LN_2 * (y * 2_f64.powi(-21) + 4.0 * ULP * exponent);
         let growth = off.exp();
-        // What counts by the exponent does so times the power: below 1 that is 1 / (e ln 2) at
-        // most.
+        // Errors in proportion to the exponent grow with the power too. Below 1 their product is at
+        // most 1 / (e ln 2).
         let weighed = (largest * largest.log2()).max(0.54);
         Self {
             relative: growth * (std::f64::consts::LN_2 * y * 2_f64.powi(-21)) + 4.0 * ULP,
@@ -118,18 +120,19 @@ impl Accuracy {
         }
     }
 
-    /// Of `sinh` and `cosh`, half a sum of two exponentials, of up to this much.
+    /// Accuracy of `sinh` and `cosh`, half a sum of two exponentials, for arguments of at most this
+    /// magnitude.
     pub fn hyperbolic(argument: f64) -> Self {
         Self::absolute((6.0 + 2.0 * argument) * ULP * argument.cosh())
     }
 
-    /// Of `tanh`, the worse of 1e-5 and their quotient.
+    /// Accuracy of `tanh`: the worse of 1e-5 and the quotient that defines it.
     pub fn hyperbolic_tangent(argument: f64) -> Self {
         Self::absolute(1e-5 + 2.0 * (8.0 + 2.0 * argument) * ULP)
     }
 
-    /// Of `asin` and `acos` of up to this much: the worse of 6.81e-5 and `atan2(sqrt(1 - x x), x)`,
-    /// 4096 units of at most half a turn.
+    /// Accuracy of `asin` and `acos` for arguments of at most this magnitude: the worse of 6.81e-5
+    /// and `atan2(sqrt(1 - x x), x)`, which has 4096 units of at most half a turn.
     pub fn arc(argument: f64) -> Self {
         let rest = (1.0 - argument * argument).max(0.0);
         let off = 2.0 * ULP;
@@ -137,18 +140,18 @@ impl Accuracy {
         Self::absolute(6.81e-5 + root + 4096.0 * ULP * std::f64::consts::PI)
     }
 
-    /// How far off the result may be, of numbers of up to this much.
+    /// Largest error of a result of at most this magnitude.
     pub fn of(self, magnitude: f64) -> f64 {
         self.relative * magnitude + self.absolute
     }
 
-    /// The least that may become of the least number. A part of it and a flush do not change its
-    /// sign.
+    /// Lower bound of a result whose exact value is `least`. A relative error and a flush do not
+    /// change its sign.
     pub fn lower_bound(self, least: f64) -> f64 {
         self.beyond(least, -1.0)
     }
 
-    /// The largest that may become of the largest.
+    /// Upper bound of a result whose exact value is `largest`.
     pub fn above(self, largest: f64) -> f64 {
         self.beyond(largest, 1.0)
     }
@@ -157,7 +160,7 @@ impl Accuracy {
         if end.is_infinite() {
             return end;
         }
-        // All subnormal numbers have the unit of the least normal one.
+        // All subnormal numbers have the unit of the smallest normal number.
         let part = match end == 0.0 {
             true => 0.0,
             false => self.relative * end.abs().max(SMALLEST),

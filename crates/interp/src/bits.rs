@@ -8,11 +8,11 @@ use super::Stuck;
 use super::number::{Number, single, truncated};
 use super::value::{Scalar, Value};
 
-/// Functions that split, join or count words; `None` for other functions.
+/// Functions that split, join or count words. `None` for other functions.
 ///
 /// # Errors
 ///
-/// On arguments of other types, and on numbers that stand for several values.
+/// Arguments have other types, or stand for several values.
 pub(crate) fn call<F: Number>(
     fun: MathFunction,
     arguments: &[&Value<F>],
@@ -60,7 +60,7 @@ pub(crate) fn call<F: Number>(
     })
 }
 
-/// Bit functions of each integer; `None` for other functions or types.
+/// Bit functions of each integer. `None` for other functions or types.
 pub(crate) fn of_integers<F>(fun: MathFunction, s: &[Scalar<F>]) -> Option<Scalar<F>> {
     use MathFunction as M;
     use Scalar::{I32, U32};

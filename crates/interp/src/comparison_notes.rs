@@ -1,4 +1,4 @@
-//! Tells a number's type what was compared and read ([`Number::NOTES`]).
+//! Reports comparisons and buffer reads to number types that record them ([`Number::NOTES`]).
 
 use std::hash::{DefaultHasher, Hash, Hasher};
 use std::mem::discriminant;
@@ -9,10 +9,10 @@ use super::number::Number;
 use super::scalar::Scalar;
 use super::value::Value;
 
-/// Operations below a comparison that tell it from others.
+/// Levels of operands that identify a comparison.
 const DEPTH: usize = 6;
 
-/// Notes a comparison of scalars, or of each component of two vectors.
+/// Reports a comparison of scalars, or of each component of two vectors.
 pub(crate) fn comparison<F: Number>(
     function: &Function,
     e: Handle<Expression>,
@@ -40,7 +40,7 @@ pub(crate) fn comparison<F: Number>(
     }
 }
 
-/// Notes that a selector was compared with each case.
+/// Reports the comparison of a selector with each case.
 pub(crate) fn cases<F: Number>(
     function: &Function,
     e: Handle<Expression>,
@@ -58,7 +58,7 @@ pub(crate) fn cases<F: Number>(
     }
 }
 
-/// Notes the scalars of a value at the end of a way into a buffer.
+/// Reports all scalars of a value at the end of a path into a buffer.
 pub(crate) fn read<F: Number>(at: (u32, u32), way: &mut Vec<usize>, value: &Value<F>) {
     match value {
         Value::Scalar(scalar) => F::read(at, way, *scalar),
@@ -73,7 +73,7 @@ pub(crate) fn read<F: Number>(at: (u32, u32), way: &mut Vec<usize>, value: &Valu
     }
 }
 
-/// A hash of an expression that is the same for the same text in another program.
+/// A hash of an expression that is equal for equal text in another program.
 fn shape(function: &Function, e: Handle<Expression>) -> u64 {
     let mut hasher = DefaultHasher::new();
     shaped(function, e, DEPTH, &mut hasher);

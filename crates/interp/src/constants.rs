@@ -9,11 +9,11 @@ use super::{Stuck, math};
 /// Returns an override's value, if it has one.
 pub type OverrideValue<'a, F> = dyn Fn(Handle<naga::Override>) -> Option<Value<F>> + 'a;
 
-/// Evaluates a constant expression of the module's own arena, with the values of `overrides`.
+/// Evaluates a constant expression in the module's own arena, with the values of `overrides`.
 ///
 /// # Errors
 ///
-/// On something unsupported, or an override without a value.
+/// The expression is not supported, or an override has no value.
 pub fn constant<F: Number>(
     module: &Module,
     e: Handle<Expression>,

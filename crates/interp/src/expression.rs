@@ -22,7 +22,7 @@ impl<'a, F: Number> Machine<'a, F> {
         Ok(known(frame, e)?.clone())
     }
 
-    /// Counts the work of an operand, whose value is known then.
+    /// Counts the work of an operand, whose value must be known afterwards.
     fn read_operand(
         &mut self,
         frame: &mut Activation<'a, F>,
@@ -32,7 +32,7 @@ impl<'a, F: Number> Machine<'a, F> {
         self.work(known(frame, e)?.scalars())
     }
 
-    /// Evaluates an operand that needs no `Emit`, once.
+    /// Evaluates, once, an operand that needs no `Emit`.
     fn need(&mut self, frame: &mut Activation<'a, F>, e: Handle<Expression>) -> Result<(), Stuck> {
         if frame.values[e.index()].is_some() {
             return Ok(());
@@ -44,7 +44,7 @@ impl<'a, F: Number> Machine<'a, F> {
         self.keep(frame, e, value)
     }
 
-    /// Fails before allocating a value of this type if it is too large.
+    /// Fails if a value of this type would be too large, before it is allocated.
     fn room_for(&self, ty: Handle<naga::Type>) -> Result<(), Stuck> {
         self.room(layout::scalars(self.module, ty) as usize)
     }
@@ -297,7 +297,7 @@ impl<'a, F: Number> Machine<'a, F> {
         })
     }
 
-    /// The texel of a texture whose texels are among the resources.
+    /// The texel of a texture whose content is among the resources.
     fn given_texel(
         &mut self,
         frame: &mut Activation<'a, F>,
@@ -325,8 +325,8 @@ impl<'a, F: Number> Machine<'a, F> {
         Ok(Some(texel.clone()))
     }
 
-    /// Converts the caller's texel to the texture's class: one float for depth, whole numbers for
-    /// integers.
+    /// Converts the caller's texel to the texture's class: one float for depth, integers for
+    /// integer textures.
     fn texel(
         &mut self,
         frame: &mut Activation<'a, F>,
@@ -381,8 +381,8 @@ impl<'a, F: Number> Machine<'a, F> {
         }))
     }
 
-    /// The size of a texture, or how many levels, layers or samples it has. All have 4 levels and
-    /// samples.
+    /// The size of a texture, or its number of levels, layers or samples. All textures have 4
+    /// levels and 4 samples.
     fn query(
         &mut self,
         frame: &mut Activation<'a, F>,
@@ -435,7 +435,8 @@ impl<'a, F: Number> Machine<'a, F> {
         let mut numbers = Vec::new();
         for operand in operands {
             let mut value = self.get(frame, *operand)?.clone();
-            // GLSL has signed coordinates alone: beyond 2^31 they are the same bits, of no texel.
+            // GLSL only has signed coordinates. Beyond 2^31 the bits are the same, and name no
+            // texel.
             if is_unsigned(&value) {
                 value = math::cast(naga::ScalarKind::Sint, None, &value)?;
             }
@@ -454,7 +455,7 @@ fn is_unsigned<F>(value: &Value<F>) -> bool {
     }
 }
 
-/// A size at a level.
+/// The size at a mip level.
 fn halved<F: Number>(size: &Value<F>, level: usize) -> Result<Value<F>, Stuck> {
     Ok(Value::u32(((size.index()? >> level.min(31)) as u32).max(1)))
 }

@@ -6,8 +6,9 @@ use super::math;
 use super::number::Number;
 use super::value::{Scalar, Value};
 
-/// The number of components of `decided` that differ if `expression` is evaluated on its operands'
-/// references ([`Number::truth`]). 0 if it makes no decision or they have none.
+/// The number of components of `decided` that change if `expression` is evaluated on the references
+/// of its operands ([`Number::truth`]). 0 if it makes no decision, or the operands have no
+/// references.
 pub(crate) fn of<F: Number>(
     expression: &Expression,
     operands: &[&Value<F>],

@@ -1,5 +1,5 @@
-//! Intervals of numbers (Moore 1966), and the one table of what operators and functions make of
-//! them. Every analysis and transform that needs the range of a number uses it.
+//! Intervals of numbers (Moore 1966), and the effects of operators and functions on them, in one
+//! table for all analyses and transforms.
 
 use std::cmp::Ordering;
 use std::f64::consts::{FRAC_PI_2, PI, TAU};
@@ -9,9 +9,9 @@ use naga::{BinaryOperator, MathFunction};
 use super::accuracy::{Accuracy, LARGEST, LARGEST_TANH, SMALLEST};
 use super::number::Number;
 
-/// All numbers from `low` to `high`; either end may be infinite.
+/// All numbers from `low` to `high`. Either end may be infinite.
 ///
-/// It does not know how two values depend on each other: `x - x` is twice as wide as `x`.
+/// Dependencies between values are not tracked: `x - x` is twice as wide as `x`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Interval {
     /// Lower bound.
@@ -21,7 +21,7 @@ pub struct Interval {
 }
 
 impl Interval {
-    /// Unbounded.
+    /// All numbers, and NaN.
     pub const ANYTHING: Self = Self {
         low: f64::NEG_INFINITY,
         high: f64::INFINITY,
@@ -31,7 +31,7 @@ impl Interval {
     /// 0 and above.
     pub const NOT_NEGATIVE: Self = Self::new(0.0, f64::INFINITY);
 
-    /// From `low` to `high`; [`Self::ANYTHING`] if they are NaN or not in this order.
+    /// From `low` to `high`. [`Self::ANYTHING`] if one is NaN or they are not in order.
     pub const fn new(low: f64, high: f64) -> Self {
         match low <= high {
             true => Self { low, high },
@@ -39,7 +39,7 @@ impl Interval {
         }
     }
 
-    /// One number.
+    /// Only this number.
     pub const fn exactly(number: f64) -> Self {
         Self::new(number, number)
     }
@@ -49,8 +49,8 @@ impl Interval {
         Self::new(-magnitude, magnitude)
     }
 
-    /// An input `f32`: the number, or everything from beside it to 0 if an adapter may flush it or
-    /// round it to another subnormal number.
+    /// An input `f32`: the number itself. If an adapter may flush it, or round it to another
+    /// subnormal number, everything from slightly beyond it to 0.
     pub fn input(number: f64) -> Self {
         let most = number.abs() + SUBNORMAL;
         match number {
@@ -60,7 +60,7 @@ impl Interval {
         }
     }
 
-    /// Whether it has two ends.
+    /// Whether both ends are finite.
     pub fn is_known(self) -> bool {
         self.low.is_finite() && self.high.is_finite()
     }
@@ -100,13 +100,13 @@ impl Interval {
         Self::new(self.low.max(other.low), self.high.min(other.high))
     }
 
-    /// The result of an operation as accurate as this.
+    /// The interval after rounding with this accuracy.
     #[must_use]
     pub fn rounded(self, accuracy: Accuracy) -> Self {
         Self::new(accuracy.lower_bound(self.low), accuracy.above(self.high))
     }
 
-    /// The inverses; unbounded if 0 is among the numbers.
+    /// The inverses. Unbounded if 0 is among the numbers.
     #[must_use]
     pub fn inverse(self) -> Self {
         match self.least() > 0.0 {
@@ -115,7 +115,7 @@ impl Interval {
         }
     }
 
-    /// The quotients by `divisor`, rounded once; unbounded if the divisor may be 0.
+    /// The quotients by `divisor`, rounded once. Unbounded if the divisor may be 0.
     #[must_use]
     pub fn over(self, divisor: Self) -> Self {
         let quotient = |a: f64, b: f64| if b.is_infinite() { 0.0 } else { a / b };
@@ -125,8 +125,8 @@ impl Interval {
         }
     }
 
-    /// The squares.
     #[must_use]
+    /// The exact squares.
     pub fn squared(self) -> Self {
         let (least, most) = (self.least(), self.magnitude());
         Self::new(least * least, most * most)
@@ -143,19 +143,19 @@ impl Interval {
         Self::new(function(self.high), function(self.low))
     }
 
-    /// The exact sums.
     #[must_use]
+    /// The exact sums.
     pub fn plus(self, other: Self) -> Self {
         Self::new(self.low + other.low, self.high + other.high)
     }
 
-    /// The exact products. An infinite bound only means unbounded: 0 times it is 0.
+    /// The exact products. An infinite end only means unbounded, so 0 times it is 0.
     #[must_use]
     pub fn times(self, other: Self) -> Self {
         self.of_ends(other, |a, b| if a == 0.0 || b == 0.0 { 0.0 } else { a * b })
     }
 
-    /// The results of a function of two numbers whose extremes are among those of the ends.
+    /// The results of a function of two numbers that takes its extremes at the ends.
     fn of_ends(self, other: Self, function: impl Fn(f64, f64) -> f64) -> Self {
         let ends = [self.low, self.high].map(|a| [other.low, other.high].map(|b| function(a, b)));
         let ends = ends.as_flattened();
@@ -178,8 +178,8 @@ impl Interval {
         if !self.is_known() {
             return Self::up_to(1.0);
         }
-        // Whether a point a whole number of periods from `at` lies in it; a little wider, for the
-        // rounding of the test.
+        // Whether the interval contains a point that is a whole number of periods from `at`.
+        // Slightly widened for the rounding of this test.
         let holds = |at: f64| {
             let first = ((self.low - at) / TAU - 1e-9).ceil();
             at + first * TAU <= self.high + 1e-6
@@ -193,19 +193,19 @@ impl Interval {
 /// Least `f32` above 0.
 const SUBNORMAL: f64 = SMALLEST * f32::EPSILON as f64;
 
-/// What the results of operations on intervals cover.
+/// The results that an operation on intervals covers.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Arithmetic {
-    /// The exact results over real numbers.
+    /// Exact results over real numbers.
     Real,
-    /// The results of any adapter that is as accurate as WGSL requires, as far as they are finite.
+    /// Finite results of any adapter that is as accurate as WGSL requires.
     Finite,
-    /// All results of such an adapter. An unbounded interval contains NaN too.
+    /// All results of such an adapter. An unbounded interval also contains NaN.
     Adapter,
 }
 
 impl Arithmetic {
-    /// `+`, `-`, `*`, `/` or `%`; `None` for another operator.
+    /// `+`, `-`, `*`, `/` or `%`. `None` for other operators.
     pub fn binary(self, op: BinaryOperator, a: Interval, b: Interval) -> Option<Interval> {
         Some(match op {
             BinaryOperator::Add => self.sum(a, b),
@@ -217,7 +217,7 @@ impl Arithmetic {
         })
     }
 
-    /// Covers the results whose exact values are `exact`, from these operands.
+    /// Covers the results whose exact values lie in `exact`, for these operands.
     pub fn covering(self, operands: &[Interval], exact: Interval, accuracy: Accuracy) -> Interval {
         match self {
             Self::Real => exact,
@@ -259,11 +259,11 @@ impl Arithmetic {
         }
     }
 
-    /// By definition `a - b * trunc(a / b)`. It has the dividend's sign, is no larger than the
-    /// dividend, and smaller than the divisor, except for rounding.
+    /// Defined as `a - b * trunc(a / b)`. It has the dividend's sign and, except for rounding, is
+    /// no larger than the dividend and smaller than the divisor.
     fn remainder(self, a: Interval, b: Interval) -> Interval {
         let quotient = self.quotient(a, b);
-        // The arithmetic of `f64` rounds it too.
+        // `f64` rounds this too.
         let quotient = Interval::new(quotient.low.next_down(), quotient.high.next_up());
         let whole = quotient.rising(f64::trunc);
         if let Some(times) = whole.number().filter(|w| w.is_finite()) {
@@ -279,8 +279,7 @@ impl Arithmetic {
         self.covering(&[a, b], Interval::new(low, high), Accuracy::absolute(error))
     }
 
-    /// A componentwise function; `None` for another function. An argument that is absent is
-    /// unbounded.
+    /// A componentwise function. `None` for other functions. Missing arguments are unbounded.
     pub fn call(self, function: MathFunction, arguments: &[Interval]) -> Option<Interval> {
         use MathFunction as M;
         let [x, y, z] = [0, 1, 2].map(|i| *arguments.get(i).unwrap_or(&Interval::ANYTHING));
@@ -291,7 +290,7 @@ impl Arithmetic {
                 return self.composed(function, [x, y, z]);
             }
             M::Step => return Some(step(x, y)),
-            // WGSL promises nothing about these arguments.
+            // WGSL guarantees nothing for these arguments.
             M::InverseSqrt if is_adapter && x.low <= SMALLEST => Interval::ANYTHING,
             M::Asin | M::Acos if is_adapter && x.magnitude() > 1.0 => Interval::ANYTHING,
             M::Tanh if is_adapter && x.magnitude() >= LARGEST_TANH => Interval::ANYTHING,
@@ -351,8 +350,8 @@ impl Arithmetic {
     }
 }
 
-/// `min(max(x, low), high)`, or the median of the three: WGSL allows either, and they differ if
-/// the bounds are not in order.
+/// `min(max(x, low), high)` or the median of the three: WGSL allows both. They differ if the bounds
+/// are not in order.
 fn clamped(x: Interval, low: Interval, high: Interval) -> Interval {
     let nested = x.high.max(low.high).min(high.high);
     Interval::new(

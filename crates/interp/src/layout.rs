@@ -5,8 +5,9 @@ use naga::{AddressSpace, ArraySize, GlobalVariable, Handle, Module, ScalarKind, 
 use super::number::Number;
 use super::value::{Scalar, Value};
 
-/// The value of type `ty` at the start of `bytes` (WGSL section 14.4, memory layout). `None` if
-/// there are too few bytes, or the type has a runtime size or scalars that are not 32 bits wide.
+/// Decodes a value of type `ty` from the start of `bytes` (WGSL section 14.4, memory layout).
+/// `None` if there are too few bytes, or the type has a runtime size or scalars of other widths
+/// than 32 bits.
 pub fn from_bytes<F: Number>(module: &Module, ty: Handle<Type>, bytes: &[u8]) -> Option<Value<F>> {
     Some(match &module.types[ty].inner {
         TypeInner::Scalar(s) => scalar(*s, bytes)?,
@@ -56,8 +57,9 @@ fn scalar<F: Number>(of: naga::Scalar, bytes: &[u8]) -> Option<Value<F>> {
     }))
 }
 
-/// Where the contents of a variable are given: its group and binding. Immediate data, which has no
-/// binding, is in a group of its own, by the variable's name: each stage may have one.
+/// The key of a variable's contents in [`Environment::resources`](super::Environment::resources):
+/// its group and binding. Immediate data has no binding. It gets a group of its own and a number
+/// from the variable's name, because each stage may have one.
 pub fn place(global: &GlobalVariable) -> Option<(u32, u32)> {
     match (&global.binding, global.space) {
         (Some(at), _) => Some((at.group, at.binding)),
@@ -70,10 +72,10 @@ pub fn place(global: &GlobalVariable) -> Option<(u32, u32)> {
     }
 }
 
-/// Elements of a runtime-sized array whose length is unknown.
+/// Assumed number of elements in a runtime-sized array of unknown length.
 pub const RUNTIME_ELEMENTS: u32 = 16;
 
-/// Scalars of a type; `u32::MAX` if unknown or larger.
+/// Number of scalars in a type. `u32::MAX` if unknown or larger.
 pub fn scalars(module: &Module, ty: Handle<Type>) -> u32 {
     match &module.types[ty].inner {
         TypeInner::Scalar(_) | TypeInner::Atomic(_) => 1,

@@ -1,13 +1,13 @@
 //! A small interpreter of naga IR on the CPU: one invocation, 32-bit scalars. It is the oracle for
-//! the slicer: running a slice gives the sliced value, bit for bit.
+//! the slicer: a slice must return the sliced value, bit for bit.
 //!
-//! It is generic over its float type, a [`Number`]: `f32`; `f64`; both side by side ([`Shadowed`]),
+//! It is generic over its float type, a [`Number`]: `f32`; `f64`; both in parallel ([`Shadowed`]),
 //! to measure rounding errors; intervals and affine numbers, which cover a whole triangle
 //! ([`mod@crate::bound`]); terms, which represent every number (`preshade-validate`).
 //!
 //! `discard` is a demotion, as in WGSL: the invocation is marked and continues. A dynamic index out
-//! of bounds is clamped. Atomics and subgroup operations are not supported, because one invocation
-//! alone gives them no meaning. The caller provides texels and derivatives as inputs.
+//! of bounds is clamped. Atomics and subgroup operations are not supported, because a single
+//! invocation gives them no meaning. The caller provides texels and derivatives as inputs.
 #![warn(missing_docs)]
 
 use std::cell::RefCell;
@@ -55,7 +55,7 @@ pub enum Stuck {
     /// The step limit was reached.
     #[error("the step limit was reached")]
     Steps,
-    /// A value of the wrong type: the module or an argument is not valid.
+    /// A value has the wrong type: the module or an argument is invalid.
     #[error("type mismatch: {0}")]
     Type(String),
     /// A decision depends on a number that stands for several values.
@@ -71,8 +71,8 @@ pub enum Stuck {
 pub struct Lookup<'a, F = f32> {
     /// Group and binding of the texture.
     pub binding: Option<(u32, u32)>,
-    /// Coordinates, array index, explicit sample or level, and depth reference, in this order, as
-    /// far as present.
+    /// Coordinates, array index, explicit sample or level, and depth reference, in this order, if
+    /// present.
     pub coordinates: &'a [F],
     /// The bias, or both gradients. Empty if the level is implicit or explicit.
     pub footprint: &'a [F],
@@ -83,18 +83,18 @@ pub struct Lookup<'a, F = f32> {
 /// The constant properties of a texture access.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Sampling {
-    /// Group and binding of the sampler; `None` for a load.
+    /// Group and binding of the sampler. `None` for a load.
     pub sampler: Option<(u32, u32)>,
     /// Offset in texels, 0 by default.
     pub offset: [i32; 3],
-    /// The level is implicit.
+    /// Whether the level is implicit.
     pub implicit: bool,
-    /// Coordinates are clamped half a texel from the edge (`textureSampleBaseClampToEdge`).
+    /// Whether coordinates are clamped half a texel from the edge (`textureSampleBaseClampToEdge`).
     pub clamped: bool,
-    /// How many of the coordinates are along the texture's axes; the level depends on these. 0 for a
+    /// How many coordinates belong to the texture's axes. The level depends only on these. 0 for a
     /// load.
     pub axes: usize,
-    /// Which of the coordinates is an explicit level.
+    /// Index of the coordinate that is an explicit level.
     pub level: Option<usize>,
 }
 
@@ -103,64 +103,64 @@ pub struct Sampling {
 pub struct Derivative<F = f32> {
     /// Axis; `Width` requests `abs(dpdx) + abs(dpdy)` as a whole.
     pub axis: naga::DerivativeAxis,
-    /// Precision.
+    /// Coarse, fine or unspecified.
     pub control: naga::DerivativeControl,
-    /// Operand.
+    /// The component to differentiate.
     pub of: F,
 }
 
 /// An intermediate value.
 #[derive(Clone, Debug)]
 pub struct Traced<F = f32> {
-    /// Its span in the author's source.
+    /// Span in the author's source.
     pub span: naga::Span,
-    /// naga's name for the expression or statement kind: an expression and its operand may share a
-    /// span.
+    /// naga's name for the kind of expression or statement. It distinguishes an expression from an
+    /// operand with the same span.
     pub kind: &'static str,
     /// The computed or stored value.
     pub value: Value<F>,
-    /// Its function, `None` for the entry point's, and the expression.
+    /// The function (`None`: the entry point's) and the expression.
     pub at: (
         Option<naga::Handle<Function>>,
         naga::Handle<naga::Expression>,
     ),
-    /// The operands of a comparison of scalars.
+    /// The operands, if the value compares scalars.
     pub compared: Option<[Value<F>; 2]>,
 }
 
 /// The environment of an invocation.
 pub struct Environment<'a, F = f32> {
-    /// Contents of uniforms, buffers and immediate data by [`place`], and width, height and depth or
-    /// layers of textures whose size may be asked for. A fourth part of a 2D texture is its texels,
-    /// row by row, for loads; without it they come from [`Self::texture`]. Runs share all of them,
-    /// and copy a buffer on the first write.
+    /// Contents of uniforms, buffers and immediate data by [`place`]. For textures: width, height,
+    /// and depth or layers, for size queries. A fourth part of a 2D texture is its texels, row by
+    /// row, for loads; without it, they come from [`Self::texture`]. Runs share all contents, and
+    /// copy a buffer on the first write.
     pub resources: Arc<BTreeMap<(u32, u32), Value<F>>>,
     /// Returns the texel of a lookup.
     pub texture: &'a dyn Fn(&Lookup<'_, F>) -> [F; 4],
-    /// Returns a derivative; if `None`, a derivative stops the evaluation.
+    /// Returns a derivative. If `None`, a derivative stops the evaluation.
     pub derivative: Option<&'a dyn Fn(Derivative<F>) -> F>,
-    /// Receives intermediate values, if present.
+    /// Receives intermediate values, if set.
     pub trace: Option<&'a RefCell<Vec<Traced<F>>>>,
-    /// Limit on evaluated statements and expressions. A value with more scalars than a 4x4 matrix
-    /// counts one step for each additional one.
+    /// Limit on evaluated statements and expressions. Values with more scalars than a 4x4 matrix
+    /// cost one step for each additional one.
     pub steps: u64,
 }
 
 /// The result of an invocation.
 #[derive(Clone, Debug)]
 pub struct RunResult<F = f32> {
-    /// Its return value.
+    /// The function's return value.
     pub result: Option<Value<F>>,
-    /// Whether it was discarded.
+    /// Whether the invocation was discarded.
     pub discarded: bool,
     /// Final contents of writable storage buffers, by group and binding.
     pub stored: BTreeMap<(u32, u32), Value<F>>,
-    /// Comparisons and conversions that the unrounded references decide differently, by component
-    /// ([`Number::truth`]).
+    /// How many comparisons and conversions, by component, the unrounded references would decide
+    /// differently ([`Number::truth`]).
     pub flips: u64,
-    /// Steps it took.
+    /// Number of steps, as counted against the limit.
     pub steps: u64,
-    /// The first operation whose result GLSL leaves undefined, and its place.
+    /// The first operation with an undefined result in GLSL, and its place.
     pub undefined: Option<(Undefined, naga::Span)>,
 }
 

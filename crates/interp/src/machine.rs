@@ -15,44 +15,44 @@ use super::{
     Environment, RunResult, Stuck, Traced, Undefined, comparison_notes, constants, layout,
 };
 
-/// Most scalars in private and local memory. Each takes many bytes, and is copied with its
-/// composite.
+/// Limit on scalars in private and local memory. Each takes many bytes, and is copied together with
+/// its composite.
 const MOST_SCALARS: u32 = 1 << 16;
 
-/// Most scalars in all values of a run at a time, arguments included.
+/// Limit on scalars in all values at a time, arguments included.
 const MOST_VALUES: usize = 1 << 20;
 
-/// Scalars of a value that cost one step: those of a matrix.
+/// A value with up to this many scalars costs one step: as many as a matrix has.
 const FREE: usize = 16;
 
 /// An interpreter during a run.
 pub(crate) struct Machine<'a, F: Number> {
     pub(super) module: &'a Module,
     pub environment: &'a Environment<'a, F>,
-    /// Variables: the module's by index, then those of the running functions.
+    /// Values of variables: the module's by index, then those of the running functions.
     memory: Vec<Cow<'a, Value<F>>>,
-    /// Whether each module variable has a value; `None` before its first use.
+    /// Whether each module variable has a value. `None` before its first use.
     globals: Vec<Option<bool>>,
     discarded: bool,
     pub flips: u64,
     pub undefined: Option<(Undefined, naga::Span)>,
     steps: u64,
-    /// Scalars of the module's variables so far, and of the running functions' variables.
+    /// Scalars in the module's variables so far, and in the running functions' variables.
     of_globals: u32,
     of_locals: u32,
-    /// Scalars of all current values.
+    /// Scalars in all current values.
     held: usize,
 }
 
 pub(super) struct Activation<'f, F> {
     pub function: &'f Function,
-    /// Its handle; `None` for the function that the run began with.
+    /// Its handle. `None` for the function with which the run began.
     handle: Option<Handle<Function>>,
     pub arguments: Vec<Value<F>>,
     /// Address of the first local variable.
     pub locals: usize,
     pub values: Vec<Option<Value<F>>>,
-    /// Scalars of the values and arguments.
+    /// Scalars in its values and arguments.
     held: usize,
 }
 
@@ -110,7 +110,7 @@ impl<'a, F: Number> Machine<'a, F> {
             if !access.contains(naga::StorageAccess::STORE) {
                 continue;
             }
-            // An untouched buffer keeps its content.
+            // An untouched buffer has its initial content.
             let value = match self.globals[handle.index()] {
                 Some(there) => there.then(|| self.memory[handle.index()].clone()),
                 None => self.initial(handle).ok().flatten(),
@@ -120,7 +120,7 @@ impl<'a, F: Number> Machine<'a, F> {
         stored
     }
 
-    /// Reserves the scalars of a variable of this type, before allocating them.
+    /// Counts the scalars of a variable of this type against the limit, before they are allocated.
     fn take(&self, ty: Handle<naga::Type>) -> Result<u32, Stuck> {
         let more = layout::scalars(self.module, ty);
         let all = self.of_globals.saturating_add(self.of_locals);
@@ -132,7 +132,7 @@ impl<'a, F: Number> Machine<'a, F> {
         }
     }
 
-    /// Fails, before allocating, if this many more scalars exceed the limit.
+    /// Fails if this many more scalars exceed the limit, before they are allocated.
     pub fn room(&self, scalars: usize) -> Result<(), Stuck> {
         match self.held.saturating_add(scalars) <= MOST_VALUES {
             true => Ok(()),
@@ -153,7 +153,7 @@ impl<'a, F: Number> Machine<'a, F> {
         }
     }
 
-    /// Keeps the value of an expression.
+    /// Stores the value of an expression.
     pub fn keep(
         &mut self,
         frame: &mut Activation<'a, F>,
@@ -170,7 +170,7 @@ impl<'a, F: Number> Machine<'a, F> {
         Ok(())
     }
 
-    /// The initial value of a module variable, if any. Bound resources are not copied.
+    /// The initial value of a module variable, if it has one. Bound resources are not copied.
     fn initial(
         &mut self,
         handle: Handle<GlobalVariable>,
@@ -194,7 +194,7 @@ impl<'a, F: Number> Machine<'a, F> {
         }
         match global.init.filter(|_| global.binding.is_none()) {
             Some(init) => Ok(Some(Cow::Owned(constants::default_constant(module, init)?))),
-            // For types without values.
+            // `None` for types without values.
             None => Ok(Value::zero(module, global.ty).ok().map(Cow::Owned)),
         }
     }
@@ -269,7 +269,7 @@ impl<'a, F: Number> Machine<'a, F> {
         }
     }
 
-    /// An initialiser: a constant expression outside any `Emit`.
+    /// The value of an initialiser: a constant expression outside of any `Emit`.
     pub fn constant(
         &mut self,
         frame: &mut Activation<'a, F>,
@@ -405,7 +405,7 @@ impl<'a, F: Number> Machine<'a, F> {
         Ok(BlockEnd::Next)
     }
 
-    /// The operands of a comparison of scalars.
+    /// The operands, if the expression compares scalars.
     fn compared(
         &mut self,
         frame: &mut Activation<'a, F>,
@@ -437,7 +437,7 @@ impl<'a, F: Number> Machine<'a, F> {
         Ok(at)
     }
 
-    /// Notes the scalars of a buffer that a pointer reads.
+    /// Reports the scalars of a buffer that a pointer reads.
     pub(super) fn note_read(&self, pointer: &Value<F>, read: &Value<F>) {
         let Ok((address, path)) = target(pointer) else {
             return;
@@ -449,7 +449,7 @@ impl<'a, F: Number> Machine<'a, F> {
         }
     }
 
-    /// The target of a pointer, for writing: copied on the first write.
+    /// The target of a pointer, for writing. Copies a shared variable on the first write.
     fn place(&mut self, pointer: &Value<F>) -> Result<&mut Value<F>, Stuck> {
         let (address, path) = target(pointer)?;
         let variable = self.memory.get(address).ok_or_else(nowhere)?;
@@ -474,7 +474,7 @@ fn nowhere() -> Stuck {
     Stuck::Type("a pointer to nothing".to_owned())
 }
 
-/// A pointer's variable and its path in it.
+/// Variable and path of a pointer.
 fn target<F: Number>(pointer: &Value<F>) -> Result<(usize, &[usize]), Stuck> {
     match pointer {
         Value::Pointer { address, path } => Ok((*address, path)),
@@ -482,7 +482,7 @@ fn target<F: Number>(pointer: &Value<F>) -> Result<(usize, &[usize]), Stuck> {
     }
 }
 
-/// A part of a composite; the index is clamped.
+/// A part of a composite. Clamps the index.
 pub(crate) fn part<F: Number>(of: &Value<F>, index: usize) -> Result<&Value<F>, Stuck> {
     let Value::Composite(parts) = of else {
         return Err(Stuck::Type("a path into a scalar".to_owned()));

@@ -12,7 +12,6 @@ fn mismatch<F: Number>(what: &str, scalars: &[Scalar<F>]) -> Stuck {
     Stuck::Type(format!("{what} of {scalars:?}"))
 }
 
-/// A unary operator.
 pub(crate) fn unary<F: Number>(op: UnaryOperator, value: &Value<F>) -> Result<Value<F>, Stuck> {
     value.map(&mut |s| {
         Ok(match (op, s) {
@@ -26,7 +25,7 @@ pub(crate) fn unary<F: Number>(op: UnaryOperator, value: &Value<F>) -> Result<Va
     })
 }
 
-/// A binary operator; matrix products by columns.
+/// A binary operator. Matrices are multiplied by columns.
 pub fn binary<F: Number>(
     op: BinaryOperator,
     left: &Value<F>,
@@ -116,7 +115,7 @@ fn scalar_binary<F: Number>(
         (B::Add, I32(a), I32(b)) => I32(a.wrapping_add(b)),
         (B::Subtract, I32(a), I32(b)) => I32(a.wrapping_sub(b)),
         (B::Multiply, I32(a), I32(b)) => I32(a.wrapping_mul(b)),
-        // WGSL: a division by zero gives the dividend, and the remainder is zero.
+        // In WGSL, a division by zero returns the dividend, and its remainder is zero.
         (B::Divide, I32(a), I32(b)) => I32(if b == 0 { a } else { a.wrapping_div(b) }),
         (B::Modulo, I32(a), I32(b)) => I32(if b == 0 { 0 } else { a.wrapping_rem(b) }),
         (B::Add, U32(a), U32(b)) => U32(a.wrapping_add(b)),
@@ -193,7 +192,7 @@ pub(crate) fn relational<F: Number>(
     }
 }
 
-/// An operation on the values of its operands.
+/// Applies an operation to the values of its operands.
 pub(crate) fn operation<F: Number>(
     operation: &Expression,
     operands: &[&Value<F>],
@@ -225,7 +224,8 @@ pub(crate) fn cast<F: Number>(
             (_, ScalarKind::Float, I32(v)) => F32(rounded(f32::from((v >> 16) as i16), v as u32)?),
             (_, ScalarKind::Float, U32(v)) => F32(rounded(f32::from((v >> 16) as u16), v)?),
             (_, ScalarKind::Float, Bool(v)) => F32(F::of(f32::from(u8::from(v)))),
-            // The nearest number that is both an integer and a float (WGSL, section 15.7.6).
+            // The nearest number that both an integer and a float can represent (WGSL, section
+            // 15.7.6).
             (_, ScalarKind::Sint, F32(v)) => {
                 I32(truncated(v)?.clamp(-2_147_483_648.0, 2_147_483_520.0) as i32)
             }
@@ -247,13 +247,13 @@ pub(crate) fn cast<F: Number>(
     })
 }
 
-/// An integer with upper half `upper` as a float: both halves are exact, and their sum is rounded.
+/// Converts an integer to a float. `upper` is its upper half. Both halves are exact, and their sum
+/// is rounded.
 fn rounded<F: Number>(upper: f32, word: u32) -> Result<F, Stuck> {
     let lower = F::of((word & 0xffff) as f32);
     plus(F::of(upper * 65536.0), lower)
 }
 
-/// A built-in function.
 pub(crate) fn call<F: Number>(
     fun: MathFunction,
     arguments: &[&Value<F>],
@@ -328,7 +328,6 @@ pub(crate) fn call<F: Number>(
     }
 }
 
-/// `cross`.
 fn cross<F: Number>(arguments: &[&Value<F>]) -> Result<Value<F>, Stuck> {
     let (a, b) = (arguments[0].floats()?, arguments[1].floats()?);
     let [ax, ay, az] = a[..] else {
@@ -344,7 +343,6 @@ fn cross<F: Number>(arguments: &[&Value<F>]) -> Result<Value<F>, Stuck> {
     ]))
 }
 
-/// `refract`.
 fn refract<F: Number>(arguments: &[&Value<F>]) -> Result<Value<F>, Stuck> {
     let [incident, normal, ratio] = three(arguments)?;
     let ratio = ratio.float()?;
@@ -384,7 +382,6 @@ fn frexp<F: Number>(arguments: &[&Value<F>]) -> Result<Value<F>, Stuck> {
     Ok(Value::Composite(vec![fraction, exponents]))
 }
 
-/// `transpose`.
 fn transpose<F: Number>(arguments: &[&Value<F>]) -> Result<Value<F>, Stuck> {
     let columns = arguments[0].parts()?;
     let rows = columns
@@ -402,14 +399,14 @@ fn transpose<F: Number>(arguments: &[&Value<F>]) -> Result<Value<F>, Stuck> {
         .map(Value::Composite)
 }
 
-/// The squared cosine of the refracted direction; below 0 is total reflection.
+/// Squared cosine of the refracted direction. Negative for total reflection.
 fn beyond_total<F: Number>(along: F, ratio: F) -> Result<F, Stuck> {
     let sine = minus(F::of(1.0), times(along, along)?)?;
     minus(F::of(1.0), times(times(ratio, ratio)?, sine)?)
 }
 
-/// The decision of a function of whole vectors that its result's components don't show, if it makes
-/// one.
+/// A decision within a function of whole vectors, which the components of its result do not show.
+/// `None` if it makes none.
 pub(crate) fn turns<F: Number>(
     fun: MathFunction,
     arguments: &[&Value<F>],
@@ -437,12 +434,12 @@ fn holds<F: Number>(op: BinaryOperator, a: F, b: F) -> Result<bool, Stuck> {
     F::holds(op, a, b).ok_or_else(|| Stuck::Undecided(format!("{op:?} of {a:?} and {b:?}")))
 }
 
-/// The exponent that leaves a fraction in [0.5, 1); 0 for zero, infinity and NaN.
+/// The exponent that leaves a fraction in [0.5, 1). 0 for zero, infinity and NaN.
 fn exponent(v: f32) -> i32 {
     if v == 0.0 || !v.is_finite() {
         return 0;
     }
-    // Scales denormals to normal numbers first.
+    // First scales subnormal numbers to normal ones.
     let (v, by) = match v.is_normal() {
         true => (v, 0),
         false => (v * 2.0_f32.powi(32), 32),
@@ -450,7 +447,7 @@ fn exponent(v: f32) -> i32 {
     ((v.to_bits() >> 23) & 0xff) as i32 - 126 - by
 }
 
-/// A number times a power of two, in steps that a float can hold.
+/// Multiplies by a power of two, in steps that a float can represent.
 fn shifted<F: Number>(v: F, by: i32) -> Result<F, Stuck> {
     let (mut v, mut left) = (v, by.clamp(-400, 400));
     while left != 0 {
@@ -461,7 +458,7 @@ fn shifted<F: Number>(v: F, by: i32) -> Result<F, Stuck> {
     Ok(v)
 }
 
-/// A function of scalars.
+/// A function of scalars, applied to one component.
 fn by_component<F: Number>(fun: MathFunction, s: &[Scalar<F>]) -> Result<Scalar<F>, Stuck> {
     use MathFunction as M;
     use Scalar::{F32, I32, U32};

@@ -10,17 +10,17 @@ use super::scalar::Scalar;
 
 /// A float of the interpreter: `f32`, `f64`, or a representation of several numbers.
 ///
-/// Integers and booleans are always single values: a number that can't be converted to one stops
+/// Integers and booleans are always single values: a float that cannot be converted to one stops
 /// the evaluation.
 pub trait Number: Copy + Debug {
-    /// Whether it notes what decides ([`Self::compared`], [`Self::read`]).
+    /// Whether it records comparisons and reads ([`Self::compared`], [`Self::read`]).
     const NOTES: bool = false;
 
-    /// Notes a comparison of two scalars. `site` is the same for the same text, and its second number
-    /// tells the components of a vector or the cases of a switch apart.
+    /// Records a comparison of two scalars. `site` identifies it: a hash of its text, which is
+    /// equal in other programs, and a number for the component of a vector or the case of a switch.
     fn compared(_site: (u64, usize), _op: BinaryOperator, _sides: [Scalar<Self>; 2]) {}
 
-    /// Notes that a scalar of a buffer was read: its group and binding, and the way to it.
+    /// Records a read of a scalar in a buffer: group and binding, and the path to it.
     fn read(_at: (u32, u32), _way: &[usize], _scalar: Scalar<Self>) {}
 
     /// A number from the shader's text or a buffer.
@@ -32,13 +32,13 @@ pub trait Number: Copy + Debug {
     /// `-x`.
     fn negated(self) -> Self;
 
-    /// `+`, `-`, `*`, `/` or `%`; `None` for another operator.
+    /// `+`, `-`, `*`, `/` or `%`. `None` for other operators.
     fn binary(op: BinaryOperator, a: Self, b: Self) -> Option<Self>;
 
-    /// Compares two numbers: `Some(None)` if one is NaN, `None` if unknown.
+    /// Compares two numbers. `Some(None)` if one is NaN, `None` if undecided.
     fn compare(self, other: Self) -> Option<Option<std::cmp::Ordering>>;
 
-    /// The result of a comparison; `None` if unknown or not a comparison.
+    /// The result of a comparison. `None` if undecided or not a comparison.
     fn holds(op: BinaryOperator, a: Self, b: Self) -> Option<bool> {
         use std::cmp::Ordering::{Equal, Greater, Less};
         let order = a.compare(b)?;
@@ -53,48 +53,48 @@ pub trait Number: Copy + Debug {
         })
     }
 
-    /// A componentwise function; `None` for other functions, or if unsupported.
+    /// A componentwise function. `None` for other or unsupported functions.
     fn call(function: MathFunction, arguments: &[Self]) -> Option<Self>;
 
-    /// The same number, known to lie between two bounds, such as a direction's components.
+    /// The same number, known to lie between two bounds, such as a component of a direction.
     #[must_use]
     fn within(self, least: f32, largest: f32) -> Self;
 
-    /// Its value as one `f32`; `None` if it stands for several.
+    /// Its value as one `f32`. `None` if it stands for several.
     fn single(self) -> Option<f32>;
 
-    /// Its whole part, for a conversion to an integer; `None` if it stands for several. `f64` holds
-    /// every 32-bit integer, which the reference may need.
+    /// The truncated value, for a conversion to an integer. `None` if it stands for several. `f64`
+    /// can represent every 32-bit integer, which the reference may need.
     fn truncated(self) -> Option<f64>;
 
-    /// Whether it is infinite; `None` if it stands for several.
+    /// Whether it is infinite. `None` if it stands for several.
     fn is_infinity(self) -> Option<bool> {
         self.single().map(f32::is_infinite)
     }
 
-    /// The unrounded value, if tracked. Decisions that it would change are counted
+    /// The unrounded reference, if it is tracked. Decisions that it would change are counted
     /// ([`super::RunResult::flips`]).
     fn truth(self) -> Option<f64> {
         None
     }
 }
 
-/// [`Number::single`], required.
+/// [`Number::single`] as a result.
 ///
 /// # Errors
 ///
-/// If it stands for several values.
+/// The number stands for several values.
 pub(crate) fn single<F: Number>(number: F) -> Result<f32, Stuck> {
     number
         .single()
         .ok_or_else(|| Stuck::Undecided(format!("{number:?}")))
 }
 
-/// [`Number::truncated`], required.
+/// [`Number::truncated`] as a result.
 ///
 /// # Errors
 ///
-/// If it stands for several values.
+/// The number stands for several values.
 pub(crate) fn truncated<F: Number>(number: F) -> Result<f64, Stuck> {
     number
         .truncated()
@@ -194,7 +194,7 @@ macro_rules! float {
                 Some(f64::from(self.trunc()))
             }
 
-            // A finite `f64` may exceed `f32`.
+            // A finite `f64` may be beyond the range of `f32`.
             fn is_infinity(self) -> Option<bool> {
                 Some(self.is_infinite())
             }

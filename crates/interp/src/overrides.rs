@@ -18,7 +18,8 @@ fn literal(module: &Module, ty: Handle<Type>, value: f64) -> Option<Literal> {
     })
 }
 
-/// The module with other defaults of its overrides, by `@id` or else by name: the constants that a pipeline sets.
+/// The module with other defaults for its overrides, by `@id` or else by name: the constants that a
+/// pipeline sets.
 pub fn with_defaults(module: &Module, values: &BTreeMap<String, f64>) -> Module {
     let mut out = module.clone();
     for (handle, of) in module.overrides.iter() {
@@ -117,8 +118,8 @@ pub fn resolved(
     module
 }
 
-/// The module without an override: its uses have the default. `None` if it has no default, or one
-/// that depends on other overrides, or if types depend on overrides.
+/// The module without an override: its uses get the default. `None` if it has no default, if the
+/// default depends on other overrides, or if types depend on overrides.
 pub fn fixed(module: &Module, of: Handle<Override>) -> Option<Module> {
     let Override { ty, init, .. } = module.overrides[of];
     let none = |_: Handle<Override>| None;

@@ -7,7 +7,7 @@ use naga::{BinaryOperator, Expression, ScalarKind};
 use super::number::Number;
 use super::value::{Scalar, Value};
 
-/// What GLSL leaves undefined.
+/// An operation with an undefined result in GLSL.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Undefined {
     /// `%` with a negative operand.
@@ -16,7 +16,7 @@ pub enum Undefined {
     Division,
     /// A shift by the width of the type or more.
     Shift,
-    /// A float that the integer type does not hold.
+    /// A conversion of a float that the integer type cannot represent.
     Conversion,
 }
 
@@ -31,7 +31,7 @@ impl fmt::Display for Undefined {
     }
 }
 
-/// What GLSL leaves undefined of an operation on its operands.
+/// The reason why an operation on these operands is undefined in GLSL.
 pub(crate) fn of<F: Number>(operation: &Expression, operands: &[&Value<F>]) -> Option<Undefined> {
     match (operation, operands) {
         (Expression::Binary { op, .. }, [a, b]) => {

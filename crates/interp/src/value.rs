@@ -6,7 +6,7 @@ use super::Stuck;
 use super::number::Number;
 pub use super::scalar::Scalar;
 
-/// A function of scalars, of one component each.
+/// A function of one scalar component per operand.
 pub(crate) type ScalarFunction<'f, F> = dyn FnMut(&[Scalar<F>]) -> Result<Scalar<F>, Stuck> + 'f;
 
 /// Bitwise: a NaN equals itself, and 0.0 is not -0.0.
@@ -31,9 +31,9 @@ pub enum Value<F = f32> {
     Composite(Vec<Value<F>>),
     /// A pointer.
     Pointer {
-        /// Index of the variable.
+        /// Index of the variable in memory.
         address: usize,
-        /// Path in it.
+        /// Indices from the variable to the part.
         path: Vec<usize>,
     },
     /// A texture or sampler.
@@ -125,7 +125,7 @@ impl<F: Number> Value<F> {
         })
     }
 
-    /// The number of scalars in it; a step of a pointer counts as one.
+    /// Number of scalars in it. Each step of a pointer's path counts as one.
     pub fn scalars(&self) -> usize {
         match self {
             Self::Scalar(_) | Self::Resource(_) => 1,
@@ -200,11 +200,11 @@ impl<F: Number> Value<F> {
         }
     }
 
-    /// An index from an integer; a negative one becomes the greatest.
+    /// An index from an integer. A negative one becomes the largest.
     ///
     /// # Errors
     ///
-    /// If it is not an integer.
+    /// The value is not an integer.
     pub fn index(&self) -> Result<usize, Stuck> {
         match self.scalar()? {
             Scalar::U32(v) => Ok(v as usize),
@@ -245,12 +245,12 @@ impl<F: Number> Value<F> {
         }
     }
 
-    /// Applies `f` to the scalars of several values of the same shape; a lone scalar applies to all
-    /// components.
+    /// Applies `f` to the scalars of several values of the same shape. A single scalar is used for
+    /// all components.
     ///
     /// # Errors
     ///
-    /// Those of `f`; different shapes.
+    /// Those of `f`, or the shapes differ.
     pub fn zip(values: &[&Self], f: &mut ScalarFunction<'_, F>) -> Result<Self, Stuck> {
         let count = values.iter().find_map(|v| match v {
             Self::Composite(parts) => Some(parts.len()),
@@ -283,7 +283,7 @@ impl<F: Number> Value<F> {
     }
 }
 
-/// Most operands of an operation by components.
+/// Most operands of a componentwise operation.
 const MOST_OPERANDS: usize = 4;
 
 fn zero_scalar<F: Number>(kind: ScalarKind, width: u8) -> Result<Scalar<F>, Stuck> {
@@ -296,7 +296,7 @@ fn zero_scalar<F: Number>(kind: ScalarKind, width: u8) -> Result<Scalar<F>, Stuc
     })
 }
 
-/// Composes a value: a vector may be given in pieces.
+/// Composes a value. A vector may be given in pieces.
 pub(crate) fn compose<F: Number>(
     module: &Module,
     ty: Handle<Type>,

@@ -6,10 +6,10 @@ use naga::{BinaryOperator, MathFunction};
 
 use super::number::Number;
 
-/// A number as `f32` and as `f64`, from the same inputs. The `f32` decides all branches, selections
-/// and conversions to integers, so both follow one path through the shader. Decisions that the
-/// `f64` would change are counted as flips ([`super::RunResult::flips`]); without flips, both would
-/// take this path.
+/// A number as `f32` and as `f64`, computed from the same inputs. The `f32` decides all branches,
+/// selections and conversions to integers, so both follow the same path through the shader.
+/// Decisions that the `f64` would change are counted as flips ([`super::RunResult::flips`]).
+/// Without flips, both would take this path.
 ///
 /// A discontinuity within a componentwise function (`floor`, `fract`, `step`, `sign`) is not a
 /// decision: both evaluate it, and the difference is an ordinary error. `refract` and `faceForward`
@@ -103,7 +103,7 @@ mod tests {
     use crate::value::Value;
     use crate::{flips, math};
 
-    /// An overflow is infinite as `f32`, but finite as `f64`.
+    /// An overflow is infinite in `f32`, but finite in `f64`.
     #[test]
     fn a_truth_beyond_f32_is_finite() {
         let mut arena = naga::Arena::new();

@@ -1,4 +1,4 @@
-//! A number that is affine over a triangle, up to a remainder and to roundings.
+//! A number that is affine over a triangle, up to a remainder and roundings.
 
 use naga::MathFunction;
 
@@ -6,25 +6,26 @@ use crate::Number;
 use crate::accuracy::{Accuracy, LARGEST, SMALLEST};
 use crate::interval::{Arithmetic, Interval};
 
-/// The value at each corner, how far it is at most from what lies between them, how far from that
-/// an adapter's number is, and an interval that holds both all the same.
+/// A number over a triangle: its value at each corner, the largest distance (`remainder`) from the
+/// interpolation of the corners, the largest distance (`error`) between an adapter's number and the
+/// exact one, and an interval that contains both.
 ///
-/// The first two are of the exact function over real numbers. An adapter computes another number,
-/// and not the same one in every stage: it is `error` away at most.
+/// Corners and remainder describe the exact function over real numbers. Adapters compute other
+/// numbers, even different ones in each stage, but all within `error`.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Affine {
     corners: [f64; 3],
     remainder: f64,
     error: f64,
-    /// A square is not below 0, a sine hardly above 1, whatever the remainder would allow.
+    /// A tighter bound than the remainder gives. For example, a square is not negative.
     interval: Interval,
 }
 
-/// Slopes of a function that has a discontinuity.
+/// Slopes of a function with a discontinuity.
 pub(super) const JUMP: [f64; 2] = [f64::INFINITY; 2];
 
 impl Affine {
-    /// Nothing is known, not even that it is a number.
+    /// Nothing is known, not even that it is no NaN.
     pub const ANYTHING: Self = Self {
         corners: [0.0; 3],
         remainder: f64::INFINITY,
@@ -32,7 +33,7 @@ impl Affine {
         interval: Interval::ANYTHING,
     };
 
-    /// The same number everywhere, exactly.
+    /// Exactly the same number everywhere.
     pub const fn constant(number: f64) -> Self {
         Self {
             corners: [number; 3],
@@ -42,7 +43,7 @@ impl Affine {
         }
     }
 
-    /// Interpolated between the corners, exactly.
+    /// The exact interpolation between the corners.
     pub const fn between(corners: [f64; 3]) -> Self {
         Self {
             corners,
@@ -52,15 +53,16 @@ impl Affine {
         }
     }
 
-    /// The number with these values at the corners, `remainder` at most from what lies between
-    /// them; an adapter's is `error` at most from it, and both lie within `interval`. Nothing is
-    /// known of one that is NaN or infinite at a corner, or may be beyond the range of `f32`.
+    /// The number with these values at the corners. `remainder`: its largest distance from their
+    /// interpolation. `error`: the largest distance of an adapter's number from it. Both numbers
+    /// lie in `interval`. Returns [`Self::ANYTHING`] if it may be NaN, infinite or beyond the range
+    /// of `f32`.
     pub fn new(corners: [f64; 3], remainder: f64, error: f64, interval: Interval) -> Self {
         if !corners.iter().all(|c| c.is_finite()) || remainder.is_nan() || error.is_nan() {
             return Self::ANYTHING;
         }
-        // Nothing is further from what lies between two points of an interval than these are from
-        // one another.
+        // Two points of an interval, and every point between them, are no further apart than its
+        // width.
         let width = interval.high - interval.low;
         let number = Self {
             corners,
@@ -74,12 +76,12 @@ impl Affine {
         }
     }
 
-    /// Whether anything is known of it.
+    /// Whether a bound is known.
     pub fn is_known(self) -> bool {
         self.remainder.is_finite()
     }
 
-    /// Itself, which lies in this interval too.
+    /// The same number, which is known to lie in this interval too.
     #[must_use]
     pub fn intersected(self, other: Interval) -> Self {
         match self.is_known() {
@@ -87,12 +89,12 @@ impl Affine {
                 let interval = self.interval.and(other);
                 Self::new(self.corners, self.remainder, self.error, interval)
             }
-            // Of what is not known it is not known either that it is a number.
+            // An unknown number may be NaN, which no interval excludes.
             false => self,
         }
     }
 
-    /// Itself as an adapter gives it that is as accurate as this.
+    /// The same number, after an adapter rounded it with this accuracy.
     #[must_use]
     pub fn rounded(self, accuracy: Accuracy) -> Self {
         if !self.is_known() {
@@ -103,7 +105,7 @@ impl Affine {
         Self::new(self.corners, self.remainder, error, interval)
     }
 
-    /// Itself, of which an adapter's number is this far away at most.
+    /// The same number, with a further error of an adapter.
     #[must_use]
     pub fn off_by(self, error: f64) -> Self {
         if !self.is_known() {
@@ -120,25 +122,24 @@ impl Affine {
         self.corners
     }
 
-    /// How far it is at most from the interpolation of its corners; infinite where there is no
-    /// bound.
+    /// Largest distance from the interpolation of its corners. Infinite if unbounded.
     pub fn remainder(self) -> f64 {
         self.remainder
     }
 
-    /// How far an adapter's number is at most from the exact one; infinite where there is no bound.
+    /// Largest distance between an adapter's number and the exact one. Infinite if unbounded.
     pub fn error(self) -> f64 {
         self.error
     }
 
-    /// The values that it may have on an adapter.
+    /// All values that an adapter may compute.
     pub fn range(self) -> Interval {
         let [least, largest] = self.ends();
         let off = self.remainder + self.error;
         Interval::new(least - off, largest + off).and(self.interval)
     }
 
-    /// Largest absolute value that it may have.
+    /// Largest absolute value that an adapter may compute.
     pub fn magnitude(self) -> f64 {
         self.range().magnitude()
     }
@@ -150,24 +151,24 @@ impl Affine {
         [least, largest]
     }
 
-    /// Largest difference of two corners.
+    /// Difference between the largest and the smallest corner.
     pub fn width(self) -> f64 {
         let [least, largest] = self.ends();
         largest - least
     }
 
-    /// The number it is everywhere, roundings apart, if it is one.
+    /// Its exact value, if that is the same everywhere.
     pub fn single(self) -> Option<f64> {
         let [a, b, c] = self.corners;
         (a == b && b == c && self.remainder == 0.0).then_some(a)
     }
 
-    /// The number it is everywhere and on every adapter, if it is one.
+    /// Its value, if that is the same everywhere and on every adapter.
     pub fn exact(self) -> Option<f64> {
         self.single().filter(|_| self.error == 0.0)
     }
 
-    /// `a x + b y`, exactly affine, before it is rounded.
+    /// `a x + b y`, before rounding.
     pub fn combined(a: f64, x: Self, b: f64, y: Self) -> Self {
         if !(x.is_known() && y.is_known()) {
             return Self::ANYTHING;
@@ -183,11 +184,12 @@ impl Affine {
         )
     }
 
-    /// Its product with another, before it is rounded.
+    /// The product with another number, before rounding.
     ///
-    /// With `f` and `g` affine, `f g` is off the interpolation of its corners by the sum of
-    /// `b_i b_j (f_i - f_j)(g_i - g_j)` over the three edges, `b` being the barycentric
-    /// coordinates: the products of two of them are at most a quarter, and a third together.
+    /// If `f` and `g` are affine, `f g` differs from the interpolation of its corners by the sum of
+    /// `b_i b_j (f_i - f_j)(g_i - g_j)` over the three edges, where `b` are the barycentric
+    /// coordinates. A product of two of them is at most 1/4, and the sum of these products at most
+    /// 1/3.
     pub fn times(self, other: Self) -> Self {
         if !(self.is_known() && other.is_known()) {
             return Self::ANYTHING;
@@ -200,11 +202,10 @@ impl Affine {
         let largest = |x: Self| x.corners.into_iter().fold(0.0, |m: f64, c| m.max(c.abs()));
         let (r, s) = (self.remainder, other.remainder);
         let remainder = bend + largest(self) * s + largest(other) * r + r * s;
-        // One factor's error times what the other is on the adapter, and the reverse with what it
-        // is exactly.
+        // The error of one factor times the adapter's value of the other, plus the error of the
+        // other times the exact value of the first.
         let error = self.error * other.magnitude() + other.error * self.magnitude();
-        // Two that are the same in all that is known are the same number, where nothing is left to
-        // differ but a rounding.
+        // Two factors with equal corners and no remainder are the same number, except for rounding.
         let interval = match self == other && r == 0.0 {
             true => self.range().squared(),
             false => self.range().times(other.range()),

@@ -1,22 +1,22 @@
-//! Proved bounds: how far a value can be from its interpolation anywhere in a triangle.
+//! Proved bounds: the distance of a value from its interpolation, anywhere in a triangle.
 //!
 //! The interpreter runs once for the whole triangle, on numbers that are affine in the barycentric
 //! coordinates up to a remainder: affine arithmetic (de Figueiredo and Stolfi 2004) with the two
-//! coordinates for noise symbols and what they do not explain in one more. The affine part is kept
-//! as its values at the corners, which are the value's own there, so that the remainder *is* the
-//! bound: interpolation gives the affine part.
+//! coordinates as noise symbols, and one more for the rest. The affine part is stored as the
+//! value's own values at the corners. So it equals the interpolation, and the remainder *is* the
+//! bound.
 //!
-//! Each operation says how far it bends. A smooth function of an affine one with a second
-//! derivative of at most `m` is within `m w^2 / 8` of the line between its ends, over a range of
-//! width `w`; a product is within a third of the largest product of differences. What jumps within
-//! the triangle is only known to lie between its least and its largest; what decides a branch
-//! differently within the triangle ends the evaluation.
+//! Each operation bounds its curvature. A smooth function of an affine one, with a second
+//! derivative of at most `m`, is within `m w^2 / 8` of the line between its ends, over a range of
+//! width `w`. A product is within a third of the largest product of differences. A function that
+//! jumps within the triangle is only known to lie between its minimum and maximum. A branch that is
+//! decided differently within the triangle ends the evaluation.
 //!
-//! Beside the remainder, which is of the exact function over real numbers (evaluated in `f64`), a
-//! number carries how far what an adapter computes may be from it: WGSL's own accuracies, from
-//! operation to operation. [`Interval`] is the plain one: only between which numbers a value lies.
-//! A comparison, a jump or a conversion to an integer is decided only where all that an adapter may
-//! compute lies on one side of it.
+//! The remainder belongs to the exact function over real numbers (evaluated in `f64`). In addition,
+//! a number carries the largest distance of an adapter's result from it, from WGSL's accuracies of
+//! each operation. [`Interval`] is simpler: it only bounds a value. A comparison, a jump or a
+//! conversion to an integer is decided only if all results that an adapter may compute lie on one
+//! side of it.
 
 use std::collections::BTreeMap;
 
@@ -31,11 +31,11 @@ pub use super::accuracy::Accuracy;
 pub use super::interval::Interval;
 pub use affine::Affine;
 
-/// Steps of the interpreter for one triangle.
+/// Limit on interpreter steps for one triangle.
 const STEPS: u64 = 200_000;
 
-/// What surrounds an evaluation over a triangle: uniforms and buffers, and textures of which
-/// nothing is known.
+/// The environment of an evaluation over a triangle: uniforms and buffers, and textures with
+/// unknown content.
 pub fn environment(resources: BTreeMap<(u32, u32), Value<Affine>>) -> Environment<'static, Affine> {
     Environment {
         resources: resources.into(),
@@ -46,23 +46,23 @@ pub fn environment(resources: BTreeMap<(u32, u32), Value<Affine>>) -> Environmen
     }
 }
 
-/// How far a component can be from its interpolation in a triangle.
+/// Largest distance of a component from its interpolation in a triangle.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Distance {
-    /// In real numbers; infinite where there is no bound.
+    /// In real numbers. Infinite if there is no bound.
     pub max: f64,
-    /// What the roundings of an adapter make it more by, at most.
+    /// How much an adapter's roundings add to it, at most.
     pub roundings: f64,
 }
 
 impl Distance {
-    /// There is no bound.
+    /// No bound is known.
     pub const UNBOUNDED: Self = Self {
         max: f64::INFINITY,
         roundings: f64::INFINITY,
     };
 
-    /// A value and its interpolation both lie in an interval of this width.
+    /// The distance for a value and an interpolation that both lie in an interval of this width.
     fn new(max: f64, roundings: f64, width: f64) -> Self {
         if max.is_nan() || max.is_infinite() || roundings.is_nan() || roundings.is_infinite() {
             return Self::UNBOUNDED;
@@ -74,7 +74,7 @@ impl Distance {
         }
     }
 
-    /// The larger of each.
+    /// The maximum of each field.
     #[must_use]
     pub fn or(self, other: Self) -> Self {
         Self {
@@ -84,23 +84,24 @@ impl Distance {
     }
 }
 
-/// How far an interpolated number may be from the exact interpolation, as a part of its largest
-/// corner. No specification says; it stands for an interpolation with a few roundings in `f32`, and
-/// it is taken to lie between the corners: a centre beside the triangle, as multisampling shades
-/// them, is not looked at.
+/// Largest error of an interpolated number, relative to its largest corner. No specification gives
+/// one; this value stands for an interpolation with a few roundings in `f32`. The result is assumed
+/// to lie between the corners: pixel centres outside of the triangle, which multisampling may
+/// shade, are not covered.
 const INTERPOLATION: f64 = 1.0 / (1 << 21) as f64;
 
-/// How far each component of what `function` returns can be from its interpolation in a triangle,
-/// at whose corners its arguments are `corners`: shapes as its arguments', floats, integers or
-/// booleans. A float has to be the same everywhere; how far it may be off is taken along.
+/// The largest distance of each component of `function`'s result from its interpolation in a
+/// triangle. `corners` are the arguments at the triangle's corners, in the shapes of the
+/// parameters. Integers and booleans must be equal at all corners. Each float must be a single
+/// number at its corner, and its error is taken into account.
 ///
-/// The triangle is looked at in `parts` squared smaller ones: in each a value is off the
-/// interpolation over the whole by what it is off at the corners of the part, and by the remainder
-/// there, which falls with the square of the size.
+/// The triangle is divided into `parts` squared smaller ones. In each, a value's distance from the
+/// interpolation over the whole triangle is at most that at the corners of the part plus the
+/// remainder there, which falls with the square of the size.
 ///
 /// # Errors
-/// [`Stuck`]: an operation that is not known, or a branch that goes several ways within a part or
-/// for several roundings.
+/// [`Stuck`]: an unsupported operation, or a branch that goes several ways within a part or because
+/// of roundings.
 pub fn over_triangle(
     module: &Module,
     function: &Function,
@@ -121,12 +122,13 @@ pub fn over_triangle(
         }
         Ok(numbers)
     };
-    // Where it is computed for the fragment, and where for the corners and interpolated.
+    // Roundings where the fragment computes the value, and where it is computed at the corners and
+    // interpolated.
     let roundings = |number: Affine, corners: f64| {
         number.error() + corners + INTERPOLATION * number.magnitude()
     };
     if parts <= 1 {
-        // The corners of the whole are what it is held against.
+        // The corners of the whole triangle are the reference.
         let whole = over([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]])?;
         let distances = whole.into_iter().map(|number| {
             let Interval { low, high } = number.range();
@@ -135,7 +137,7 @@ pub fn over_triangle(
         });
         return Ok(distances.collect());
     }
-    // Each corner by itself.
+    // Each corner separately.
     let ends = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]].map(|at| over([at; 3]));
     let [Ok(first), Ok(second), Ok(third)] = ends else {
         return Err(ends
@@ -151,7 +153,7 @@ pub fn over_triangle(
     for part in divided(parts) {
         for (i, number) in over(part)?.into_iter().enumerate() {
             let ends = [&first, &second, &third].map(|end| end[i]);
-            // Of a corner of which nothing is known there is no interpolation.
+            // Without a known value at a corner there is no interpolation.
             if !(number.is_known() && ends.iter().all(|end| end.is_known())) {
                 distances[i] = Distance::UNBOUNDED;
                 continue;
@@ -193,7 +195,7 @@ fn divided(n: u32) -> impl Iterator<Item = [[f64; 3]; 3]> {
     })
 }
 
-/// A value in which every float is this exactly.
+/// The value with every float exactly as it is.
 pub fn exactly<F: Number>(value: &Value) -> Value<F> {
     match value {
         Value::Scalar(scalar) => Value::Scalar(match scalar {
@@ -211,8 +213,8 @@ pub fn exactly<F: Number>(value: &Value) -> Value<F> {
     }
 }
 
-/// What the rasteriser makes of a value at three corners, over a part of the triangle: floats
-/// between them; the rest has to be the same.
+/// The rasteriser's result for a value at three corners, over a part of the triangle: floats are
+/// interpolated; anything else must be equal at all corners.
 fn between(corners: [&Value<Affine>; 3], part: &[[f64; 3]; 3]) -> Result<Value<Affine>, Stuck> {
     Ok(match corners {
         [
@@ -246,7 +248,7 @@ fn between(corners: [&Value<Affine>; 3], part: &[[f64; 3]; 3]) -> Result<Value<A
     })
 }
 
-/// Between three numbers, of which each is the same everywhere.
+/// Interpolates three numbers, each of which is constant.
 fn interpolated(corners: [Affine; 3], part: &[[f64; 3]; 3]) -> Affine {
     let [Some(a), Some(b), Some(c)] = corners.map(Affine::single) else {
         return Affine::ANYTHING;

@@ -1,4 +1,4 @@
-//! The operations of the interpreter on [`Affine`] numbers.
+//! The interpreter's operations on [`Affine`] numbers.
 
 use std::cmp::Ordering;
 use std::f64::consts::{LN_2, LOG2_E};
@@ -80,8 +80,8 @@ impl Number for Affine {
                 past.through(of, Accuracy::EXACT, values, stairs(values))
             }
             (M::Mix, [a, b, t]) => {
-                // Rounded as the sum that it is by definition, and bent as the one product that it
-                // can be written with.
+                // Rounded as the sum in its definition, but with the smaller remainder of the
+                // equivalent single product.
                 let rest = difference(Self::constant(1.0), *t);
                 let as_defined = sum(product(*a, rest), product(*b, *t));
                 let along = Self::combined(1.0, *b, -1.0, *a).times(*t);
@@ -107,7 +107,7 @@ impl Number for Affine {
                     [1.5, 6.0],
                 )
             }
-            // Something else of numbers has some value.
+            // Other functions with a number as result: the value is unknown.
             (M::Atan2 | M::Asinh | M::Acosh | M::Atanh, _) => Self::ANYTHING,
             (_, [x]) => x.apply(function, slopes(function, x.range())?),
             _ => return None,
@@ -134,7 +134,7 @@ impl Number for Affine {
 
 const ZERO: Affine = Affine::constant(0.0);
 
-/// A sum as an adapter rounds it; where nothing is added, there is nothing to round.
+/// The sum, as an adapter rounds it. Adding 0 rounds nothing.
 fn sum(a: Affine, b: Affine) -> Affine {
     if let Some(exact) = a.exact_sum(b) {
         return Affine::constant(exact);
@@ -146,7 +146,7 @@ fn sum(a: Affine, b: Affine) -> Affine {
     }
 }
 
-/// A product as an adapter rounds it; 0 and 1 leave nothing to round.
+/// The product, as an adapter rounds it. A factor of 0 or 1 rounds nothing.
 fn product(a: Affine, b: Affine) -> Affine {
     if let Some(exact) = a.exact_product(b) {
         return Affine::constant(exact);
@@ -158,7 +158,7 @@ fn product(a: Affine, b: Affine) -> Affine {
     }
 }
 
-/// A quotient, good where the divisor is at most 2^126.
+/// The quotient. WGSL's accuracy holds for divisors of at most 2^126.
 fn quotient(a: Affine, b: Affine) -> Affine {
     match b.magnitude() <= 2_f64.powi(126) {
         true => a.times(reciprocal(b)).rounded(Accuracy::QUOTIENT),
@@ -166,7 +166,7 @@ fn quotient(a: Affine, b: Affine) -> Affine {
     }
 }
 
-/// By definition `a - b trunc(a / b)`.
+/// Defined as `a - b trunc(a / b)`.
 fn modulo(a: Affine, b: Affine) -> Affine {
     let Some(divisor) = b.single() else {
         return Affine::ANYTHING;
@@ -176,22 +176,22 @@ fn modulo(a: Affine, b: Affine) -> Affine {
         return Affine::ANYTHING;
     }
     if let Some(times) = whole.number() {
-        // The same multiple everywhere and on every adapter.
+        // The multiple is the same everywhere and on every adapter.
         return sum(a, product(Affine::constant(-times), b));
     }
-    // Of the sign of the dividend and less than the divisor, but for roundings.
+    // Except for roundings, it has the dividend's sign and is smaller than the divisor.
     let most = b.magnitude() + Accuracy::ulps(8.0).of(a.magnitude() + b.magnitude());
     let values = Interval::up_to(most);
     a.through(|x| x % divisor, Accuracy::EXACT, values, JUMP)
 }
 
-/// Its product with a constant that is rounded too.
+/// The product with a constant that is itself rounded.
 fn scaled(factor: f64, x: Affine) -> Affine {
     Affine::combined(factor, x, 0.0, ZERO).rounded(Accuracy::ulps(2.0))
 }
 
-/// `max(a, b)` is `b` and as much as `a` is above it. It is one of the two, and as far off as one
-/// of them at most.
+/// `max(a, b)` is `b` plus the amount by which `a` exceeds it. Its error is at most the larger of
+/// theirs.
 fn max(a: Affine, b: Affine) -> Affine {
     let above = Affine::combined(1.0, a, -1.0, b);
     let difference = above.range();
@@ -221,15 +221,15 @@ fn min(a: Affine, b: Affine) -> Affine {
     max(a.negated(), b.negated()).negated()
 }
 
-/// The exact inverse: a quotient is rounded once.
+/// The exact inverse: the quotient is rounded only once.
 fn reciprocal(x: Affine) -> Affine {
     let least = x.range().least();
     let slopes = [least.powi(-2), 2.0 * least.powi(-3)];
     x.through(|x| 1.0 / x, Accuracy::EXACT, x.range().inverse(), slopes)
 }
 
-/// By definition `1 / inverseSqrt(x)`. Two roots are no further apart than the root of what their
-/// squares are.
+/// Defined as `1 / inverseSqrt(x)`. Two roots are no further apart than the root of the distance of
+/// their squares.
 fn square_root(x: Affine) -> Affine {
     let slopes = match x.range().low > 0.0 {
         true => slopes_of_power(x.range(), 0.5),
@@ -245,7 +245,7 @@ fn square_root(x: Affine) -> Affine {
     Affine::new(root.corners(), root.remainder(), error, root.range())
 }
 
-/// Of a base above 0; of 0 too for an exponent above 0. A base below 0 has no power.
+/// The power of a base above 0, or of 0 with an exponent above 0. A negative base has no power.
 fn power(x: Affine, y: f64) -> Affine {
     let range = x.range();
     if range.low < 0.0 || (range.low == 0.0 && y <= 0.0) {
@@ -256,7 +256,7 @@ fn power(x: Affine, y: f64) -> Affine {
         false => slopes_of_power(range, y),
     };
     let values = range.powers(y);
-    // Of 0 it is 0, as the power of two of minus infinity.
+    // The power of 0 is 0, as exp2 of minus infinity.
     let exponent = match range.low == 0.0 {
         true => 150.0,
         false => range.low.log2().abs().max(range.high.log2().abs()),
@@ -271,7 +271,7 @@ fn slopes_of_power(x: Interval, y: f64) -> [f64; 2] {
     [largest(y, y - 1.0), largest(y * (y - 1.0), y - 2.0)]
 }
 
-/// Slopes of a staircase with these values: level if there is one step only.
+/// Slopes of a step function with these values. Both are 0 if it has only one step.
 fn stairs(values: Interval) -> [f64; 2] {
     match values.number() {
         Some(_) => [0.0, 0.0],
@@ -279,7 +279,7 @@ fn stairs(values: Interval) -> [f64; 2] {
     }
 }
 
-/// The slopes of [`Affine::through`] of a function of one argument.
+/// The slopes for [`Affine::through`] of a function of one argument.
 fn slopes(function: MathFunction, x: Interval) -> Option<[f64; 2]> {
     use MathFunction as M;
     let corner = f64::INFINITY;
