@@ -5,14 +5,13 @@ use naga::{BuiltIn, ShaderStage};
 use super::ty::Component::Float;
 use super::ty::Ty;
 
-/// A built-in variable.
 #[derive(Debug)]
 pub(super) struct Variable {
     /// Names in GLSL, separated by spaces.
     names: &'static str,
     stage: Option<ShaderStage>,
     pub is_output: bool,
-    /// The type in the IR; of an array, that of an element.
+    /// Type in the IR. For an array, the type of its elements.
     pub ty: Ty,
     pub built_in: BuiltIn,
 }
@@ -39,7 +38,7 @@ const VEC3: Ty = Ty::Vector(Float, 3);
 const VEC4: Ty = Ty::Vector(Float, 4);
 const POSITION: BuiltIn = BuiltIn::Position { invariant: false };
 
-/// Those that become a global where they are first used.
+/// Built-ins that become a global on first use.
 #[rustfmt::skip]
 static PLAIN: &[Variable] = &[
     of("gl_Position", VERTEX, true, VEC4, POSITION),
@@ -55,7 +54,7 @@ static PLAIN: &[Variable] = &[
     of("gl_DrawID gl_DrawIDARB", VERTEX, false, Ty::UINT, BuiltIn::DrawIndex),
 ];
 
-/// Those for which `resolve` declares an input or output.
+/// Built-ins for which `resolve` declares an input or output.
 #[rustfmt::skip]
 static DECLARED: &[Variable] = &[
     of("gl_SampleMaskIn", FRAGMENT, false, Ty::UINT, BuiltIn::SampleMask),
@@ -73,12 +72,12 @@ fn named(all: &'static [Variable], name: &str, stage: ShaderStage) -> Option<&'s
     all.find(|v| v.names.split(' ').any(|n| n == name) && v.stage.is_none_or(|s| s == stage))
 }
 
-/// The one of that name in a stage that becomes a global where it is first used.
+/// The built-in of this name that becomes a global on first use.
 pub(super) fn plain(name: &str, stage: ShaderStage) -> Option<&'static Variable> {
     named(PLAIN, name, stage)
 }
 
-/// The one of that name in a stage for which `resolve` declares an input or output.
+/// The built-in of this name for which `resolve` declares an input or output.
 pub(super) fn declared(name: &str, stage: ShaderStage) -> Option<&'static Variable> {
     named(DECLARED, name, stage)
 }

@@ -11,11 +11,12 @@ use super::ty::{Component, Ty, spelled};
 #[derive(Clone, Debug, Default)]
 pub(super) struct Constants {
     known: HashMap<String, ConstantValue>,
-    /// Specialisation constants and what follows from them.
+    /// Specialisation constants, and constants that depend on them.
     defaults: HashMap<String, (ConstantValue, Specialised)>,
-    /// Constants that are a specialisation constant under another name: `const int M = N;`.
+    /// Constants that only rename a specialisation constant: `const int M = N;`.
     aliases: HashMap<String, (u32, String)>,
-    /// The specialisation constant whose default counts as one more: see [`lengths`](super::lengths).
+    /// The specialisation constant whose default is taken as one larger. See
+    /// [`lengths`](super::lengths).
     raised: Option<u32>,
 }
 
@@ -30,7 +31,7 @@ impl Constants {
         }
     }
 
-    /// The specialisation constant of that name, if it is one itself or an alias of one.
+    /// The specialisation constant behind a name, or behind its alias.
     pub(super) fn specialised(&self, name: &str) -> Option<(u32, String)> {
         let (_, from) = self.defaults.get(name)?;
         if let Some(of) = self.aliases.get(name) {
@@ -43,12 +44,12 @@ impl Constants {
         }
     }
 
-    /// The value of a constant, if it is final and known.
+    /// The value of a constant, if it is known and cannot be specialised.
     pub(super) fn value(&self, name: &str) -> Option<ConstantValue> {
         self.known.get(name).cloned()
     }
 
-    /// Whether it is a constant whose value is final.
+    /// Whether a constant's value is known and cannot be specialised.
     pub(super) fn is_known(&self, name: &str) -> bool {
         self.known.contains_key(name)
     }
@@ -71,13 +72,13 @@ mod built_in_functions;
 
 pub(super) use built_in_functions::call;
 
-/// The key for an array's length. No name has brackets, so it is unique.
+/// The key for an array's length. It is unique, because no name contains brackets.
 fn length_of(name: &str) -> String {
     format!("{name}.length()")
 }
 
-/// Records a declared variable's array length or constant value, and forgets any variable that it
-/// hides. `id`: of a specialisation constant.
+/// Records a declared variable's array length or constant value, and drops those of a variable that
+/// it hides. `id`: of a specialisation constant.
 pub(super) fn declare(
     constants: &mut Constants,
     name: &str,
@@ -85,7 +86,7 @@ pub(super) fn declare(
     value: Option<&Expr>,
     id: Option<u32>,
 ) {
-    // The name is visible behind its value.
+    // The name is in scope only after its value.
     let alias = value.and_then(|e| alias_of(e, ty, constants));
     let assumed = value.and_then(|e| assume(e, constants));
     constants.aliases.remove(name);
@@ -131,7 +132,7 @@ pub(super) fn declare(
     }
 }
 
-/// The specialisation constant that a value of this type is, unconverted.
+/// The specialisation constant that an expression names, if this type needs no conversion.
 fn alias_of(e: &Expr, ty: &Ty, constants: &Constants) -> Option<(u32, String)> {
     let ExprData::Variable(name) = &e.content else {
         return None;
@@ -141,12 +142,12 @@ fn alias_of(e: &Expr, ty: &Ty, constants: &Constants) -> Option<(u32, String)> {
     constants.specialised(name.as_str()).filter(|_| is_same)
 }
 
-/// Evaluates an integer constant expression; `None` for any other expression.
+/// Evaluates an integer constant expression. `None` for other expressions.
 pub(super) fn evaluate(expr: &Expr, constants: &Constants) -> Option<i64> {
     integer(&value(expr, &|name| constants.known.get(name).cloned())?)
 }
 
-/// Evaluates a constant expression with the defaults of specialisation constants, and lists them.
+/// Evaluates a constant expression with the defaults of specialisation constants, and lists these.
 pub(super) fn assume(expr: &Expr, constants: &Constants) -> Option<(ConstantValue, Specialised)> {
     let from = RefCell::new(Specialised::new());
     let found = value(expr, &|name| {
@@ -181,7 +182,7 @@ pub(super) fn integers(value: ConstantValue) -> Option<Vec<i32>> {
     parts.into_iter().map(int).collect()
 }
 
-/// Whether all its floats are finite.
+/// Whether all floats of a value are finite.
 pub(super) fn is_finite(value: &ConstantValue) -> bool {
     match value {
         Float(x) => x.is_finite(),
@@ -190,7 +191,7 @@ pub(super) fn is_finite(value: &ConstantValue) -> bool {
     }
 }
 
-/// The component of a vector.
+/// The component of a vector at an index.
 pub(super) fn indexed(of: ConstantValue, index: &ConstantValue) -> Option<ConstantValue> {
     match of {
         Vector(parts) => parts.get(usize::try_from(integer(index)?).ok()?).cloned(),
@@ -262,7 +263,7 @@ pub(super) fn unary(op: &UnaryOpData, a: ConstantValue) -> Option<ConstantValue>
     })
 }
 
-/// `v.x`, `v.rg`.
+/// A swizzle such as `v.x` or `v.rg`.
 pub(super) fn swizzled(of: ConstantValue, names: &str) -> Option<ConstantValue> {
     let Vector(parts) = of else { return None };
     let part = |name: char| {
@@ -382,8 +383,8 @@ fn compared<T: PartialOrd>(op: &B, a: &T, b: &T) -> Option<ConstantValue> {
     }))
 }
 
-/// The value of a constructor of a scalar or a vector: from one scalar, from a larger vector, or from
-/// values with as many components in total (4.60, 5.4.2).
+/// The value of a scalar or vector constructor: from one scalar, a larger vector, or values with
+/// exactly as many components in total (4.60, 5.4.2).
 pub(super) fn construct(ty: &Ty, values: &[ConstantValue]) -> Option<ConstantValue> {
     let (kind, n) = match (ty, values) {
         (Ty::Scalar(kind), [value]) => return scalar(*kind, value),
@@ -406,7 +407,7 @@ pub(super) fn construct(ty: &Ty, values: &[ConstantValue]) -> Option<ConstantVal
     parts.filter(|p| p.len() == n).map(Vector)
 }
 
-/// A scalar of another.
+/// Converts a scalar.
 fn scalar(kind: Component, value: &ConstantValue) -> Option<ConstantValue> {
     Some(match (kind, value) {
         (Component::Int, Int(n)) => Int(*n),

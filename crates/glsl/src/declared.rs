@@ -1,4 +1,4 @@
-//! Records the author's declarations, so that emitted GLSL can use the same names, types and
+//! Records the author's declarations, so that emitted GLSL can reuse their names, types and
 //! numbers.
 
 use naga::{ResourceBinding, ShaderStage};
@@ -13,7 +13,7 @@ use super::ty::{Structs, Ty};
 use naga_edit::declared::{DFDY_NOTE, FRAG_COORD_NOTE, PRECISE_NOTE};
 use shader_text::options::ClipSpace;
 
-/// Collects the declarations of stages that `interface` has numbered.
+/// Collects the declarations of stages after `interface` has numbered them.
 pub(super) fn declared(
     stages: &[GlslStage<'_>],
     interface: &Interface,
@@ -95,8 +95,8 @@ pub(super) fn declared(
     out
 }
 
-/// Records what the IR has transposed, and its copies and names of structs. `interface` has the copies that
-/// resolving made.
+/// Records what the IR has transposed, and its copied and renamed structs. `interface` has the
+/// copies that resolving made.
 pub(super) fn layouts(stages: &[GlslStage<'_>], interface: &Interface, out: &mut Declared) {
     let copies = interface.struct_copies.iter();
     let copies = copies.map(|((own, rows, _), copy)| (copy, own, *rows));
@@ -121,7 +121,7 @@ pub(super) fn layouts(stages: &[GlslStage<'_>], interface: &Interface, out: &mut
     out.rows.dedup();
 }
 
-/// Warnings about code that means something else in the target.
+/// Warnings about code with another meaning in the target.
 fn notes(stages: &[GlslStage<'_>], clip: ClipSpace) -> Vec<String> {
     let mut fragment = stages.iter().filter(|s| s.kind == ShaderStage::Fragment);
     let mut out = Vec::new();
@@ -149,13 +149,14 @@ fn notes(stages: &[GlslStage<'_>], clip: ClipSpace) -> Vec<String> {
     out
 }
 
-/// Notes on words of Vulkan's that are dropped.
+/// Notes on keywords of Vulkan's GLSL that are dropped.
 fn dropped(stages: &[GlslStage<'_>]) -> Vec<String> {
     let mut out = Vec::new();
     if stages.iter().any(|s| s.used.contains("debugPrintfEXT")) {
         out.push("`debugPrintfEXT` is dropped: WebGPU prints nothing".to_owned());
     }
-    // An invariant position would have other bits than the author's, if the local does not decide it.
+    // An invariant position could get other bits than the author's if the local variable does not
+    // affect it.
     if stages.iter().any(|s| s.used.contains(PRECISE)) {
         out.push(PRECISE_NOTE.to_owned());
     }
@@ -220,7 +221,7 @@ fn located(structs: &Structs, variable: &Variable, location: u32) -> Option<Loca
     })
 }
 
-/// `None` for types that a uniform outside of blocks cannot have.
+/// The declared type. `None` for types that a uniform outside of blocks cannot have.
 fn ty(structs: &Structs, of: &Ty) -> Option<Type> {
     Some(match of {
         Ty::Scalar(_) | Ty::Vector(..) | Ty::Matrix(..) => Type::Plain(of.name()),

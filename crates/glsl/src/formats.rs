@@ -46,7 +46,7 @@ const FORMATS: &[(&str, F)] = &[
     ("r8ui", F::R8Uint),
 ];
 
-/// The format of that name.
+/// The image format with a GLSL name.
 pub(super) fn format_named(name: &str) -> Option<F> {
     let found = FORMATS.iter().find(|(word, _)| *word == name);
     found.map(|(_, format)| *format)

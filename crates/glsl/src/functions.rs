@@ -1,4 +1,4 @@
-//! GLSL's functions, but for those of textures: what they take, give, and are in the IR.
+//! GLSL's functions, except those of textures: parameters, results and meaning in the IR.
 
 use naga::{
     BinaryOperator as O, DerivativeAxis as Axis, DerivativeControl as Control, MathFunction as F,
@@ -9,21 +9,21 @@ use super::textures::TextureFunction;
 use super::ty::Component::{self, Bool, Double, Float, Int, Uint};
 use super::ty::Ty;
 
-/// What a function is in the IR.
+/// The meaning of a function in the IR.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Meaning {
     Math(F),
     Derivative(Axis, Control),
-    /// Of vectors, by component.
+    /// An operator of vectors, by component.
     Operator(O),
-    /// The same bits as another kind of number.
+    /// Reinterprets the bits as another kind of number.
     Bits(S),
     Relational(R),
     Not,
     Modulo,
     Barrier,
     Image(TextureFunction),
-    /// `resolve` writes it out.
+    /// Expanded by `resolve`.
     Composed,
 }
 
@@ -31,16 +31,16 @@ use Meaning::{
     Barrier, Bits, Composed, Derivative, Image, Math, Modulo, Not, Operator, Relational,
 };
 
-/// What a function takes and gives.
+/// Parameter and result types of a function.
 #[derive(Clone, Copy, Debug)]
 pub(super) enum Form {
-    /// That many floats of a shape.
+    /// This many floats of one shape. The result has the same shape.
     Floats(usize),
-    /// One or two.
+    /// One or two floats of one shape.
     FloatOrTwo,
-    /// That many floats of a shape, also of 64 bits.
+    /// This many floats of one shape, 64 bits included.
     Reals(usize),
-    /// A scalar of that many.
+    /// This many floats of one shape, to a scalar.
     Measure(usize),
     Cross,
     Signed,
@@ -57,7 +57,7 @@ pub(super) enum Form {
     Determinant,
     Outer,
     ByComponent,
-    /// A `bvec` of two vectors of numbers.
+    /// Two numeric vectors, to a `bvec`.
     Order,
     Equal,
     Quantifier,
@@ -68,7 +68,7 @@ pub(super) enum Form {
     Reverse,
     Extract,
     Insert,
-    /// A `uint` of a vector of that size, and the reverse.
+    /// A vector of this size, to a `uint`; `Unpack` is the reverse.
     Pack(u8),
     Unpack(u8),
     NoValues,
@@ -84,7 +84,6 @@ use Form::{
     Transpose, Unpack,
 };
 
-/// A function.
 #[derive(Clone, Copy, Debug)]
 pub(super) struct Function {
     form: Form,
@@ -137,14 +136,14 @@ const FUNCTIONS: &[(&str, Form, Meaning)] = &[
     ("unpackUnorm4x8", Unpack(4), Math(F::Unpack4x8unorm)),
 ];
 
-/// The function of that name.
+/// The function with a GLSL name.
 pub(super) fn named(name: &str) -> Option<Function> {
     let (_, form, meaning) = *FUNCTIONS.iter().find(|(word, ..)| *word == name)?;
     Some(Function { form, meaning })
 }
 
 impl Function {
-    /// The component type to which it converts arguments of these types.
+    /// The component type to which arguments of these types are converted.
     pub(super) fn converts_to(self, given: &[Ty]) -> Option<Component> {
         let widest = given.iter().filter_map(Ty::kind);
         let widest = widest.max_by_key(|kind| kind.power());
@@ -159,8 +158,8 @@ impl Function {
         }
     }
 
-    /// The type of its result, if it takes values of these types (GLSL 4.60, 8). Conversions are made
-    /// already.
+    /// The result type, or `None` if it does not accept these argument types (GLSL 4.60, 8). They
+    /// have been converted already.
     pub(super) fn result(self, given: &[Ty]) -> Option<Ty> {
         let of = |ty: &Ty, kinds: &[Component]| {
             ty.components().is_some() && ty.kind().is_some_and(|k| kinds.contains(&k))
@@ -169,7 +168,7 @@ impl Function {
         let numbers = &[Float, Double, Int, Uint];
         let integers = &[Int, Uint];
         let alike = given.windows(2).all(|two| two[0] == two[1]);
-        // A scalar stands for a vector of it.
+        // A scalar is accepted in place of a vector.
         let spreads = |ty: &Ty, over: &Ty| {
             ty == over || matches!(ty, Ty::Scalar(k) if over.kind() == Some(*k))
         };

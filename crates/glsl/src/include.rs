@@ -10,16 +10,15 @@ use shader_text::memory::Memory;
 use shader_text::options::Options;
 use shader_text::read_limited;
 
-/// Searches beside the including file, then below the include folders.
+/// Searches the including file's folder first, then the include folders.
 pub(super) struct Files {
     include: Vec<PathBuf>,
-    /// What is found before the disk.
+    /// Files in memory, which come before those on disk.
     memory: Memory,
-    /// See [`Options::root`].
     root: Option<PathBuf>,
-    /// For the size of one file.
+    /// Limits the size of each file.
     limits: Limits,
-    /// Paths that did not exist when they were tried.
+    /// Missing paths that were tried.
     pub absent: RefCell<BTreeSet<PathBuf>>,
 }
 
@@ -108,7 +107,7 @@ impl Files {
         Ok(read_limited::decode(bytes.clone()).unwrap_or_else(|_| lossy()))
     }
 
-    /// The file's name in messages: as the author wrote it if that exists.
+    /// The file's name in messages: as the author wrote it, if that path exists.
     pub fn shown(&self, asked: &Path, found: &Path) -> String {
         let is_there = match &self.root {
             _ if self.memory.text(asked).is_some() => true,

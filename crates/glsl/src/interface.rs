@@ -1,11 +1,11 @@
 //! Assigns the bindings and locations that both stages share.
 //!
-//! The author's bindings are kept where they are free: OpenGL numbers textures and blocks
-//! separately, WebGPU does not. Everything else is numbered in group 0, first the block of loose
-//! uniforms, then declarations of the vertex stage, then of the fragment stage.
+//! The author's bindings are preserved unless they conflict: OpenGL numbers textures and blocks
+//! separately, WebGPU does not. Everything else is numbered in group 0: first the block of loose
+//! uniforms, then declarations of the vertex stage, then those of the fragment stage.
 //!
-//! The author's locations are kept. Varyings are matched by name, or by location if both stages
-//! have one.
+//! The author's locations are preserved. Varyings are matched by name, or by location if both
+//! stages specify one.
 
 mod bindings;
 
@@ -33,7 +33,7 @@ pub(super) struct BoundSampler {
     pub texture: String,
     pub sampler: String,
     pub slots: [BindingSlot; 2],
-    /// The author's binding.
+    /// The author's binding, if there is one.
     pub number: Option<u32>,
 }
 
@@ -42,7 +42,7 @@ pub(super) struct BoundSampler {
 pub(super) struct Interface {
     /// Loose uniforms of both stages, without samplers.
     pub uniforms: Vec<GlslMember>,
-    /// Structs of these uniforms, which a stage may lack.
+    /// Structs that these uniforms use. A stage may lack some of them.
     pub structs: Vec<Struct>,
     pub uniform_slot: BindingSlot,
     /// Type and instance name of the block of loose uniforms.
@@ -51,7 +51,7 @@ pub(super) struct Interface {
     pub samplers: BTreeMap<String, BoundSampler>,
     /// Names of struct copies with another layout in blocks. Key: name, row-major, std430.
     pub struct_copies: HashMap<(String, bool, bool), String>,
-    /// New and old names of blocks that the other stage has at another binding.
+    /// New and old names of blocks whose binding differs between the stages.
     pub renamed: Vec<(String, String)>,
     pub opaque: HashMap<String, BindingSlot>,
     pub blocks: HashMap<String, BindingSlot>,
@@ -60,7 +60,6 @@ pub(super) struct Interface {
     pub outputs: [HashMap<String, u32>; 2],
     /// The fragment stage's interpolation of each varying.
     pub interpolation: HashMap<String, [Option<&'static str>; 2]>,
-    /// Names in use.
     pub names: HashSet<String>,
 }
 
@@ -93,8 +92,8 @@ impl Interface {
         Ok(out)
     }
 
-    /// In Vulkan the binding identifies a resource, not the name. Renames resources with one name
-    /// and two bindings.
+    /// Renames resources with one name but two bindings: in Vulkan, the binding identifies a
+    /// resource.
     fn tell_apart(&mut self, stages: &mut [GlslStage<'_>]) -> Result<(), Error> {
         let [first, second] = stages else {
             return Ok(());
@@ -228,7 +227,7 @@ impl Interface {
             .chain(fragment.iter().flat_map(|s| &s.inputs))
         {
             let q = &variable.qualifiers;
-            // The fragment stage comes last and wins.
+            // The fragment stage comes last and takes precedence.
             self.interpolation
                 .insert(variable.key(), [q.interpolation, q.sampling]);
         }
@@ -267,7 +266,7 @@ impl Interface {
                         ),
                     )
                     .label_if(input.place);
-                    // Older versions have no other stages.
+                    // Older versions only have these two stages.
                     let Dialect { version, es } = fragment.unit.dialect;
                     return Err(match version >= if es { 310 } else { 150 } {
                         true => error.note(
@@ -312,7 +311,7 @@ impl Interface {
     }
 }
 
-/// Whether an output gives an input its value. Vulkan lets the output have more components.
+/// Whether an output can supply an input. Vulkan allows the output more components.
 fn carries(output: &Ty, input: &Ty) -> bool {
     let more = output.components() >= input.components() && input.components().is_some();
     output == input || output.kind() == input.kind() && output.kind().is_some() && more
@@ -367,7 +366,7 @@ fn refuse_sampler(combined: &str, variable: &Variable) -> Result<(), Error> {
     ))
 }
 
-/// Assigns locations to `variables`: their own, those in `given`, then the next free ones.
+/// Assigns locations to `variables`: their own, those in `given`, or the next free ones.
 fn numbered(
     stage: &GlslStage<'_>,
     variables: &[Variable],

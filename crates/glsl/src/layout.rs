@@ -1,4 +1,4 @@
-//! How types lie in blocks.
+//! Memory layout of types in blocks.
 
 use super::ty::{Component, GlslMember, Struct, Structs, Ty};
 
@@ -55,8 +55,8 @@ pub(super) enum BlockEntry<'a> {
 }
 
 impl Structs {
-    /// Whether the declared type lies as by std430. `build` lays structs out by std140,
-    /// and structs that are also in a uniform block have padding and [`stored`] members.
+    /// Whether the declared type has the std430 layout. `build` lays structs out by std140. Structs
+    /// that are also in a uniform block have padding and [`stored`] members.
     pub(super) fn is_std430(&self, ty: &Ty) -> bool {
         match ty {
             Ty::Scalar(kind) | Ty::Vector(kind, _) => *kind != Component::Bool,
@@ -83,7 +83,7 @@ impl Structs {
         self.placed(ty, false, false)
     }
 
-    /// The same by std430, if `tight`, and with row-major matrices.
+    /// Alignment and size by std430 if `tight`, else by std140. `by_rows`: matrices are row-major.
     pub(super) fn placed(&self, ty: &Ty, tight: bool, by_rows: bool) -> (u32, u32) {
         let width = |k: &Component| if *k == Component::Double { 8 } else { 4 };
         let align = |k: &Component, n: u8| width(k) * [1, 2, 4, 4][usize::from(n) - 1];
@@ -194,7 +194,7 @@ impl Structs {
         }
     }
 
-    /// Marks structs as `in_uniform_block` that `build` lays out as in a block in any case: those with
+    /// Marks structs as `in_uniform_block` if `build` gives them that layout anyway: those with
     /// arrays of small elements or two-row matrices.
     pub(super) fn mark_small_elements(&mut self) {
         for of in self.by_name.values_mut().filter(|of| !of.tight) {

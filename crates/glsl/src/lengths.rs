@@ -1,9 +1,8 @@
-//! Finds the arrays whose lengths a specialisation constant gives, and names their types.
+//! Finds the arrays whose lengths are specialisation constants, and names their types.
 //!
-//! The modules have their default lengths, as the IR knows no others. So the text is resolved a
-//! second time with a default that is larger by one. An array that is then longer by one has its
-//! length from the constant. If anything else differs, the constant decides more than lengths, and
-//! its default is final.
+//! The IR has only default lengths. So the text is resolved a second time with a default that is
+//! larger by one. An array that becomes longer by one has the constant as its length. If anything
+//! else differs, the constant affects more than lengths, and its default is final.
 
 use std::collections::HashMap;
 
@@ -12,20 +11,20 @@ use naga::{
 };
 use naga_edit::declared::LengthConstant;
 
-/// A constant that may give lengths, and its default.
+/// A constant that may be an array length, and its default.
 pub type Candidate = (LengthConstant, u32);
 
-/// A candidate, with the modules of the reading in which its default is larger.
+/// A candidate, with the modules of the run with its default raised.
 pub(super) type Raised = (Candidate, Vec<Module>);
 
-/// Names the types of the arrays in the modules of all stages. Returns the constants that give
-/// lengths and nothing else.
+/// Names the array types in the modules of all stages. Returns the constants that affect only
+/// lengths.
 pub(super) fn mark(modules: &mut [Module], candidates: Vec<Raised>) -> Vec<LengthConstant> {
     let ids: Vec<u32> = candidates.iter().map(|(of, _)| of.0.id).collect();
     let is_only = |id: u32| ids.iter().filter(|other| **other == id).count() == 1;
     let mut candidates = candidates;
     candidates.retain(|(candidate, raised)| {
-        // Stages may have different constants of one id.
+        // The other stage may have another constant with this id.
         if !is_only(candidate.0.id) {
             return false;
         }
@@ -53,8 +52,8 @@ fn differ_by_lengths(module: &Module, raised: &Module, candidate: &Candidate) ->
     })
 }
 
-/// The module with named types, and the others with the same, but for the types themselves. `None`
-/// if types differ by more than lengths.
+/// The module with named types, and the others changed in the same way. `None` if types differ by
+/// more than lengths.
 fn named(module: &Module, raised: Vec<(&Candidate, Module)>) -> Option<(Module, Vec<Module>)> {
     let mut module = module.clone();
     let (candidates, mut raised): (Vec<&Candidate>, Vec<Module>) = raised.into_iter().unzip();
@@ -82,10 +81,10 @@ fn named(module: &Module, raised: Vec<(&Candidate, Module)>) -> Option<(Module, 
     Some((module, raised))
 }
 
-/// A type of the first reading, and those of the others.
+/// A type of the first run, with the corresponding types of the others.
 type Pair = (Handle<Type>, Vec<Handle<Type>>);
 
-/// Types of the first reading by those of all.
+/// Types of the first run, by the corresponding types of all runs.
 struct Paired<'c> {
     types: UniqueArena<Type>,
     raised: Vec<UniqueArena<Type>>,
@@ -174,7 +173,7 @@ impl Paired<'_> {
     }
 }
 
-/// All places of a module that name a type.
+/// All references to types in a module.
 fn types(module: &mut Module) -> Vec<&mut Handle<Type>> {
     let mut out: Vec<&mut Handle<Type>> = Vec::new();
     out.extend(module.constants.iter_mut().map(|(_, c)| &mut c.ty));

@@ -1,10 +1,10 @@
 //! Reads GLSL of every version to IR, in the order of these modules:
 //!
 //! `preprocess` runs directives and macros; `syntax` parses, with `type_names`; `stage` collects a
-//! stage's declarations; `interface` assigns bindings and locations to both stages; `declared` records
-//! the author's own. `resolve` settles names, types, overloads, layouts and the order of evaluation in
-//! a `tree`, and `build` writes that as IR. `lengths` finds the arrays whose lengths a specialisation
-//! constant gives.
+//! stage's declarations; `interface` assigns bindings and locations to both stages; `declared`
+//! records the author's own. `resolve` resolves names, types, overloads, layouts and the order of
+//! evaluation into a `tree`, and `build` converts that to IR. `lengths` finds the arrays whose
+//! lengths are specialisation constants.
 #![warn(missing_docs)]
 
 mod build;
@@ -46,17 +46,17 @@ use shader_text::tokens::without_comments;
 pub struct Text<'a> {
     /// The file's name, for relative includes.
     pub name: &'a str,
-    /// The whole text.
+    /// The complete text, before preprocessing.
     pub text: &'a str,
-    /// Its stage.
+    /// The stage that the text contains.
     pub stage: ShaderStage,
-    /// The file's offset in the source map.
+    /// Offset of the file in the source map.
     pub base: u32,
 }
 
 /// Parses a material's stages in order. The modules' spans refer to the source map, to which
 /// included files are added. Entry points become `vertex_main` and `fragment_main`, because a
-/// module has one name space.
+/// module has a single name space.
 pub fn parse(
     texts: &[Text<'_>],
     options: &Options,
@@ -102,14 +102,14 @@ fn read(
 struct Resolved {
     modules: Vec<Module>,
     declared: Declared,
-    /// Specialisation constants that may give lengths of arrays by themselves.
+    /// Specialisation constants that may affect only array lengths.
     lengths: Vec<lengths::Candidate>,
-    /// Those whose defaults are final.
+    /// Specialisation constants whose defaults are final.
     fixed: Specialised,
 }
 
-/// Resolves and writes the stages. `raised`: the specialisation constant whose default counts as one
-/// more.
+/// Resolves the stages, and converts them to IR. `raised`: the specialisation constant whose
+/// default is taken as one larger.
 fn resolve(
     units: &[syntax::Unit],
     texts: &[Text<'_>],
@@ -172,8 +172,8 @@ fn units(
     all.collect()
 }
 
-/// Guesses the clip space: OpenGL's, unless the text is Vulkan's GLSL, which has explicit bindings
-/// and no loose uniforms. A text of an old version, or of ES, must have words that only Vulkan has.
+/// Guesses the clip space: OpenGL's, unless the text is Vulkan's GLSL, with explicit bindings and
+/// no loose uniforms. In an old version or in ES, the text must use a keyword that only Vulkan has.
 fn clip_space(stages: &[GlslStage<'_>]) -> ClipSpace {
     let is_opengls = |s: &GlslStage<'_>| {
         let loose = s
@@ -216,7 +216,7 @@ pub fn has_stages(text: &str) -> bool {
         .any(|l| stage_pragma(l) == Some(Some(ShaderStage::Vertex)))
 }
 
-/// The stage of a `#pragma stage` line; `None` for other lines.
+/// The stage of a `#pragma stage` line. `None` for other lines.
 fn stage_pragma(line: &str) -> Option<Option<ShaderStage>> {
     let mut words = line
         .trim_start()
@@ -229,8 +229,8 @@ fn stage_pragma(line: &str) -> Option<Option<ShaderStage>> {
     })
 }
 
-/// Blanks the lines of the other stage. `#pragma stage` lines stay, because an included file may
-/// change the stage too.
+/// Blanks the lines of the other stage. Keeps `#pragma stage` lines, because an included file may
+/// switch the stage too.
 pub fn stage_of(text: &str, stage: ShaderStage) -> String {
     let mut out = String::with_capacity(text.len());
     let mut ours = true;

@@ -2,12 +2,12 @@
 
 use naga::{AtomicFunction, CollectiveOperation, Direction, SubgroupOperation};
 
-/// The atomic function of that name, of storage blocks.
+/// The atomic function on storage blocks with a GLSL name.
 pub(super) fn atomic(name: &str) -> Option<AtomicFunction> {
     operation(name.strip_prefix("atomic")?)
 }
 
-/// The atomic function of that name, of images, as far as naga has it.
+/// The atomic function on images with a GLSL name, if naga supports it.
 pub(super) fn image_atomic(name: &str) -> Option<AtomicFunction> {
     operation(name.strip_prefix("imageAtomic")?)
         .filter(|a| !matches!(a, AtomicFunction::Exchange { .. }))
@@ -41,8 +41,8 @@ pub(super) enum Subgroup {
     QuadSwap(Direction),
 }
 
-/// The subgroup function of that name (GL_KHR_shader_subgroup). `lane` is its second argument, if
-/// that is constant.
+/// The subgroup function with a GLSL name (GL_KHR_shader_subgroup). `lane`: its second argument, if
+/// constant.
 pub(super) fn subgroup(name: &str, lane: Option<u32>) -> Option<Subgroup> {
     use CollectiveOperation::{ExclusiveScan, InclusiveScan, Reduce};
     use SubgroupOperation as S;
@@ -57,7 +57,7 @@ pub(super) fn subgroup(name: &str, lane: Option<u32>) -> Option<Subgroup> {
         let operation = match rest {
             "Add" => S::Add,
             "Mul" => S::Mul,
-            // WGSL scans no others.
+            // WGSL has no other scans.
             _ if scan != Reduce => return None,
             "Min" => S::Min,
             "Max" => S::Max,

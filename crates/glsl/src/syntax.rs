@@ -38,11 +38,11 @@ pub(super) struct Unit {
     pub dialect: Dialect,
     /// All words of the expanded text, so that generated names are unique.
     pub names: HashSet<String>,
-    /// `#pragma STDGL invariant(all)`.
+    /// Whether it contains `#pragma STDGL invariant(all)`.
     pub invariant_all: bool,
-    /// The text tested for Vulkan, and the answer was no.
+    /// Whether the text tested for Vulkan, with a negative result.
     pub asks_for_vulkan: bool,
-    /// The text has `nonuniformEXT`.
+    /// Whether the text uses `nonuniformEXT`.
     pub is_nonuniform: bool,
     /// Maximum elements of a type.
     pub array_elements: u64,
@@ -82,7 +82,7 @@ pub(super) fn parse(
 ) -> Result<Unit, Error> {
     let path = Path::new(input.name);
     let dialect = Dialect::of(input.text, path);
-    // In other dialects these names of Vulkan's textures are functions.
+    // In other dialects, the names of Vulkan's textures are functions.
     let old = ["texture2D(", "textureCube(", "texture2D (", "texture3D("];
     let has = |word: &str| input.text.contains(word);
     let mut words = input.text.split(|c: char| !c.is_alphanumeric() && c != '_');
@@ -231,7 +231,7 @@ fn explain(
     }
 }
 
-/// The lexer's tokens, with their numbers as positions.
+/// The lexer's tokens, with token numbers as positions.
 struct Numbered<'a> {
     text: &'a str,
     lexer: LexerIterator<'a>,
@@ -239,12 +239,12 @@ struct Numbered<'a> {
     extensions: &'a HashSet<String>,
     raw: Vec<(LexerPosition, LexerPosition)>,
     names: HashSet<String>,
-    /// Those of them that are types of extensions.
+    /// Names among the tokens that are types of extensions.
     types: HashSet<String>,
     type_names: TypeNames<'a>,
-    /// Between `layout` and its closing bracket.
+    /// Whether the position is between `layout` and its closing bracket.
     in_layout: bool,
-    /// A name that the grammar lacks.
+    /// A name that the grammar does not support.
     stopped: Option<(&'static Absent, String)>,
     too_many: bool,
 }
@@ -271,8 +271,8 @@ impl<'a> Numbered<'a> {
         Some((pos.start(), Token::IntConstant(value as i32), pos.end()))
     }
 
-    /// Makes the types of extensions types. Stops at other names of extensions that the grammar
-    /// lacks.
+    /// Turns type names of extensions into types. Stops at other names of extensions that the
+    /// grammar does not support.
     fn settle_name(&mut self, token: &mut Token) {
         match token {
             Token::Layout => self.in_layout = true,
@@ -304,7 +304,7 @@ impl<'a> Numbered<'a> {
     }
 }
 
-/// Whether it is a type by its number of bits, such as `f16vec3`, which the lexer does not know.
+/// Whether a name is a type with a bit width, such as `f16vec3`, which the lexer does not know.
 fn is_type_of_extension(name: &str) -> bool {
     let marks = ["16", "32", "64"];
     marks.iter().any(|m| name.contains(m))

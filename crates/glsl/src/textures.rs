@@ -5,32 +5,32 @@
 pub(super) enum TextureFunction {
     Sample(Sampling),
     Gather,
-    /// `texelFetch`, with an offset or not.
+    /// `texelFetch` or `texelFetchOffset`.
     Fetch {
         has_offset: bool,
     },
     Size,
     Levels,
-    /// Of images.
+    /// `imageLoad`.
     Load,
     Store,
-    /// There is no such function in WebGPU.
+    /// A function that WebGPU lacks.
     Absent,
 }
 
-/// How a texture is sampled. The arguments behind the coordinates have this order too.
+/// How a texture is sampled. Fields are in the order of the arguments after the coordinates.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) struct Sampling {
-    /// The last coordinate divides the others.
+    /// Whether the last coordinate divides the others.
     pub projects: bool,
     pub level: Level,
     pub has_offset: bool,
 }
 
-/// What decides the level.
+/// How the level is determined.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(super) enum Level {
-    /// The derivatives of the coordinates, and a bias behind all arguments if there is one.
+    /// By the derivatives of the coordinates, plus a bias if there is one after all arguments.
     #[default]
     Implicit,
     Exact,
@@ -48,8 +48,8 @@ const OLD_PREFIXES: [&str; 7] = [
     "shadow2D",
 ];
 
-/// The function of a texture of that name in any version, and whether it compares and returns a
-/// vector: `shadow2D`.
+/// The texture function with this name in any version, and whether it compares and returns a
+/// vector, as `shadow2D` does.
 pub(super) fn named(name: &str) -> Option<(TextureFunction, bool)> {
     let known = match name {
         "texelFetch" => Some(TextureFunction::Fetch { has_offset: false }),
@@ -79,7 +79,7 @@ pub(super) fn named(name: &str) -> Option<(TextureFunction, bool)> {
     Some((TextureFunction::Sample(sampling), is_vector))
 }
 
-/// What `ProjLodOffset` and its like say behind `texture`.
+/// Parses the part of a name after `texture`, such as `ProjLodOffset`.
 fn sampling(words: &str) -> Option<Sampling> {
     let (words, has_offset) = strip(words.strip_suffix("Offset"), words);
     let (words, projects) = strip(words.strip_prefix("Proj"), words);
@@ -101,17 +101,17 @@ fn strip<'a>(stripped: Option<&'a str>, whole: &'a str) -> (&'a str, bool) {
 }
 
 impl TextureFunction {
-    /// Whether it takes integers, and no sampler.
+    /// Whether it takes integer coordinates, and no sampler.
     pub(super) fn fetches(self) -> bool {
         matches!(self, Self::Fetch { .. } | Self::Size | Self::Levels)
     }
 
-    /// Whether it derives its level in the fragment stage.
+    /// Whether it derives its level from derivatives in the fragment stage.
     pub(super) fn is_implicit(self) -> bool {
         matches!(self, Self::Sample(of) if of.level == Level::Implicit)
     }
 
-    /// Its name in GLSL 4.50, for what is named after it.
+    /// The name in GLSL 4.50, for names of helpers.
     pub(super) fn name(self) -> String {
         match self {
             Self::Sample(of) => {

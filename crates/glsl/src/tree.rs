@@ -1,9 +1,10 @@
-//! A stage as `resolve` hands it to `build`: names, types, overloads, layouts of blocks and the
-//! order of evaluation are settled. `build` writes it as IR, node by node.
+//! A stage as `resolve` passes it to `build`: names, types, overloads, layouts of blocks and the
+//! order of evaluation are resolved. `build` converts it to IR node by node.
 //!
-//! `resolve` cannot write IR itself. It resolves some expressions twice, the first time to learn their
-//! types alone. The structs and globals of the module are known when all functions are resolved, and
-//! which textures compare follows from the calls of all of them. The IR needs all three first.
+//! `resolve` cannot write IR itself, for three reasons. It resolves some expressions twice, the
+//! first time only for their types. The structs and globals of the module are known only when all
+//! functions are resolved. The calls of all functions determine which textures compare. The IR
+//! needs all of this in advance.
 
 use std::rc::Rc;
 
@@ -35,21 +36,21 @@ pub(super) struct FunctionId(pub usize);
 #[derive(Clone, Debug)]
 pub(super) struct Node {
     pub kind: Rc<Kind>,
-    /// Undefined: that of the node around it.
+    /// If undefined, the span of the enclosing node applies.
     pub span: Span,
-    /// The number of nodes in it, shared ones each time.
+    /// Number of nodes in it. Shared nodes count each time.
     pub size: usize,
 }
 
-/// What an expression does.
+/// The operation of an expression.
 #[derive(Debug)]
 pub(super) enum Kind {
     Literal(Literal),
     Local(LocalId),
-    /// A parameter of the function, by its index.
+    /// A parameter of the function, by index.
     Parameter(usize),
     Global(GlobalId),
-    /// A built-in variable that becomes a global where it is first used.
+    /// A built-in variable that becomes a global on first use.
     BuiltIn(&'static Variable),
     /// An element of an array, a column or a component.
     Element(Node, Node),
@@ -62,7 +63,7 @@ pub(super) enum Kind {
     /// `condition ? accept : reject`.
     Choose(Node, Node, Node),
     Assign(Node, Node),
-    /// `x++` and its like.
+    /// `x++` and the like.
     Step {
         op: BinaryOperator,
         postfix: bool,
@@ -76,13 +77,12 @@ pub(super) enum Kind {
         compares: bool,
     },
     Call(FunctionId, Vec<Node>),
-    /// A built-in function.
     BuiltInCall(Meaning, Vec<Node>),
-    /// A function of a texture or an image.
+    /// A call of a texture or image function.
     TextureCall(TextureFunction, Vec<Node>),
     /// The length of an unsized array.
     Length(Node),
-    /// Its value is that of the last.
+    /// Evaluates all, with the value of the last.
     Sequence(Vec<Node>),
     Gather(Gather),
     Subgroup {
@@ -126,7 +126,7 @@ impl Node {
         }
     }
 
-    /// The same at a place in the source, if it is known.
+    /// The same node with a span, if one is known.
     pub(super) fn at(mut self, place: Option<Span>) -> Self {
         self.span = place.unwrap_or(self.span);
         self
@@ -169,7 +169,7 @@ impl Node {
         Self::new(Kind::Field(self.clone(), name.into()))
     }
 
-    /// That part of it.
+    /// The part of it at a leaf's path.
     pub(super) fn leaf(&self, leaf: &Leaf) -> Self {
         let steps = leaf.path.iter();
         steps.fold(self.clone(), |node, step| match step {
@@ -236,7 +236,7 @@ impl Node {
         Self::new(Kind::Sequence(all))
     }
 
-    /// Whether reading it twice has no effect and costs nothing: a path of variables, members and
+    /// Whether reading it twice is free of effects and cost: a path of variables, members and
     /// numbers.
     pub(super) fn is_path(&self) -> bool {
         match &*self.kind {
@@ -248,7 +248,7 @@ impl Node {
         }
     }
 
-    /// Whether it only reads, and calls nothing.
+    /// Whether it only reads, and contains no calls.
     pub(super) fn is_pure(&self) -> bool {
         let mut pure = true;
         self.visit(&mut |of| {
@@ -267,7 +267,7 @@ impl Node {
         pure
     }
 
-    /// Calls `each` for the node and those in it, from the outside in.
+    /// Calls `each` for the node and all nodes in it, outermost first.
     pub(super) fn visit<'n>(&'n self, each: &mut dyn FnMut(&'n Self)) {
         each(self);
         self.kind.operands(&mut |of| of.visit(each));
@@ -292,7 +292,7 @@ impl Node {
 }
 
 impl Kind {
-    /// Calls `each` for the operands, in the order of the text.
+    /// Calls `each` for the operands in textual order.
     fn operands<'n>(&'n self, each: &mut dyn FnMut(&'n Node)) {
         match self {
             Self::Literal(_)
@@ -333,7 +333,6 @@ impl Kind {
     }
 }
 
-/// A statement.
 #[derive(Clone, Debug)]
 pub(super) struct Statement {
     pub kind: StatementKind,
@@ -377,7 +376,7 @@ pub(super) enum StatementKind {
 /// A label of a `switch` with the statements up to the next.
 #[derive(Clone, Debug)]
 pub(super) struct Case {
-    /// `None`: the default.
+    /// `None` for `default`.
     pub value: Option<i64>,
     pub body: Vec<Statement>,
 }
@@ -399,7 +398,7 @@ impl Statement {
         Self::new(StatementKind::Evaluate(node))
     }
 
-    /// Calls `each` for each node that is not part of another, in the order of the text.
+    /// Calls `each` for each top-level node, in textual order.
     fn nodes<'s>(&'s self, each: &mut dyn FnMut(&'s Node)) {
         let all = |body: &'s [Statement], each: &mut dyn FnMut(&'s Node)| {
             body.iter().for_each(|s| s.nodes(each));
@@ -444,12 +443,12 @@ impl Statement {
         }
     }
 
-    /// Calls `each` for each node, from the outside in.
+    /// Calls `each` for each node, outermost first.
     pub(super) fn visit<'s>(&'s self, each: &mut dyn FnMut(&'s Node)) {
         self.nodes(&mut |node| node.visit(each));
     }
 
-    /// Whether the statements after it are unreachable.
+    /// Whether statements after it are unreachable.
     pub(super) fn leaves(&self) -> bool {
         match &self.kind {
             StatementKind::Break
@@ -461,7 +460,7 @@ impl Statement {
         }
     }
 
-    /// The number of nodes in it.
+    /// Number of nodes in it.
     pub(super) fn size(&self) -> usize {
         let mut size = 1usize;
         self.nodes(&mut |node| size = size.saturating_add(node.size));
@@ -469,7 +468,6 @@ impl Statement {
     }
 }
 
-/// A local variable.
 #[derive(Clone, Debug)]
 pub(super) struct Local {
     pub name: String,
@@ -481,9 +479,9 @@ pub(super) struct Local {
 pub(super) struct Parameter {
     pub name: String,
     pub ty: ParameterTy,
-    /// The call writes it.
+    /// Whether the call writes it.
     pub is_out: bool,
-    /// The call reads it.
+    /// Whether the call reads it.
     pub is_in: bool,
     pub span: Span,
 }
@@ -491,21 +489,21 @@ pub(super) struct Parameter {
 #[derive(Clone, Debug)]
 pub(super) enum ParameterTy {
     Data(Ty),
-    /// A texture or sampler by the name of its type, and whether it compares.
+    /// A texture or sampler.
     Handle(HandleTy),
 }
 
 /// The type of a texture, a sampler or an image.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct HandleTy {
-    /// `texture2D`, `sampler`, `iimage3D`.
+    /// Such as `texture2D`, `sampler` or `iimage3D`.
     pub name: String,
-    /// Its samples are comparisons.
+    /// Whether it is sampled with comparisons.
     pub compares: bool,
 }
 
 impl HandleTy {
-    /// A type as the author names it.
+    /// A type with the author's name.
     pub(super) fn plain(name: &str) -> Self {
         Self {
             name: name.to_owned(),
@@ -514,14 +512,13 @@ impl HandleTy {
     }
 }
 
-/// A function.
 #[derive(Clone, Debug)]
 pub(super) struct Function {
     pub name: String,
     pub parameters: Vec<Parameter>,
     pub result: Ty,
     pub body: Vec<Statement>,
-    /// Its parameters are only read and need no variables.
+    /// Whether its parameters are only read, so that they need no variables.
     pub is_plain: bool,
     pub span: Span,
 }
@@ -549,7 +546,6 @@ pub(super) struct Global {
     pub span: Span,
 }
 
-/// A resource block.
 #[derive(Clone, Debug)]
 pub(super) struct BlockTy {
     pub name: String,
@@ -557,9 +553,9 @@ pub(super) struct BlockTy {
     pub rules: Rules,
     pub space: naga::AddressSpace,
     pub binding: Option<ResourceBinding>,
-    /// Of an array of blocks its length, if it has one.
+    /// Set for an array of blocks: its length, if it is sized.
     pub length: Option<Option<u32>>,
-    /// Its members are names of their own.
+    /// Whether its members are used without an instance name.
     pub is_open: bool,
 }
 
@@ -569,7 +565,7 @@ pub(super) enum GlobalKind {
     /// A texture, sampler or image.
     Handle {
         ty: HandleTy,
-        /// The lengths of arrays around it, outermost first.
+        /// The lengths of the enclosing arrays, outermost first.
         lengths: Vec<Option<u32>>,
         binding: ResourceBinding,
         format: Option<naga::StorageFormat>,
@@ -580,7 +576,7 @@ pub(super) enum GlobalKind {
         ty: Ty,
         is_output: bool,
         binding: Binding,
-        /// The name at the entry point.
+        /// Name in the entry point.
         name: String,
     },
     Variable {
@@ -598,11 +594,10 @@ pub(super) enum GlobalKind {
     },
 }
 
-/// A stage.
 #[derive(Debug, Default)]
 pub(super) struct Stage {
     pub structs: Vec<StructTy>,
-    /// Those that are declared, in the order of declaration.
+    /// The declared globals, in order of declaration.
     pub declared: Vec<GlobalId>,
     pub globals: Vec<Global>,
     pub locals: Vec<Local>,
@@ -611,6 +606,6 @@ pub(super) struct Stage {
     pub order: Vec<FunctionId>,
     pub main: Option<FunctionId>,
     pub early_fragment_tests: bool,
-    /// The position is invariant.
+    /// Whether the position is invariant.
     pub invariant: bool,
 }

@@ -58,9 +58,9 @@ impl Component {
 /// The length of an array.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Length {
-    /// Of a specialisation constant the default.
+    /// The number of elements. For a specialisation constant, its default.
     pub n: u32,
-    /// The `constant_id` of the specialisation constant that it is.
+    /// The `constant_id`, if it is a specialisation constant.
     pub constant: Option<u32>,
 }
 
@@ -70,13 +70,12 @@ impl From<u32> for Length {
     }
 }
 
-/// A GLSL type.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Ty {
     Void,
     Scalar(Component),
     Vector(Component, u8),
-    /// Columns and rows.
+    /// Number of columns, then of rows.
     Matrix(Component, u8, u8),
     /// Outermost dimension first. `None`: unsized.
     Array(Box<Ty>, Option<Length>),
@@ -109,7 +108,7 @@ impl Ty {
         if let Some(kind) = scalar {
             return Self::Scalar(kind);
         }
-        // GL_EXT_shader_explicit_arithmetic_types gives every type a second name.
+        // GL_EXT_shader_explicit_arithmetic_types adds a second name for every type.
         for (prefix, kind) in [
             ("b", Component::Bool),
             ("i", Component::Int),
@@ -242,24 +241,23 @@ pub(super) fn spelled(ty: &TypeSpecifierNonArray) -> String {
 pub(super) struct GlslMember {
     pub name: String,
     pub ty: Ty,
-    /// `layout(row_major)`.
+    /// Whether `layout(row_major)` applies.
     pub row_major: bool,
     pub place: Option<Span>,
 }
 
-/// A struct.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) struct Struct {
     pub name: String,
     pub members: Vec<GlslMember>,
-    /// The struct is used in a uniform block, so its members have [`stored`] types.
+    /// Whether it is used in a uniform block, so that its members have [`stored`] types.
     pub in_uniform_block: bool,
-    /// The std430 copy of a struct. It is never padded.
+    /// Whether it is the std430 copy of a struct, which is never padded.
     pub tight: bool,
 }
 
 impl Struct {
-    /// Whether its members have these names and types.
+    /// Whether its members have exactly these names and types.
     pub(super) fn has(&self, members: &[GlslMember]) -> bool {
         let alike = |(a, b): (&GlslMember, &GlslMember)| a.name == b.name && a.ty == b.ty;
         self.members.len() == members.len() && self.members.iter().zip(members).all(alike)
@@ -272,7 +270,7 @@ pub(super) struct Structs {
     /// In declaration order.
     pub order: Vec<String>,
     pub by_name: HashMap<String, Struct>,
-    /// Total sizes.
+    /// Sizes of the structs, by name.
     counts: HashMap<String, Count>,
 }
 
@@ -281,7 +279,7 @@ pub(super) struct Structs {
 pub(super) struct Count {
     /// Scalars, vectors and opaque values, times array lengths.
     pub elements: u64,
-    /// The same, counting each array once.
+    /// As `elements`, counting each array once.
     pub members: u64,
 }
 
@@ -345,7 +343,7 @@ impl Structs {
         }
     }
 
-    /// Whether the type is, or contains, one that `is` says yes to. Arrays are what their elements are.
+    /// Whether the type is, or contains, one for which `is` holds. Arrays count as their elements.
     pub(super) fn any(&self, ty: &Ty, is: &dyn Fn(&Ty) -> bool) -> bool {
         let ty = ty.innermost();
         let members = |name: &String| self.get(name).into_iter().flat_map(|of| &of.members);
@@ -396,12 +394,12 @@ impl Structs {
 /// A scalar or vector in a value.
 #[derive(Clone, Debug)]
 pub(super) struct Leaf {
-    /// The way to it, outermost first.
+    /// The path to it, outermost step first.
     pub path: Vec<Step>,
     pub ty: Ty,
 }
 
-/// A step of a way into a value.
+/// A step of a path into a value.
 #[derive(Clone, Debug)]
 pub(super) enum Step {
     Index(u32),
@@ -409,7 +407,7 @@ pub(super) enum Step {
 }
 
 impl Leaf {
-    /// The way to it as text: `[1].color`.
+    /// The path as text: `[1].color`.
     pub(super) fn ending(&self) -> String {
         let step = |step: &Step| match step {
             Step::Index(n) => format!("[{n}]"),

@@ -1,18 +1,18 @@
-//! Tells a struct's name from a variable, member or inner struct of the same name.
+//! Distinguishes a struct's name from a variable, member or inner struct with the same name.
 //!
-//! glsl-lang's lexer makes every name of a struct a type name, wherever it stands. In GLSL names have
-//! scopes (4.60, 4.2.2): a variable hides a struct of its name from the end of its declarator to the
-//! end of its scope, a parameter in the function's body, and a member hides nothing.
+//! glsl-lang's lexer makes every name of a struct a type name, wherever it occurs. In GLSL names
+//! have scopes (4.60, 4.2.2): a variable hides a struct of its name from the end of its declarator
+//! to the end of its scope, a parameter does in the function's body, and a member hides nothing.
 
 use std::collections::{HashMap, HashSet};
 
 use glsl_lang::lexer::Token;
 
-/// What a name stands for in a scope.
+/// The meaning of a name in a scope.
 #[derive(Debug)]
 enum Meaning {
     Variable,
-    /// A struct, by the name that the tree has for it.
+    /// A struct, by its name in the tree.
     Struct(String),
 }
 
@@ -22,7 +22,8 @@ enum Scope {
     Members,
     /// Any other braces, and the whole text.
     Others,
-    /// A `for` or `while` in `at` parentheses and brackets, up to the end of its head or further.
+    /// A `for` or `while`, from its head to its end. `at`: number of enclosing parentheses and
+    /// brackets.
     Loop { at: usize, in_head: bool },
 }
 
@@ -37,23 +38,23 @@ enum Before {
 /// Follows the tokens of a stage.
 #[derive(Debug)]
 pub(super) struct TypeNames<'a> {
-    /// The whole text.
+    /// The text that the tokens refer to.
     text: &'a str,
     scopes: Vec<(Scope, HashMap<String, Meaning>)>,
-    /// The open parentheses and brackets: whether each is a bracket behind a type.
+    /// For each open parenthesis or bracket, whether it is a bracket after a type.
     open: Vec<bool>,
     before: Before,
-    /// The token before ends a type, so a name declares something.
+    /// Whether the previous token ends a type, so that a name declares something.
     follows_type: bool,
     follows_struct: bool,
     follows_dot: bool,
-    /// The next braces are those of a named struct.
+    /// Whether the next braces belong to a named struct.
     opens_struct: bool,
-    /// Where the list of declarators is that is being read: parentheses and scopes around it.
+    /// Position of the current list of declarators: number of enclosing parentheses and scopes.
     list: Option<(usize, usize)>,
-    /// The declarator that is being read; empty for a member.
+    /// The current declarator. Empty for a member.
     declarator: Option<String>,
-    /// The parameters of the function whose head is being read.
+    /// Parameters of the function whose head is being read.
     parameters: Vec<String>,
     structs: HashSet<String>,
 }
@@ -76,7 +77,7 @@ impl<'a> TypeNames<'a> {
         }
     }
 
-    /// Makes the next token a name or a type name, if it is either. `word`: its text.
+    /// Turns the next token into a name or a type name, if it is either. `word`: its text.
     pub(super) fn settle(&mut self, token: &mut Token, word: &str) {
         let dot = std::mem::replace(&mut self.follows_dot, matches!(token, Token::Dot));
         let of_struct = std::mem::replace(&mut self.follows_struct, matches!(token, Token::Struct));
@@ -122,7 +123,7 @@ impl<'a> TypeNames<'a> {
         }
     }
 
-    /// Declares a struct. In the tree, one in a function has a name that nothing else has.
+    /// Declares a struct. In the tree, a struct in a function gets a unique name.
     fn new_struct(&mut self, name: String) -> String {
         let mut own = name.clone();
         if !self.is_global() {
@@ -145,7 +146,7 @@ impl<'a> TypeNames<'a> {
         self.declarator = Some(if is_member { String::new() } else { name });
     }
 
-    /// The variable is visible from here.
+    /// Brings the current variable into scope.
     fn end_declarator(&mut self) {
         if let Some(name) = self.declarator.take().filter(|n| !n.is_empty()) {
             self.bind(name, Meaning::Variable);
@@ -160,7 +161,7 @@ impl<'a> TypeNames<'a> {
             return;
         }
         if self.is_global() && before == Before::Other {
-            // The name of a function is no declarator.
+            // A function's name is not a declarator.
             self.declarator = None;
             self.list = None;
         }
@@ -174,7 +175,7 @@ impl<'a> TypeNames<'a> {
         self.scopes.push((Scope::Others, own));
     }
 
-    /// Any other token.
+    /// Processes any other token.
     fn follow(&mut self, token: &Token, word: &str, of_type: bool) {
         match token {
             Token::LeftParen => self.open.push(false),

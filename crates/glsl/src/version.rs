@@ -20,7 +20,7 @@ pub(super) struct Dialect {
 
 impl Dialect {
     /// Reads `#version`. Without one, WebGL assumes GLSL ES 1.00 and OpenGL GLSL 1.10; both are
-    /// read alike.
+    /// parsed alike.
     pub(super) fn of(text: &str, path: &Path) -> Self {
         let text = without_comments(text);
         let line = text
@@ -40,8 +40,8 @@ impl Dialect {
         Self { version, es }
     }
 
-    /// The name of a token that is a keyword only in later versions, or with an extension that is
-    /// not among these.
+    /// The name of a token that is a keyword only in later versions, or only with an extension that
+    /// is not in `extensions`.
     pub(super) fn name(self, token: &Token, extensions: &HashSet<String>) -> Option<&'static str> {
         let before = |es: u16, desktop: u16| self.version < if self.es { es } else { desktop };
         let (name, is_name) = match token {

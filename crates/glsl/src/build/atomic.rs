@@ -1,4 +1,4 @@
-//! Atomic functions, and the atomic types of what they change.
+//! Atomic functions, and the atomic types of their targets.
 
 use naga::front::Typifier;
 use naga::proc::ResolveContext;
@@ -13,7 +13,7 @@ use crate::errors::unsupported;
 use crate::tree::Node;
 use shader_text::error::Error;
 
-/// A part of a variable: the indices from the whole to it. Elements of an array count alike.
+/// A part of a variable: the indices from the whole to it. All elements of an array count as one.
 pub(super) type Part = (Handle<GlobalVariable>, Vec<u32>);
 
 impl<'s> Body<'_, 's> {
@@ -82,7 +82,7 @@ impl<'s> Body<'_, 's> {
 }
 
 impl Builder<'_> {
-    /// Gives what atomic functions change its type.
+    /// Gives the targets of atomic functions an atomic type.
     pub(super) fn atomics(&mut self) -> Result<(), Error> {
         let module = &mut self.module;
         for global in std::mem::take(&mut self.atomic_images) {
@@ -92,7 +92,7 @@ impl Builder<'_> {
                 ..
             } = &mut ty.inner
             {
-                // WGSL's `atomic`.
+                // WGSL's `atomic` allows loads and stores.
                 *access = StorageAccess::all();
             }
             module.global_variables[global].ty = module.types.insert(ty, Span::UNDEFINED);
@@ -107,7 +107,7 @@ impl Builder<'_> {
         }
         match reads_whole(module) {
             None => Ok(()),
-            // A struct with an atomic member is no value.
+            // A struct with an atomic member is not a value.
             Some(span) => Err(unsupported(
                 "a struct whose member an atomic function changes is read or written as a whole",
                 span.is_defined().then_some(span),
@@ -117,7 +117,7 @@ impl Builder<'_> {
     }
 }
 
-/// The place where a function reads something with an atomic member as a whole.
+/// Where a function reads something with an atomic member as a whole.
 fn reads_whole(module: &Module) -> Option<Span> {
     let functions = module.functions.iter().map(|(_, f)| f);
     let mut functions = functions.chain(module.entry_points.iter().map(|e| &e.function));
@@ -140,7 +140,7 @@ fn reads_whole(module: &Module) -> Option<Span> {
     })
 }
 
-/// Whether a type has an atomic member, or is one.
+/// Whether a type has an atomic member, or (`or_is`) is atomic itself.
 fn has_atomic(types: &UniqueArena<Type>, ty: Handle<Type>, or_is: bool) -> bool {
     match &types[ty].inner {
         TypeInner::Atomic(_) => or_is,

@@ -77,12 +77,12 @@ impl<'s> Body<'_, 's> {
         self.add(math)
     }
 
-    /// A function whose scalars stand for vectors where GLSL allows it.
+    /// A function in which GLSL allows scalars in place of vectors.
     fn math_of(&mut self, fun: F, mut values: Vec<Value>) -> Result<Value, Error> {
-        // The vector, and the scalars beside it.
+        // The vector, and the scalars that accompany it.
         let (vector, scalars) = match fun {
             F::Atan if values.len() == 2 => return self.math(F::Atan2, &values),
-            // WGSL counts in unsigned numbers.
+            // WGSL's counts are unsigned.
             F::ExtractBits | F::InsertBits => {
                 let counts = if fun == F::ExtractBits { 1 } else { 2 };
                 for value in values.iter_mut().skip(counts) {

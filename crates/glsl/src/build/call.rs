@@ -6,7 +6,7 @@ use super::{Body, Value};
 use crate::tree::{FunctionId, Node};
 use shader_text::error::Error;
 
-/// A store after a call, of what it left in a variable.
+/// A store after a call, from the variable that it wrote.
 struct Written {
     to: Value,
     from: Value,
@@ -55,8 +55,8 @@ impl<'s> Body<'_, 's> {
         Ok(result)
     }
 
-    /// The pointer that the call writes. The IR's functions only take pointers to local variables,
-    /// so that others are copied before and after.
+    /// The pointer that the call writes through. Functions of the IR only take pointers to local
+    /// variables, so other targets are copied before and after the call.
     fn out_argument(
         &mut self,
         argument: &'s Node,
@@ -82,7 +82,7 @@ impl<'s> Body<'_, 's> {
         Ok(copy)
     }
 
-    /// The type of the copy that a target needs.
+    /// The type of the copy that a target needs. `None` if it needs none.
     fn ty_to_copy(&mut self, target: Value) -> Result<Option<Handle<Type>>, Error> {
         Ok(match *self.ty(target)? {
             TypeInner::Pointer { base, space } if space != AddressSpace::Function => Some(base),

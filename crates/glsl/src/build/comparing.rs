@@ -1,7 +1,7 @@
 //! Finds the textures and samplers that compare.
 //!
-//! Their types in Vulkan's GLSL do not say whether `sampler2DShadow(t, s)` compares with them; the IR's
-//! do. Parameters count through the calls of their functions.
+//! In Vulkan's GLSL, their types do not show whether `sampler2DShadow(t, s)` compares with them; in
+//! the IR they do. Parameters are followed through the calls of their functions.
 
 use std::collections::HashSet;
 
@@ -14,7 +14,7 @@ enum Root {
     Parameter(FunctionId, usize),
 }
 
-/// The textures and samplers that compare. The elements of an array count alike.
+/// The textures and samplers that compare. All elements of an array count as one.
 #[derive(Debug, Default)]
 pub(super) struct Comparing(HashSet<Root>);
 

@@ -29,7 +29,7 @@ impl<'s> Body<'_, 's> {
         }
     }
 
-    /// Converts a value's scalars, unless they are of that type.
+    /// Converts a value's scalars, unless they have this type already.
     fn forced(&mut self, value: Value, to: Scalar) -> Result<Value, Error> {
         match scalar_of(self.ty(value)?) {
             Some(from) if from != to => self.cast(value, to),
@@ -86,7 +86,7 @@ impl<'s> Body<'_, 's> {
         }
     }
 
-    /// Numbers of bools. Those of 16 and 64 bits count as 32 bits here.
+    /// Converts bools to numbers. 16- and 64-bit types count as 32 bits here.
     fn of_bools(
         &mut self,
         scalar: Scalar,
@@ -109,7 +109,7 @@ impl<'s> Body<'_, 's> {
         self.add(select)
     }
 
-    /// A vector of a scalar. Vectors stay.
+    /// A vector with a scalar in all components. Vectors stay unchanged.
     pub(super) fn splatted(
         &mut self,
         value: Value,
@@ -131,7 +131,7 @@ impl<'s> Body<'_, 's> {
         self.add(swizzle)
     }
 
-    /// A matrix of a scalar on the diagonal, or of another matrix, filled up with the identity.
+    /// A matrix with a scalar on the diagonal, or a resized matrix filled up with the identity.
     fn matrix(
         &mut self,
         ty: Handle<Type>,
@@ -193,7 +193,7 @@ impl<'s> Body<'_, 's> {
         self.compose(ty, components)
     }
 
-    /// A vector of the components of values.
+    /// A vector of all components of the values.
     fn vector(
         &mut self,
         ty: Handle<Type>,
@@ -204,7 +204,7 @@ impl<'s> Body<'_, 's> {
         self.compose(ty, components)
     }
 
-    /// The first components of values, as scalars of a type.
+    /// The first components of all values, as scalars of a type.
     fn scalars(
         &mut self,
         values: &[Value],
@@ -236,7 +236,7 @@ impl<'s> Body<'_, 's> {
     fn of_many(&mut self, ty: Handle<Type>, values: Vec<Value>) -> Result<Value, Error> {
         match self.builder.module.types[ty].inner {
             TypeInner::Vector { size, scalar } => self.vector(ty, (size, scalar), &values),
-            // In the order of columns.
+            // By columns.
             TypeInner::Matrix { rows, scalar, .. } => {
                 let flat = self.scalars(&values, scalar, usize::MAX)?;
                 let column_ty = self.vector_ty(rows, scalar);

@@ -175,7 +175,7 @@ impl<'s> Builder<'s> {
         Ok(self.insert(TypeInner::BindingArray { base, size }))
     }
 
-    /// A constant of the module.
+    /// Evaluates a constant of the module.
     fn constant(&mut self, node: &'s Node, span: Span) -> Result<Value, Error> {
         let mut body = Body::new(self, IrFunction::default());
         body.is_const = true;
@@ -183,7 +183,7 @@ impl<'s> Builder<'s> {
         body.value(node)
     }
 
-    /// The global of a built-in variable.
+    /// The global for a built-in variable.
     pub(super) fn register(
         &mut self,
         own: &'static Variable,
@@ -275,7 +275,7 @@ impl<'s> Builder<'s> {
     }
 }
 
-/// Refuses numbers that no `int` holds.
+/// Refuses numbers beyond the range of `int`.
 fn within(number: u32, span: Span) -> Result<(), Error> {
     match i32::try_from(number) {
         Ok(_) => Ok(()),
@@ -283,7 +283,7 @@ fn within(number: u32, span: Span) -> Result<(), Error> {
     }
 }
 
-/// Floats are interpolated, unless the text says how.
+/// Interpolates floats, unless the text specifies otherwise.
 fn interpolate(binding: &mut Binding, ty: &TypeInner) {
     if let Binding::Location {
         interpolation: interpolation @ None,
@@ -297,7 +297,7 @@ fn interpolate(binding: &mut Binding, ty: &TypeInner) {
     }
 }
 
-/// A private variable without a name.
+/// An unnamed private variable.
 fn plain(ty: Handle<Type>) -> GlobalVariable {
     GlobalVariable {
         name: None,

@@ -1,4 +1,4 @@
-//! Expressions: variables, members, choices and stores.
+//! Expressions: variables, members, conditionals and stores.
 
 use naga::{
     AddressSpace, Expression, Handle, Literal, LocalVariable, Span, Statement, SwizzleComponent,
@@ -10,19 +10,20 @@ use super::{Body, Declared, Value, refused};
 use crate::tree::{GlobalId, Kind, Node};
 use shader_text::error::Error;
 
-/// What an expression is evaluated for.
+/// The purpose of an expression's evaluation.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Position {
-    /// Its value.
     Value,
-    /// The pointer that a store takes.
+    /// The pointer for a store.
     Target,
-    /// An element or member of it, by an index that is constant or not.
-    Base { constant: bool },
+    /// The base of an element or member access. `constant`: whether the index is constant.
+    Base {
+        constant: bool,
+    },
 }
 
 impl Position {
-    /// The position of what is indexed.
+    /// The position of an index's base.
     fn of_base(self, constant: bool) -> Self {
         match self {
             Self::Target | Self::Base { constant: false } => self,
@@ -30,19 +31,18 @@ impl Position {
         }
     }
 
-    /// The position of what has a value in either case.
+    /// Whether the position needs a pointer. Others accept a value.
     fn is_target(self) -> bool {
         self == Self::Target
     }
 }
 
 impl<'s> Body<'_, 's> {
-    /// Evaluates an expression.
     pub(super) fn value(&mut self, node: &'s Node) -> Result<Value, Error> {
         self.expect(node, Position::Value)
     }
 
-    /// The same, for a pointer.
+    /// Evaluates an expression to a pointer.
     pub(super) fn target(&mut self, node: &'s Node) -> Result<Value, Error> {
         self.expect(node, Position::Target)
     }
@@ -53,7 +53,7 @@ impl<'s> Body<'_, 's> {
             .ok_or_else(|| refused("this returns nothing, but a value is expected", span))
     }
 
-    /// The place of a node, or of the one around it.
+    /// The span of a node, or of the enclosing node.
     pub(super) fn place(&self, node: &Node) -> Span {
         match node.span.is_defined() {
             true => node.span,
@@ -154,7 +154,7 @@ impl<'s> Body<'_, 's> {
         Ok(Some(found))
     }
 
-    /// Reads a variable, if its value is asked for.
+    /// Loads a variable, unless its pointer is needed.
     fn read(&mut self, e: Value, is_pointer: bool, at: Position) -> Result<Value, Error> {
         match at {
             Position::Value if is_pointer => self.load(e),
@@ -172,7 +172,7 @@ impl<'s> Body<'_, 's> {
             Declared::Override(of) if self.is_const => {
                 return self.add(Expression::Override(of));
             }
-            // A constant has no pointer, which an index that varies needs.
+            // A dynamic index needs a pointer, which a constant does not have.
             Declared::Constant(constant, ty) if at == (Position::Base { constant: false }) => {
                 let init = self.add_at(Expression::Constant(constant), Span::UNDEFINED)?;
                 return self.local(None, ty, Some(init), Span::UNDEFINED);
@@ -208,7 +208,7 @@ impl<'s> Body<'_, 's> {
     fn element(&mut self, base: &'s Node, index: &'s Node, at: Position) -> Result<Value, Error> {
         let index = self.value(index)?;
         let constant = match at {
-            // The pointer is to a variable in any case.
+            // The pointer leads to a variable in any case.
             Position::Target => None,
             _ => self.constant_index(index),
         };
@@ -224,7 +224,7 @@ impl<'s> Body<'_, 's> {
         }
     }
 
-    /// The index that an expression is, if it is constant.
+    /// The value of an expression as an index, if it is constant.
     fn constant_index(&self, e: Value) -> Option<u32> {
         let module = &self.builder.module;
         let mut expression = self.expression(e);
@@ -239,7 +239,7 @@ impl<'s> Body<'_, 's> {
         }
     }
 
-    /// A member, which is loaded alone.
+    /// A member, which is loaded without the rest.
     fn field(&mut self, base: &'s Node, name: &'s str, at: Position) -> Result<Value, Error> {
         if let Kind::Global(id) = *base.kind
             && let Some(member) = self.members.get(&(id, name)).copied()
@@ -279,7 +279,7 @@ impl<'s> Body<'_, 's> {
         for (to, component) in pattern.iter_mut().zip(components) {
             *to = SwizzleComponent::XYZW[(*component).min(3) as usize];
         }
-        // A swizzle of a swizzle is one of the vector.
+        // Combine swizzles of swizzles into one.
         if let Expression::Swizzle {
             vector: inner,
             pattern: chosen,
@@ -293,7 +293,7 @@ impl<'s> Body<'_, 's> {
         if let [_] = components {
             return self.part(vector, pattern[0] as u32);
         }
-        // A store to a swizzle takes the pointer from the load.
+        // A store to a swizzle needs the pointer behind the load.
         if is_pointer {
             vector = self.load(vector)?;
         }
@@ -335,7 +335,6 @@ impl<'s> Body<'_, 's> {
         self.load(pointer)
     }
 
-    /// Converts a value's scalars.
     pub(super) fn cast(&mut self, value: Value, to: naga::Scalar) -> Result<Value, Error> {
         let cast = Expression::As {
             expr: value,
@@ -345,7 +344,7 @@ impl<'s> Body<'_, 's> {
         self.add(cast)
     }
 
-    /// Stores a value, to a swizzle by component.
+    /// Stores a value. Stores to a swizzle component by component.
     pub(super) fn store(&mut self, pointer: Value, value: Value) -> Result<(), Error> {
         let Expression::Swizzle {
             size,

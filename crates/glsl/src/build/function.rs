@@ -19,7 +19,7 @@ use crate::tree::{
 use crate::ty::Ty;
 use shader_text::error::Error;
 
-/// The globals that a function uses, and the members of blocks.
+/// The globals and block members that a function uses.
 #[derive(Default)]
 struct Used<'s> {
     globals: HashSet<GlobalId>,
@@ -71,7 +71,7 @@ impl<'s> Builder<'s> {
 }
 
 impl<'s> Body<'_, 's> {
-    /// Appends the pointers to the globals that the function uses.
+    /// Appends pointers to the globals that the function uses.
     fn declare_globals(&mut self, of: &'s Function) -> Result<(), Error> {
         let mut used = Used::default();
         for statement in &of.body {
@@ -151,18 +151,18 @@ impl<'s> Body<'_, 's> {
                 self.parameters.push((argument, parameter.is_out));
                 continue;
             }
-            // The function may write it.
+            // The function may write the parameter.
             let name = Some(parameter.name.clone());
             let pointer = self.local(name, base, None, span)?;
             self.store_at(pointer, argument);
             self.parameters.push((pointer, true));
         }
-        // Statements without a place are the reader's own: no line of the author's says them.
+        // Statements without a span are not in the author's text.
         self.span = Span::UNDEFINED;
         Ok(())
     }
 
-    /// Makes globals of the built-in variables that are first used here.
+    /// Creates globals for the built-in variables that first occur here.
     fn register(&mut self, node: &'s Node) -> Result<(), Error> {
         let mut own = Vec::new();
         node.visit(&mut |node| {
@@ -194,7 +194,7 @@ impl<'s> Body<'_, 's> {
         Ok(())
     }
 
-    /// Writes statements to a block of their own.
+    /// Writes statements to a new block.
     fn block(&mut self, all: &'s [Statement]) -> Result<Block, Error> {
         let enclosing = self.open();
         self.statements(all)?;
@@ -221,7 +221,7 @@ impl<'s> Body<'_, 's> {
                     Some(init) => Some(self.root(init)?),
                     None => None,
                 };
-                // A variable in a loop begins anew each time.
+                // A variable in a loop is initialised in each iteration.
                 let is_initial = |e| !self.in_loop && self.known.is_const(e);
                 let (initial, late) = match init {
                     Some(e) if is_initial(e) => (Some(e), None),
@@ -322,7 +322,7 @@ impl<'s> Body<'_, 's> {
         Ok(pointer)
     }
 
-    /// A block in a block, as the text has braces.
+    /// A nested block, as for braces in the text.
     fn inner(&mut self, all: &'s [Statement]) -> Result<Block, Error> {
         let enclosing = self.open();
         let block = self.block(all)?;
@@ -375,7 +375,7 @@ impl<'s> Body<'_, 's> {
             if is_last && reached.is_empty() && !breaks {
                 return Err(self.refused("the last case has no statement"));
             }
-            // What a case declares is visible in later ones, even if it is not reached.
+            // Later cases may use a declaration even if its case is not reached.
             let unreached = &case.body[last.map_or(case.body.len(), |last| last + 1)..];
             let enclosing = self.open();
             for statement in unreached {

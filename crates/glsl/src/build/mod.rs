@@ -1,8 +1,9 @@
-//! Writes a resolved stage as IR.
+//! Converts a resolved stage to IR.
 //!
 //! `types` makes types, `entry` globals and the entry point, `function` functions and their
-//! statements. Expressions are in `expression`, with `operator`, `constructor`, `call`, `built_in_functions`
-//! and `texture`. All expressions go through [`Body::add`], which folds constants by GLSL's rules.
+//! statements. `expression` handles expressions, with `operator`, `constructor`, `call`,
+//! `built_in_functions` and `texture`. All expressions go through [`Body::add`], which folds
+//! constants by GLSL's rules.
 
 mod atomic;
 mod built_in_functions;
@@ -37,7 +38,7 @@ use shader_text::error::Error;
 
 type Value = Handle<Expression>;
 
-/// What a global is in the IR.
+/// The representation of a global in the IR.
 #[derive(Clone, Copy, Debug)]
 enum Declared {
     Variable(Handle<GlobalVariable>),
@@ -54,7 +55,6 @@ struct Port {
     is_output: bool,
 }
 
-/// A module under construction.
 pub(super) struct Builder<'s> {
     stage: &'s Stage,
     kind: ShaderStage,
@@ -65,18 +65,18 @@ pub(super) struct Builder<'s> {
     types: Typifier,
     structs: HashMap<&'s str, Handle<Type>>,
     globals: HashMap<GlobalId, Declared>,
-    /// Built-in variables, from their first use on.
+    /// Built-in variables that have been used.
     own: Vec<(&'static Variable, Handle<GlobalVariable>)>,
     ports: Vec<Port>,
     functions: HashMap<FunctionId, Handle<IrFunction>>,
     comparing: Comparing,
-    /// The parts of storage blocks that atomic functions change.
+    /// The parts of storage blocks that are targets of atomic functions.
     atomics: Vec<atomic::Part>,
-    /// The images that they change.
+    /// The images that are targets of atomic functions.
     atomic_images: Vec<Handle<GlobalVariable>>,
 }
 
-/// Writes a stage. Its entry point calls `main`.
+/// Converts a stage. Its entry point calls `main`.
 pub(super) fn build(stage: &Stage, kind: ShaderStage) -> Result<Module, Error> {
     let mut builder = Builder {
         stage,
@@ -114,16 +114,16 @@ struct Body<'b, 's> {
     /// The kinds of the function's expressions.
     known: ExpressionKindTracker,
     globals: HashMap<GlobalId, Value>,
-    /// Members of blocks without an instance.
+    /// Members of blocks without an instance name.
     members: HashMap<(GlobalId, &'s str), Value>,
     own: HashMap<&'static str, Value>,
     locals: HashMap<LocalId, Value>,
     /// The value or pointer of each parameter, and whether it is a pointer.
     parameters: Vec<(Value, bool)>,
-    /// A constant of the module is written.
+    /// Whether a constant of the module is being written.
     is_const: bool,
     in_loop: bool,
-    /// The place of the expression around the current one.
+    /// The span of the enclosing expression.
     span: Span,
 }
 
@@ -145,12 +145,12 @@ impl<'b, 's> Body<'b, 's> {
         }
     }
 
-    /// Appends an expression, or its value if it is constant.
+    /// Appends an expression. If it is constant, appends its value instead.
     fn add(&mut self, expression: Expression) -> Result<Value, Error> {
         self.add_at(expression, self.span)
     }
 
-    /// The same at another place.
+    /// As [`Self::add`], with another span.
     fn add_at(&mut self, expression: Expression, span: Span) -> Result<Value, Error> {
         let Builder {
             module,
@@ -189,7 +189,7 @@ impl<'b, 's> Body<'b, 's> {
         self.add(Expression::Compose { ty, components })
     }
 
-    /// An expression that a statement gives its value.
+    /// An expression whose value comes from a statement.
     fn unevaluated(&mut self, of: Expression) -> Value {
         self.writer.flush(self.span);
         let result = self.writer.append(of, self.span);
@@ -205,17 +205,17 @@ impl<'b, 's> Body<'b, 's> {
         self.push(Statement::Store { pointer, value });
     }
 
-    /// Begins a block, and returns the one around it.
+    /// Begins a block, and returns the enclosing one.
     fn open(&mut self) -> Block {
         self.writer.open(self.span)
     }
 
-    /// Ends a block, and returns to the one around it.
+    /// Ends a block, and returns to the enclosing one.
     fn close(&mut self, enclosing: Block) -> Block {
         self.writer.close(enclosing, self.span)
     }
 
-    /// A vector of that many of a scalar.
+    /// A vector with a scalar in all components.
     fn splat(&mut self, size: VectorSize, value: Value) -> Result<Value, Error> {
         self.add(Expression::Splat { size, value })
     }
@@ -224,7 +224,6 @@ impl<'b, 's> Body<'b, 's> {
         self.add(Expression::Literal(literal))
     }
 
-    /// A type of GLSL.
     fn glsl_ty(&mut self, ty: &Ty) -> Result<Handle<Type>, Error> {
         self.builder.ty(ty, self.span)
     }
@@ -243,7 +242,7 @@ impl<'b, 's> Body<'b, 's> {
         Ok(self.known_ty(e))
     }
 
-    /// The type of an expression that is resolved.
+    /// The type of an expression that has been resolved.
     fn known_ty(&self, e: Value) -> &TypeInner {
         let types = match self.is_const {
             true => &self.builder.types,
@@ -287,7 +286,7 @@ impl<'b, 's> Body<'b, 's> {
 
 const WRONG_TYPE: &str = "this type is wrong here, or not supported";
 
-/// An error with naga's words, unless they are meant for naga's developers.
+/// naga's message as an error. Leaves out messages that are meant for naga's developers.
 fn refused(text: &str, span: Span) -> Error {
     let numbered = text.split('[').skip(1).any(|rest| {
         let digits = rest.bytes().take_while(u8::is_ascii_digit).count();

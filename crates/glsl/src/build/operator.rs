@@ -1,4 +1,4 @@
-//! Operators. The IR's take no matrices, or vectors and scalars, where GLSL's do.
+//! Operators. GLSL's accept matrices, and vectors with scalars, where those of the IR do not.
 
 use naga::{
     BinaryOperator as O, Expression, Literal, RelationalFunction, Scalar, ScalarKind, TypeInner,
@@ -10,7 +10,6 @@ use super::{Body, Value};
 use crate::tree::Node;
 use shader_text::error::Error;
 
-/// A matrix.
 #[derive(Clone, Copy)]
 struct Matrix {
     columns: VectorSize,
@@ -111,7 +110,8 @@ impl<'s> Body<'_, 's> {
         self.binary_of(op, left, right)
     }
 
-    /// A matrix of operations by column. An operand is a matrix or a vector that all columns have.
+    /// Applies an operation column by column. An operand is a matrix, or a vector that is used for
+    /// all columns.
     fn columns(
         &mut self,
         of: Matrix,

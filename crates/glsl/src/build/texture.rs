@@ -1,4 +1,4 @@
-//! Texture and image functions. The vector of coordinates holds the layer and the reference too.
+//! Texture and image functions. Their vector of coordinates also holds the layer and the reference.
 
 use naga::{
     BinaryOperator, Expression, ImageClass, ImageDimension, ImageQuery, Literal, SampleLevel,
@@ -10,12 +10,12 @@ use crate::textures::{Level, Sampling, TextureFunction};
 use crate::tree::{Gather, Kind, Node};
 use shader_text::error::Error;
 
-/// What a vector of coordinates holds.
+/// The parts of a vector of coordinates.
 struct Coordinates {
     coordinate: Value,
     layer: Option<Value>,
     reference: Option<Value>,
-    /// The reference is an argument of its own.
+    /// Whether the reference is a separate argument.
     is_apart: bool,
 }
 
@@ -72,7 +72,7 @@ impl<'s> Body<'_, 's> {
         Ok(Some(found))
     }
 
-    /// Divides coordinates by the last of them.
+    /// Divides coordinates by the last one.
     fn projected(&mut self, of: Value) -> Result<Value, Error> {
         let TypeInner::Vector { size, .. } = *self.ty(of)? else {
             return Err(self.refused("a texture function does not accept these arguments"));
@@ -120,7 +120,7 @@ impl<'s> Body<'_, 's> {
                 y: next()?,
             },
         };
-        // A comparison has no other levels in WGSL.
+        // WGSL's comparisons have no other level.
         if of.reference.is_some() && sampling.level != Level::Implicit {
             level = SampleLevel::Zero;
         }

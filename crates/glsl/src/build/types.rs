@@ -34,7 +34,7 @@ pub(super) fn scalar(component: Component) -> Scalar {
     }
 }
 
-/// The scalar that a number consists of.
+/// The scalar type of a number's components.
 pub(super) fn scalar_of(ty: &TypeInner) -> Option<Scalar> {
     match *ty {
         TypeInner::Scalar(scalar)
@@ -58,7 +58,6 @@ impl<'s> Builder<'s> {
         self.module.types.insert(ty, Span::UNDEFINED)
     }
 
-    /// A type of GLSL.
     pub(super) fn ty(&mut self, ty: &Ty, span: Span) -> Result<Handle<Type>, Error> {
         let inner = match ty {
             Ty::Scalar(kind) => TypeInner::Scalar(scalar(*kind)),
@@ -96,7 +95,7 @@ impl<'s> Builder<'s> {
         Ok(self.insert(inner))
     }
 
-    /// An array of elements as they are.
+    /// An array of unpadded elements.
     fn array(
         &mut self,
         base: Handle<Type>,
@@ -162,7 +161,7 @@ impl<'s> Builder<'s> {
         }))
     }
 
-    /// Makes the structs of the stage.
+    /// Creates the structs of the stage.
     pub(super) fn structs(&mut self) -> Result<(), Error> {
         for of in &self.stage.structs {
             let handle = self.struct_ty(&of.name, &of.members, Rules::Std140)?;
@@ -216,8 +215,8 @@ impl<'s> Builder<'s> {
         Ok(Placed { ty, align, size })
     }
 
-    /// A type as it is in a block (OpenGL 4.6, 7.6.2.2), but that a struct is not aligned to 16
-    /// bytes.
+    /// A type with its layout in a block (OpenGL 4.6, 7.6.2.2), except that structs are not aligned
+    /// to 16 bytes.
     fn placed(&mut self, ty: Handle<Type>, rules: Rules, span: Span) -> Result<Placed, Error> {
         let is_tight = rules == Rules::Std430;
         let (align, size) = match self.module.types[ty].inner {

@@ -1,11 +1,11 @@
-//! Evaluates built-in functions of constants. What GLSL leaves undefined is NaN (4.60, 8).
+//! Evaluates built-in functions of constants. Results that GLSL leaves undefined are NaN (4.60, 8).
 
 use std::f32::consts::{LN_2, LOG2_E};
 
 use super::ConstantValue::{self, Bool, Float, Int, Uint, Vector};
 use super::{B, alike, scalars};
 
-/// The value of a built-in function; `None` for functions that are not known here.
+/// The value of a built-in function. `None` for functions that are not supported here.
 pub(crate) fn call(name: &str, values: &[ConstantValue]) -> Option<ConstantValue> {
     match name {
         "length" | "distance" | "dot" | "normalize" | "cross" => return geometric(name, values),
@@ -38,7 +38,7 @@ fn real(value: &ConstantValue) -> Option<f32> {
     }
 }
 
-/// `x`, if the function is defined there.
+/// `x`, or NaN where the function is undefined.
 fn where_defined(is_defined: bool, x: f32) -> f32 {
     if is_defined { x } else { f32::NAN }
 }
@@ -140,7 +140,8 @@ fn geometric(name: &str, values: &[ConstantValue]) -> Option<ConstantValue> {
         ("dot", [a, b]) if a.len() == b.len() => Float(dot(a, b)),
         ("normalize", [a]) if a.len() > 1 => {
             let length = length(a);
-            // naga divides by the length, and so may Tint: neither may it vanish.
+            // naga divides by the length, and Tint may too, so the length must not underflow
+            // either.
             let is_normal = length.is_normal();
             let part = |x: &f32| Float(where_defined(is_normal, x / length));
             Vector(a.iter().map(part).collect())

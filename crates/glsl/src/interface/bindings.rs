@@ -1,4 +1,4 @@
-//! Groups and bindings: the author's, where they are free, then the first free ones.
+//! Assigns groups and bindings: the author's if they are free, otherwise the first free ones.
 
 use std::collections::{HashMap, HashSet};
 
@@ -133,22 +133,22 @@ impl Interface {
     }
 }
 
-/// The author's own set and binding.
+/// The set and binding in the author's text.
 pub(super) fn explicit(qualifiers: &Qualifiers) -> Option<BindingSlot> {
     let binding = qualifiers.number("binding")?;
     Some((qualifiers.number("set").unwrap_or(0), binding))
 }
 
-/// The slots that are taken.
+/// The slots in use.
 #[derive(Default)]
 struct Claims {
     taken: HashSet<BindingSlot>,
-    /// Stage and kind of the author's own.
+    /// Stage and kind of resource for the author's own slots.
     kinds: HashMap<BindingSlot, (usize, String)>,
 }
 
 impl Claims {
-    /// Takes the author's slot. One resource has it: the same name in both stages, or the same
+    /// Reserves the author's slot for one resource: the same name in both stages, or the same
     /// binding and kind.
     fn claim(
         &mut self,

@@ -1,4 +1,4 @@
-//! Directives.
+//! Executes directives.
 
 use std::path::{Path, PathBuf};
 use std::rc::Rc;
@@ -13,12 +13,12 @@ use crate::version::Dialect;
 use shader_text::error::{Code, Error};
 
 impl Preprocessor<'_> {
-    /// `#line LINE` and `#line LINE FILE`, both constant expressions. The next line has the number
-    /// LINE, and before GLSL 3.30 the number behind it.
+    /// `#line LINE` and `#line LINE FILE`, both constant expressions. The next line gets the number
+    /// LINE; before GLSL 3.30, the line after it does.
     fn line(&mut self, rest: Vec<Token>, place: (u32, u32)) -> Result<(), Stop> {
         let own = self.own_line(place.1.saturating_sub(1));
         let mut expanded = self.expanded(rest, 0)?;
-        // GL_GOOGLE_cpp_style_line_directive names a file, which has no number.
+        // GL_GOOGLE_cpp_style_line_directive names a file instead of numbering it.
         expanded.pop_if(|t| t.kind == TokenKind::Quoted);
         let words = self.words(&expanded, place)?;
         let both = (1..=words.len()).rev().find_map(|n| {
@@ -122,7 +122,7 @@ impl Preprocessor<'_> {
                     self.dialect.version = version;
                 }
                 self.out.lexed_version = match self.lexed_version {
-                    // The lexer has no Vulkan in ES.
+                    // The lexer has no Vulkan mode for ES.
                     460 if self.dialect.es => 460,
                     460 if (420..=460).contains(&self.dialect.version) => 460,
                     _ => self.dialect.version,
@@ -240,7 +240,7 @@ impl Preprocessor<'_> {
         let mut input = TokenSource::list(ready);
         let mut expanded = Vec::new();
         while let Some(token) = self.next(&mut input)? {
-            // Macros may produce `defined`. C leaves that undefined (C11 6.10.1), and compilers
+            // Macros may produce `defined`. C leaves that undefined (C11 6.10.1), but compilers
             // accept it.
             if self.is(&token, "defined") {
                 let mut name = self.next(&mut input)?;
@@ -321,7 +321,7 @@ impl Preprocessor<'_> {
         let name = match (&texts[..], angled) {
             ([first, ..], false) => first.trim_matches('"').to_owned(),
             ([_, rest @ ..], _) => {
-                // As written, with spaces.
+                // The tokens as written, with spaces.
                 let closed = rest.iter().position(|t| &**t == ">" || t.ends_with('>'));
                 let Some(closed) = closed else {
                     return Err(self.stop("the name of this `#include` is not closed", place));
@@ -376,7 +376,7 @@ impl Preprocessor<'_> {
             }
         };
         if self.open.len() > OPEN {
-            // The file that includes itself.
+            // Name the file that includes itself.
             let twice = |i: &usize| {
                 let rest = self.open.get(i + 1..).unwrap_or_default();
                 rest.iter().any(|r| r.found == self.open[*i].found)

@@ -7,19 +7,16 @@ use std::rc::Rc;
 use super::tokens::{Token, TokenKind};
 use super::{Preprocessor, Stop};
 
-/// A macro definition.
 #[derive(Clone, Debug)]
 pub(super) struct Macro {
     /// `None` for an object-like macro.
     pub parameters: Option<Vec<u32>>,
     pub body: Vec<Token>,
-    /// Predefined: `GL_ES`.
+    /// Whether it is predefined, such as `GL_ES`.
     pub is_own: bool,
 }
 
-/// The source of tokens.
 pub(super) enum TokenSource {
-    /// The files.
     Files,
     /// A list, in reverse order.
     List(Vec<Token>),
@@ -183,7 +180,7 @@ impl Preprocessor<'_> {
         Ok(None)
     }
 
-    /// The end of a call, if it is in one file; else the end of its name.
+    /// The end of a call if it is in one file, else the end of its name.
     fn end_of_call(&self, name: &Token, close: &Token) -> u32 {
         let in_one_file = self.file_at(name.start) == self.file_at(close.start);
         match in_one_file && close.end > name.start && close.end - name.start < 1 << 16 {

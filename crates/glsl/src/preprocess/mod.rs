@@ -1,8 +1,8 @@
 //! The preprocessor: directives, includes and macros (GLSL 4.60, 3.3; ES 3.20, 3.4).
 //!
-//! `tokens` splits the text, `directive` obeys, `condition` evaluates `#if`, `macros` expands. The result only has
-//! `#version` and `#extension` directives. Each token keeps its source span: a macro's result has
-//! the span of the call, an argument its own.
+//! `tokens` splits the text, `directive` executes directives, `condition` evaluates `#if`, and
+//! `macros` expands. The result only has `#version` and `#extension` directives. Each token keeps
+//! its source span: a macro's result has the span of the call, an argument its own.
 //!
 //! [`WORK`] limits the tokens that are read, skipped or made.
 
@@ -36,7 +36,6 @@ const OPEN: usize = 200;
 
 type Stop = Error;
 
-/// A text to preprocess.
 pub(super) struct Task<'a> {
     pub text: &'a str,
     pub stage: ShaderStage,
@@ -46,27 +45,26 @@ pub(super) struct Task<'a> {
     pub base: u32,
     pub dialect: Dialect,
     pub defines: &'a [(String, String)],
-    /// The version whose words the lexer knows, without a `#version`.
+    /// The version whose keywords the lexer knows, if the text has no `#version`.
     pub lexed_version: u16,
-    /// The text is for Vulkan.
+    /// Whether the text is for Vulkan.
     pub vulkan: bool,
 }
 
-/// A preprocessed text.
 #[derive(Debug, Default)]
 pub(super) struct Preprocessed {
     pub text: String,
     /// Offset and source span of each token.
     places: Vec<(u32, Span)>,
-    /// `#pragma STDGL invariant(all)`.
+    /// Whether it contains `#pragma STDGL invariant(all)`.
     pub invariant_all: bool,
-    /// The result contains macro expansions or other files.
+    /// Whether the result contains macro expansions or other files.
     pub is_more: bool,
-    /// The text tested for Vulkan, and the answer was no.
+    /// Whether the text tested for Vulkan, with a negative result.
     pub asks_for_vulkan: bool,
-    /// The text has `nonuniformEXT`.
+    /// Whether the text uses `nonuniformEXT`.
     pub is_nonuniform: bool,
-    /// The version whose words the lexer knows.
+    /// The version whose keywords the lexer knows.
     pub lexed_version: u16,
     /// The extensions that the text uses.
     pub extensions: HashSet<String>,
@@ -81,14 +79,13 @@ impl Preprocessed {
     }
 }
 
-/// A file being read.
 struct Reading {
     tokens: Rc<Vec<Token>>,
     at: usize,
     folder: PathBuf,
-    /// Its path; `None` for the first.
+    /// The file's path. `None` for the first file.
     found: Option<PathBuf>,
-    /// What `#line` changed.
+    /// Changes by `#line`.
     numbering: Numbering,
 }
 
@@ -97,23 +94,22 @@ struct Reading {
 struct Numbering {
     /// `__LINE__` minus the file's own line.
     shift: i64,
-    /// `__FILE__`.
+    /// Value of `__FILE__`.
     file: i64,
 }
 
-/// An open `#if`.
 struct Open {
-    /// The current group is active.
+    /// Whether the current group is active.
     active: bool,
-    /// One of its groups was active.
+    /// Whether one of its groups was active.
     taken: bool,
-    /// The enclosing groups are active.
+    /// Whether all enclosing groups are active.
     outside: bool,
     seen_else: bool,
     place: Span,
 }
 
-/// What the last token was. Only the first argument of `debugPrintfEXT` may be a string.
+/// Position in a `debugPrintfEXT` call. Only its first argument may be a string.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Printf {
     Named,
@@ -132,17 +128,17 @@ struct Preprocessor<'a> {
     /// The folder of the first file.
     home: PathBuf,
     names: Names,
-    /// `__LINE__`, `__FILE__` and `__VERSION__`.
+    /// Names of `__LINE__`, `__FILE__` and `__VERSION__`.
     computed: [u32; 3],
     macros: HashMap<u32, Rc<Macro>>,
     /// Tokens to read before the files, in reverse order.
     pending: Vec<Token>,
     open: Vec<Reading>,
     conditions: Vec<Open>,
-    /// A `#pragma stage` selected the other stage.
+    /// Whether `#pragma stage` selected the other stage.
     elsewhere: bool,
     printf: Printf,
-    /// Within `[[..]]`: how many closing brackets have come.
+    /// Within `[[..]]`: number of closing brackets so far.
     attribute: Option<u8>,
     /// Files by path.
     known: HashMap<PathBuf, (String, Rc<Vec<Token>>)>,
@@ -224,7 +220,6 @@ const EXTENSIONS: [&str; 5] = [
 ];
 
 impl Preprocessor<'_> {
-    /// Defines the predefined macros.
     fn predefine(&mut self, defines: &[(String, String)]) -> Result<(), Stop> {
         let Dialect { version, es } = self.dialect;
         let mut own = EXTENSIONS.to_vec();
@@ -363,7 +358,7 @@ impl Preprocessor<'_> {
         if matches!(&*text, "#" | "##") {
             return Err(self.stop(format!("unexpected `{text}`"), (token.start, token.end)));
         }
-        // GL_EXT_control_flow_attributes has hints for the compiler alone.
+        // GL_EXT_control_flow_attributes only has hints for the compiler.
         if let Some(closed) = self.attribute {
             self.attribute = Some(closed + u8::from(&*text == "]")).filter(|n| *n < 2);
             return Ok(());
@@ -374,7 +369,7 @@ impl Preprocessor<'_> {
             self.attribute = Some(0);
             return Ok(());
         }
-        // It says of an index or a variable that invocations differ, and changes no value.
+        // It marks values that differ between invocations, but changes none.
         if &*text == "nonuniformEXT" {
             self.out.is_nonuniform = true;
             return Ok(());

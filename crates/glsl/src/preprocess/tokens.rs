@@ -9,7 +9,7 @@ use std::rc::Rc;
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(in super::super) enum TokenKind {
     Word,
-    /// Anything that begins like a number.
+    /// Any token that begins like a number.
     Number,
     /// A string with its quotes.
     Quoted,
@@ -22,12 +22,12 @@ pub(in super::super) enum TokenKind {
 #[derive(Clone, Debug)]
 pub(in super::super) struct Token {
     pub kind: TokenKind,
-    /// Its text, as an index into [`Names`].
+    /// The token's text, as an index into [`Names`].
     pub name: u32,
-    /// Bytes in the source map.
+    /// Byte range in the source map.
     pub start: u32,
     pub end: u32,
-    /// The first token of its line.
+    /// Whether it is the first token of its line.
     pub begins_line: bool,
     /// The hide set: macros that may not expand it.
     pub hidden: Option<Rc<[u32]>>,
@@ -64,7 +64,7 @@ impl Names {
     }
 }
 
-/// A text with joined lines.
+/// A text after joining continued lines.
 pub(super) struct Joined<'a> {
     pub text: Cow<'a, str>,
     /// Removed bytes: the position in the new text, and the total up to there.
@@ -119,7 +119,7 @@ const OPERATORS: [&str; 24] = [
     "*=", "/=", "%=", "&=", "|=", "^=", "##", "::", "->",
 ];
 
-/// Splits a text. `Err`: the position of an unclosed comment.
+/// Splits a text. The error is the position of an unclosed comment.
 pub(super) fn tokens(joined: &Joined<'_>, base: u32, names: &mut Names) -> Result<Vec<Token>, u32> {
     let text: &str = &joined.text;
     let bytes = text.as_bytes();

@@ -246,7 +246,7 @@ impl Resolver<'_, '_> {
         };
         let swizzled = || whole.swizzle(numbers.iter().map(|n| *n as u32));
         let node = match (&numbers[..], &of.content) {
-            // A component of a column, which has a pointer.
+            // A component of a column, which the IR can point to.
             ([number], ExprData::Bracket(..)) => part(number),
             ([number], _) if base.parts.is_some() => part(number),
             _ => None,
@@ -293,7 +293,7 @@ pub(super) fn element(base: &Ex, index: &Node) -> Ex {
     ex
 }
 
-/// The four-component vector of which `node` reads two.
+/// The vec4 of which `node` reads two components.
 fn of_four(node: &Node) -> Node {
     match &*node.kind {
         Kind::Swizzle(of, numbers) if numbers[..] == [0, 1] => of.clone(),
@@ -301,7 +301,7 @@ fn of_four(node: &Node) -> Node {
     }
 }
 
-/// The component indices of a swizzle; `None` if it is invalid for a vector of `module_size`.
+/// The component indices of a swizzle. `None` if it is invalid for a vector of this size.
 fn numbers(name: &str, size: u8) -> Option<Vec<usize>> {
     let sets = ["xyzw", "rgba", "stpq"];
     let of = |set: &&str| -> Option<Vec<usize>> { name.chars().map(|c| set.find(c)).collect() };

@@ -1,4 +1,4 @@
-//! Calls of GLSL's functions, but for those of textures.
+//! Calls of GLSL's functions, except those of textures.
 
 use glsl_lang::ast;
 use glsl_lang::ast::{Expr, ExprData};
@@ -45,7 +45,7 @@ impl Resolver<'_, '_> {
         }
         let mut values = self.values(arguments)?;
         let types: Vec<Ty> = values.iter().map(|v| v.ty.clone()).collect();
-        // The functions of 16-bit floats compute in 32 bits.
+        // Functions of 16-bit floats are computed in 32 bits.
         let kinds = || types.iter().filter_map(Ty::kind);
         let half = kinds().any(|k| k == Component::Half)
             && kinds().all(|k| k.power() <= Component::Half.power());
@@ -92,7 +92,7 @@ impl Resolver<'_, '_> {
         };
         if is_repeated {
             for value in &mut values {
-                // The products of a constant would be folded.
+                // naga would fold products of a constant.
                 let (before, held) = match value.folds {
                     Folds::No => self.once(value),
                     _ => self.hidden(value.clone()),
@@ -151,7 +151,7 @@ impl Resolver<'_, '_> {
         Ok(Ex::new(Node::new(Kind::Call(id, all)), result))
     }
 
-    /// An atomic function.
+    /// An atomic function of storage blocks.
     fn atomic(
         &mut self,
         name: &str,
@@ -159,7 +159,7 @@ impl Resolver<'_, '_> {
         arguments: &[Expr],
         place: Option<Span>,
     ) -> Result<Ex, Error> {
-        // The others order memory, which WebGPU does not.
+        // The other forms order memory, which WebGPU does not support.
         let [target, value, ..] = arguments else {
             let message = format!("`{name}` takes a member and a value");
             return Err(wrong(message, place));
@@ -225,7 +225,7 @@ impl Resolver<'_, '_> {
         Ok(Node::new(atomic).at(place))
     }
 
-    /// Built-in functions with out parameters, written as expressions.
+    /// Built-in functions with out parameters, as expressions.
     fn with_out(
         &mut self,
         name: &str,
@@ -248,7 +248,7 @@ impl Resolver<'_, '_> {
                     .note("naga has no such function: write it yourself"));
             }
         };
-        // The last argument is written; for products, the last two.
+        // The last argument is written, or for products the last two.
         let outs = 1 + usize::from(name == "umulExtended");
         let first = arguments.len().saturating_sub(outs);
         let storage = |i| if i < first { Storage::In } else { Storage::Out };
@@ -287,7 +287,7 @@ fn composed(name: &str, values: &[Node], first: Option<&Ty>, result: &Ty) -> Opt
             let column = |c: u32| binary(O::Multiply, a.clone(), b.component(c));
             Node::construct(result, (0..u32::from(*columns)).map(column).collect())
         }
-        // The IR's only take vectors.
+        // The IR's functions only take vectors.
         ("dot", Ty::Scalar(_)) => binary(O::Multiply, at(0)?, at(1)?),
         ("length", Ty::Scalar(_)) => abs(at(0)?),
         ("distance", Ty::Scalar(_)) => abs(binary(O::Subtract, at(0)?, at(1)?)),
@@ -304,19 +304,19 @@ fn composed(name: &str, values: &[Node], first: Option<&Ty>, result: &Ty) -> Opt
             let is_less = binary(O::Less, product, number(0.0));
             Node::choose(is_less, n.clone(), Node::unary(UnaryOperator::Negate, n))
         }
-        // Both as vectors of one component that matters.
+        // Both as vectors in which only one component matters.
         ("refract", Ty::Scalar(_)) => {
             let ty = Ty::Vector(Component::Float, 2);
             let vector = |x: Node| Node::construct(&ty, vec![x, Node::float(0.0)]);
             let all = vec![vector(at(0)?), vector(at(1)?), at(2)?];
             Node::math(MathFunction::Refract, all).component(0)
         }
-        // The IR's functions count in the type of their argument.
+        // The IR's functions return the type of their argument.
         ("bitCount" | "findLSB" | "findMSB", of) if of.kind() == Some(Component::Uint) => {
             let count = functions::named(name)?.meaning;
             Node::convert(result, Node::built_in(count, vec![at(0)?]))
         }
-        // A choice of one evaluates the other not.
+        // A selection evaluates only one operand.
         ("mix", Ty::Scalar(Component::Bool)) => Node::choose(at(2)?, at(1)?, at(0)?),
         ("mix", Ty::Vector(Component::Bool, n)) => {
             let (a, b, which) = (at(0)?, at(1)?, at(2)?);

@@ -17,7 +17,7 @@ use crate::ty::{Component, Length, Ty, spelled};
 use shader_text::error::Error;
 
 impl Resolver<'_, '_> {
-    /// The value of `length()`: the specialisation constant, if it is one.
+    /// The value of `length()`: the specialisation constant itself, if the length is one.
     fn known_length(&self, length: Length) -> Ex {
         let lengths = self.stage.lengths.borrow();
         let mut constants = lengths.iter().map(|(constant, _)| constant);
@@ -29,7 +29,7 @@ impl Resolver<'_, '_> {
         match global.filter(|_| !self.is_local(&constant.own)) {
             Some(global) if constant.is_signed => Ex::new(global.ex.node.clone(), Ty::INT),
             Some(global) => Ex::new(Node::convert(&Ty::INT, global.ex.node.clone()), Ty::INT),
-            // A local variable hides it.
+            // A local variable hides the constant.
             None => {
                 let fixed = (constant.id, constant.own.clone());
                 self.stage.assumed.borrow_mut().insert(fixed);
@@ -93,9 +93,9 @@ impl Resolver<'_, '_> {
         self.own(name, arguments, whole)
     }
 
-    /// Whether a built-in overload is meant although the author has a function of that name. GLSL
-    /// ES 1.00 allows both. GLSL 4.60 (6.1) hides the built-in function, but compilers accept it if
-    /// no user function fits.
+    /// Whether a call means a built-in overload although the author declares a function of this
+    /// name. GLSL ES 1.00 allows both. GLSL 4.60 (6.1) hides the built-in function, but compilers
+    /// accept it if no user function fits.
     fn is_own_after_all(
         &mut self,
         name: &str,
@@ -114,7 +114,7 @@ impl Resolver<'_, '_> {
         Ok(choose(signatures, &given, self.is_implicit()) == OverloadChoice::None)
     }
 
-    /// A call of a user function.
+    /// A call of a user-defined function.
     fn authors(
         &mut self,
         name: &str,
@@ -131,7 +131,7 @@ impl Resolver<'_, '_> {
         self.passed(id, signature, arguments, values, place)
     }
 
-    /// A call of a function of that signature. `values`: see [`Self::argument`].
+    /// A call of the function with this signature. `values`: see [`Self::argument`].
     pub(super) fn passed(
         &mut self,
         id: FunctionId,
@@ -218,7 +218,7 @@ impl Resolver<'_, '_> {
         id
     }
 
-    /// The name of a helper function or constant, the same for each purpose.
+    /// The name of a helper function or constant. Equal purposes share one.
     pub(super) fn helper_name(&mut self, wanted: &str) -> String {
         if let Some(name) = self.helper_names.get(wanted) {
             return name.clone();
@@ -228,7 +228,7 @@ impl Resolver<'_, '_> {
         name
     }
 
-    /// A call of a texture function; `None` for any other.
+    /// A call of a texture function. `None` for other functions.
     fn textured(
         &mut self,
         name: &str,

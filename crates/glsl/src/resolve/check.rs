@@ -1,5 +1,5 @@
-//! Checks types and reports errors in GLSL's terms. The validator checks types that are unknown
-//! here.
+//! Checks types and reports errors in GLSL's terms. Types that are unknown here are left to the
+//! validator.
 
 use glsl_lang::ast::BinaryOpData as B;
 use naga::Span;
@@ -11,7 +11,7 @@ use crate::errors::wrong;
 use crate::ty::{Component, Ty};
 use shader_text::error::Error;
 
-/// The type with its article.
+/// The type's name with an article.
 pub(super) fn a(ty: &Ty) -> String {
     match ty {
         Ty::Void => "nothing".to_owned(),
@@ -22,7 +22,7 @@ pub(super) fn a(ty: &Ty) -> String {
     }
 }
 
-/// Whether the type is not known here.
+/// Whether the type is unknown here.
 fn is_open(ty: &Ty) -> bool {
     match ty {
         Ty::Opaque(_) => true,
@@ -31,7 +31,7 @@ fn is_open(ty: &Ty) -> bool {
     }
 }
 
-/// Whether a value converts implicitly (GLSL 4.60, 4.1.10). We accept these conversions in GLSL ES
+/// Whether a value converts implicitly (GLSL 4.60, 4.1.10). Accepts these conversions in GLSL ES
 /// too, because their meaning is clear.
 pub(super) fn becomes(from: &Ty, to: &Ty) -> bool {
     is_open(from) || is_open(to) || conversion(from, to, true).is_some()
@@ -45,7 +45,7 @@ fn is_integer(ty: &Ty) -> bool {
     matches!(ty.kind(), Some(Component::Int | Component::Uint)) && !matches!(ty, Ty::Matrix(..))
 }
 
-/// Both have the same shape, or one is a scalar.
+/// Whether both have the same shape, or one is a scalar.
 fn is_component_wise(a: &Ty, b: &Ty) -> bool {
     let scalar = |t: &Ty| matches!(t, Ty::Scalar(_));
     scalar(a) || scalar(b) || a.with_kind(Component::Bool) == b.with_kind(Component::Bool)
@@ -124,7 +124,7 @@ impl Resolver<'_, '_> {
         })
     }
 
-    /// Checks that it is a bool.
+    /// Checks that an expression is a bool.
     pub(super) fn check_condition(&self, of: &Ex, place: Option<Span>) -> Result<(), Error> {
         match is_open(&of.ty) || of.ty == Ty::BOOL {
             true => Ok(()),

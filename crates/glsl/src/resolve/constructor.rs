@@ -15,7 +15,7 @@ use crate::ty::{Component, Ty};
 use shader_text::error::Error;
 
 impl Resolver<'_, '_> {
-    /// A constructor's call.
+    /// Resolves a constructor call.
     pub(super) fn constructor(
         &mut self,
         ty: Ty,
@@ -130,7 +130,7 @@ impl Resolver<'_, '_> {
     /// A vector or matrix constructor from components: converts each and drops extra ones.
     fn components(&self, ty: &Ty, kind: Component, wanted: usize, mut values: Vec<Ex>) -> Ex {
         let alone = values.len() == 1;
-        // A single scalar for all components is converted first.
+        // If a single scalar fills all components, it is converted first.
         if let [value] = &mut values[..]
             && matches!(value.ty, Ty::Scalar(from) if from != kind)
         {

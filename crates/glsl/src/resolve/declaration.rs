@@ -54,7 +54,7 @@ impl Resolver<'_, '_> {
             self.epilogue.push(written);
         }
         self.functions()?;
-        // Last, because local structs are found while functions are resolved.
+        // This comes last, because local structs are found while functions are resolved.
         self.structs();
         let standins = self.standins_declared();
         self.out.declared.splice(varyings..varyings, standins);
@@ -86,7 +86,7 @@ impl Resolver<'_, '_> {
         }
     }
 
-    /// Adds a global that is declared after those before it.
+    /// Adds a global, and declares it after the previous ones.
     pub(super) fn declare(
         &mut self,
         name: Option<String>,
@@ -350,8 +350,8 @@ impl Resolver<'_, '_> {
     }
 }
 
-/// The members of a block or struct with their stored types. `padding`: the name of what is unused, by
-/// its number.
+/// The members of a block or struct with their stored types. `padding` returns the name of an
+/// unused member, by number.
 fn stored_members(
     entries: Vec<BlockEntry<'_>>,
     rules: Option<Rules>,
@@ -375,7 +375,7 @@ fn stored_members(
     entries.into_iter().enumerate().map(member).collect()
 }
 
-/// The access that memory qualifiers leave.
+/// The access that memory qualifiers permit.
 fn access(memory: &[&str]) -> StorageAccess {
     let mut access = StorageAccess::LOAD | StorageAccess::STORE;
     if memory.contains(&"readonly") {

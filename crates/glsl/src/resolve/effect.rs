@@ -1,5 +1,5 @@
-//! Keeps GLSL's order of evaluation: of the index of a target that is read and written, and of the
-//! arguments of a call that writes some of them.
+//! Preserves GLSL's order of evaluation for the indices of a target that is read and written, and
+//! for the arguments of a call that writes some of them.
 
 use glsl_lang::ast::{
     Expr, ExprData, IterationStatementData, JumpStatementData, NodeSpan,
@@ -35,13 +35,13 @@ impl Argument {
     }
 }
 
-/// Properties of an expression, found before it is resolved in its place.
+/// Properties of an expression, determined before it is resolved.
 #[derive(Clone, Debug)]
 pub(super) struct Properties {
     pub ty: Ty,
-    /// It can be assigned to directly.
+    /// Whether it can be assigned to directly.
     pub is_plain: bool,
-    /// Its stored type differs from its computed type.
+    /// Whether its stored type differs from its computed type.
     pub is_converted: bool,
 }
 
@@ -76,14 +76,14 @@ impl CallEffects<'_> {
     }
 }
 
-/// An expression's position, as a key.
+/// An expression's position, which identifies it.
 fn key(span: Option<NodeSpan>) -> Option<(u32, u32)> {
     let range = span?.range();
     Some((u32::from(range.start()), u32::from(range.end())))
 }
 
 impl Resolver<'_, '_> {
-    /// Whether it has side effects or calls a user function, which may be expensive.
+    /// Whether an expression has side effects, or calls a user function, which may be expensive.
     pub(super) fn has_effect(&self, e: &Expr) -> bool {
         match &e.content {
             ExprData::Assignment(..) | ExprData::PostInc(_) | ExprData::PostDec(_) => true,
@@ -108,7 +108,7 @@ impl Resolver<'_, '_> {
         }
     }
 
-    /// Declares a temporary in the current function; `None` outside of functions.
+    /// Declares a temporary in the current function. `None` outside of functions.
     pub(super) fn temporary(&mut self, ty: &Ty) -> Option<Node> {
         self.temporaries.as_ref()?;
         let local = self.add_local("held", ty.clone());
@@ -116,8 +116,7 @@ impl Resolver<'_, '_> {
         Some(Node::local(local))
     }
 
-    /// Makes a value that may be evaluated several times. Also returns the assignment to evaluate
-    /// first.
+    /// A copy of a value that may be evaluated several times, and the assignment to evaluate first.
     pub(super) fn once(&mut self, value: &Ex) -> (Option<Node>, Ex) {
         if value.node.is_path() {
             return (None, value.clone());
@@ -131,8 +130,8 @@ impl Resolver<'_, '_> {
         }
     }
 
-    /// Finds an expression's properties by resolving it and undoing all effects. Results are cached,
-    /// or nesting would take exponential time.
+    /// Determines an expression's properties: resolves it, then undoes all effects. Caches the
+    /// results, because nesting would take exponential time.
     pub(super) fn look(&mut self, e: &Expr) -> Result<Properties, Error> {
         let known = key(e.span).filter(|k| !self.held.contains_key(k));
         if let Some(looked) = known.and_then(|k| self.looked.get(&k)) {
@@ -161,7 +160,7 @@ impl Resolver<'_, '_> {
         Ok(looked)
     }
 
-    /// An argument's type, and itself unless it has side effects and may be copied.
+    /// The type of an argument, and its value unless it has side effects and may be copied.
     pub(super) fn argument(&mut self, e: &Expr) -> Result<(Ty, Option<Ex>), Error> {
         let is_place = matches!(e.content, ExprData::Dot(..) | ExprData::Bracket(..));
         match is_place && self.has_effect(e) {
@@ -170,7 +169,7 @@ impl Resolver<'_, '_> {
         }
     }
 
-    /// The types of arguments, and their values as [`Self::argument`] gives them.
+    /// The types of arguments, and their values as from [`Self::argument`].
     pub(super) fn arguments(&mut self, all: &[Expr]) -> Result<(Vec<Ty>, Vec<Option<Ex>>), Error> {
         let arguments = all.iter().map(|e| self.argument(e));
         Ok(arguments
@@ -179,7 +178,7 @@ impl Resolver<'_, '_> {
             .unzip())
     }
 
-    /// The temporary that holds an expression's value, if any.
+    /// The temporary that holds an expression's value, if there is one.
     pub(super) fn held(&self, e: &Expr) -> Option<Ex> {
         self.held.get(&key(e.span)?).cloned()
     }
@@ -190,7 +189,7 @@ impl Resolver<'_, '_> {
         self.settle_where(target, &|this, index| this.has_effect(index))
     }
 
-    /// The same for the indices that `is_moving` selects.
+    /// As [`Self::settle`], for the indices that `is_moving` selects.
     pub(super) fn settle_where(
         &mut self,
         target: &Expr,
@@ -212,7 +211,7 @@ impl Resolver<'_, '_> {
         Ok(first)
     }
 
-    /// Assigns an expression to a temporary and uses that from now on. Returns the assignment.
+    /// Assigns an expression to a temporary, which replaces it from now on. Returns the assignment.
     fn hold_ahead(&mut self, e: &Expr) -> Result<Node, Error> {
         let value = self.expr(e)?;
         let held = self.needed(&value.ty, self.place(e.span))?;
@@ -225,7 +224,7 @@ impl Resolver<'_, '_> {
         Ok(first)
     }
 
-    /// Whether evaluating it writes a variable.
+    /// Whether an expression writes a variable.
     pub(super) fn writes(&self, e: &Expr) -> bool {
         let (written, calls) = self.effects(e);
         calls || !written.is_empty()
@@ -237,7 +236,7 @@ impl Resolver<'_, '_> {
         (found.written, calls)
     }
 
-    /// Whether evaluating `e` may write the target, or what its indices read.
+    /// Whether evaluating `e` may change the target, or variables that its indices read.
     pub(super) fn may_change(&self, e: &Expr, target: &Expr) -> bool {
         let (written, calls) = self.effects(e);
         let named = Effects::within(target, &self.stage.signatures).named;
@@ -264,8 +263,8 @@ impl Resolver<'_, '_> {
         self.scopes.iter().skip(1).any(|s| s.contains_key(name))
     }
 
-    /// Whether the call may write the argument in place: a plain variable of the parameter's type that
-    /// nothing else in the call uses.
+    /// Whether the call may write the argument in place: it is a plain variable of the parameter's
+    /// type, and nothing else in the call uses it.
     pub(super) fn is_direct(
         &mut self,
         call_effects: &CallEffects<'_>,
@@ -298,8 +297,9 @@ impl Resolver<'_, '_> {
         })
     }
 
-    /// An out argument of type `to`, copied through a temporary: in when its turn comes, out after
-    /// the call (GLSL 4.60, 6.1.1). Its indices are evaluated when its turn comes.
+    /// An out argument of type `to`, copied through a temporary: copied in at its place in the
+    /// order, copied out after the call (GLSL 4.60, 6.1.1). Its indices are evaluated once, at its
+    /// place in the order.
     pub(super) fn copied(
         &mut self,
         call_effects: &CallEffects<'_>,
@@ -337,7 +337,7 @@ impl Resolver<'_, '_> {
         })
     }
 
-    /// Combines a call with what precedes and follows it for its arguments.
+    /// Combines a call with the statements before and after it for its arguments.
     pub(super) fn called(
         &mut self,
         call: impl FnOnce(Vec<Node>) -> Node,
@@ -368,7 +368,7 @@ impl Resolver<'_, '_> {
     }
 }
 
-/// Whether it is a literal with an optional sign.
+/// Whether an expression is a literal with an optional sign.
 pub(super) fn is_literal(e: &Expr) -> bool {
     match &e.content {
         ExprData::IntConst(_)
@@ -401,7 +401,7 @@ pub(super) fn continues(body: &Statement) -> bool {
         },
         StatementData::Switch(switch) => switch.body.iter().any(continues),
         StatementData::Iteration(inner) => match &inner.content {
-            // A nested loop's.
+            // This `continue` belongs to a nested loop.
             IterationStatementData::While(..)
             | IterationStatementData::DoWhile(..)
             | IterationStatementData::For(..) => false,

@@ -22,27 +22,26 @@ use shader_text::unsupported;
 /// Maximum elements compared one by one.
 const COMPARED: u64 = 1 << 12;
 
-/// A resolved expression.
 #[derive(Clone, Debug)]
 pub(super) struct Ex {
     pub node: Node,
     pub ty: Ty,
     /// Its layout in a block. [`Resolver::value`] converts it to a value.
     pub lay: MemoryLayout,
-    /// Assignment targets by component, where the IR has no pointer to it: `m[1].xy`, a column of
-    /// a row-major matrix.
+    /// Assignment targets by component, if the IR has no pointer to it: `m[1].xy`, or a column of a
+    /// row-major matrix.
     pub parts: Option<Vec<Node>>,
-    /// The vector of which it is a swizzle, and the components.
+    /// For a swizzle: the vector and the components.
     pub swizzle: Option<(Box<Ex>, Vec<usize>)>,
-    /// It is a column of a matrix.
+    /// Whether it is a column of a matrix.
     pub column: bool,
-    /// The row-major matrix and the index of which it is a column.
+    /// For a column of a row-major matrix: the matrix and the index.
     pub turned: Option<(Node, Node)>,
-    /// Where its samplers are in [`Resolver::pairs`].
+    /// The path of its samplers in [`Resolver::pairs`].
     pub path: Option<String>,
-    /// It is a combined sampler.
+    /// Set for a combined sampler.
     pub pair: Option<Pair>,
-    /// It is an element of a sampler array with a dynamic index.
+    /// Set for an element of a sampler array with a dynamic index.
     pub choice: Option<(Box<Ex>, Vec<Pair>)>,
     pub folds: Folds,
 }
@@ -68,7 +67,7 @@ impl Ex {
         Self { folds, ..self }
     }
 
-    /// A conversion of the value to a type.
+    /// Converts the value to a type.
     pub(super) fn converted(&self, ty: &Ty) -> Self {
         Self::new(Node::convert(ty, self.node.clone()), ty.clone())
     }
@@ -83,7 +82,7 @@ impl Resolver<'_, '_> {
             let looked = self.look(expr)?;
             let is_whole = matches!(looked.ty, Ty::Matrix(..) | Ty::Array(..) | Ty::Struct(_));
             if is_whole && looked.is_converted {
-                // The value has several parts, and each repeats the target.
+                // The value consists of parts, each of which repeats the target.
                 first = self.settle(expr)?;
             }
         }
@@ -210,7 +209,7 @@ impl Resolver<'_, '_> {
         ex
     }
 
-    /// A built-in variable.
+    /// Resolves a built-in variable.
     pub(super) fn own_variable(&mut self, name: &str, expr: &Expr) -> Result<Ex, Error> {
         let place = self.place(expr.span);
         let number = |n: i32| Ok(Ex::new(Node::int(n), Ty::INT));
@@ -254,12 +253,12 @@ impl Resolver<'_, '_> {
         ))
     }
 
-    /// A built-in that is declared as an input or output of ours. Arrays keep their index.
+    /// A built-in that we declare as an input or output. Arrays keep their index.
     fn built_in(&mut self, name: &str, variable: &built_in_variables::Variable) -> Ex {
         let of = variable.first_name();
         let mut ex = self.standin(of, of.trim_start_matches("gl_"));
         match of {
-            // Its only element: WebGPU has at most 32 samples.
+            // The array's only element: WebGPU has at most 32 samples.
             "gl_SampleMaskIn" => ex.converted(&Ty::INT),
             _ if name == "gl_ViewIndex" => ex.converted(&Ty::INT),
             "gl_ClipDistance" => {
@@ -289,7 +288,7 @@ impl Resolver<'_, '_> {
         self.check_sign(word, &of.ty, place)?;
         let folds = of.folds.map(|v| constant::unary(&op.content, v));
         if word == "-" && of.ty.kind() == Some(Component::Uint) {
-            // WGSL negates no unsigned numbers.
+            // WGSL has no negation of unsigned numbers.
             let zero = match &of.ty {
                 Ty::Scalar(_) => Node::uint(0),
                 vector => Node::convert(vector, Node::uint(0)),
@@ -367,7 +366,7 @@ impl Resolver<'_, '_> {
         Ok(after(first, Ex::new(node, ty).folding(folds)))
     }
 
-    /// Compares structs and arrays by parts: the IR has no operator for them.
+    /// Compares structs and arrays part by part, because the IR has no operator for them.
     fn compared(&mut self, a: &Ex, b: &Ex) -> Option<(Vec<Node>, Node)> {
         if !matches!(a.ty, Ty::Struct(_) | Ty::Array(..) | Ty::Matrix(..)) {
             return None;
@@ -443,7 +442,7 @@ impl Resolver<'_, '_> {
         }
     }
 
-    /// Whether a global's initialiser is a constant of the IR.
+    /// Whether a global's initialiser is a constant in the IR.
     pub(super) fn is_simple(&self, init: &ast::Initializer) -> bool {
         match &init.content {
             InitializerData::List(list) => list.iter().all(|i| self.is_simple(i)),
@@ -486,7 +485,7 @@ impl Resolver<'_, '_> {
     }
 }
 
-/// Converts a scalar next to a vector to a vector.
+/// Turns a scalar operand of a vector into a vector.
 pub(super) fn splat(ex: Ex, to: &Ty) -> Ex {
     match (&ex.ty, to) {
         (Ty::Scalar(_), Ty::Vector(..)) => {
@@ -497,12 +496,12 @@ pub(super) fn splat(ex: Ex, to: &Ty) -> Ex {
     }
 }
 
-/// What a literal is that no float holds: the largest.
+/// A literal beyond the range of `float` becomes the largest float.
 fn finite(f: f32) -> f32 {
     f.min(f32::MAX)
 }
 
-/// An operator's word and what it is in the IR.
+/// An operator's token, and its equivalent in the IR.
 pub(super) fn operator(op: &B) -> (&'static str, BinaryOperator) {
     use BinaryOperator as O;
     match op {

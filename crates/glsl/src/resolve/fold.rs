@@ -1,8 +1,9 @@
-//! Keeps naga from folding what GLSL leaves open. naga evaluates constants by WGSL's rules, where a
-//! constant that is infinite or undefined is an error. In GLSL it is a value (4.60, 4.7.1 and 5.9).
+//! Keeps naga from folding results that GLSL leaves undefined. naga evaluates constants by WGSL's
+//! rules, where an infinite or undefined constant is an error. In GLSL it is a value (4.60, 4.7.1
+//! and 5.9).
 //!
-//! An operation on constants whose value is not known to be finite gets one operand from a variable:
-//! `sqrt(-1.0)` becomes `(held = -1.0, sqrt(held))`.
+//! If the result of an operation on constants is not known to be finite, one operand is read from a
+//! variable: `sqrt(-1.0)` becomes `(held = -1.0, sqrt(held))`.
 
 use glsl_lang::ast::BinaryOpData as B;
 
@@ -17,13 +18,13 @@ use crate::ty::{Component, Ty};
 pub(super) enum Folds {
     #[default]
     No,
-    /// To a value that only naga knows.
+    /// To a value that only naga can compute.
     Unknown,
     To(ConstantValue),
 }
 
 impl Folds {
-    /// What a constant becomes by `of`.
+    /// Applies `of` to a constant.
     pub(super) fn map(&self, of: impl FnOnce(ConstantValue) -> Option<ConstantValue>) -> Self {
         match self {
             Self::To(value) => of(value.clone()).map_or(Self::Unknown, Self::To),
@@ -31,7 +32,7 @@ impl Folds {
         }
     }
 
-    /// What constants become together by `of`.
+    /// Applies `of` to constants together.
     pub(super) fn of(
         arguments: &[Ex],
         of: impl FnOnce(&[ConstantValue]) -> Option<ConstantValue>,
@@ -62,7 +63,7 @@ impl Folds {
     }
 }
 
-/// Whether each scalar of a constant is one that `fits` says yes to. False if it is not known.
+/// Whether `fits` holds for each scalar of a constant. False if the constant is unknown.
 fn all(value: &Folds, fits: impl Fn(i64) -> bool + Copy) -> bool {
     fn scalars(value: &ConstantValue, fits: impl Fn(i64) -> bool + Copy) -> bool {
         match value {
@@ -74,8 +75,8 @@ fn all(value: &Folds, fits: impl Fn(i64) -> bool + Copy) -> bool {
 }
 
 impl Resolver<'_, '_> {
-    /// The right operand of a binary operation, behind the assignment to evaluate first, and whether
-    /// naga folds the result.
+    /// The right operand of a binary operation, with the assignment to evaluate before it, and
+    /// whether naga folds the result.
     pub(super) fn operand_to_fold(&mut self, op: &B, a: &Ex, b: Ex) -> (Option<Node>, Ex, Folds) {
         let both = a.folds.is_constant() && b.folds.is_constant();
         let value = match (&a.folds, &b.folds) {
@@ -89,10 +90,10 @@ impl Resolver<'_, '_> {
         let is_integer = matches!(b.ty.kind(), Some(Component::Int | Component::Uint));
         let is_open = b.folds.is_constant()
             && match op {
-                // WGSL refuses these whatever the left operand is.
+                // WGSL refuses these for any left operand.
                 B::Div | B::Mod if is_integer && !all(&b.folds, |n| n != 0) => true,
                 B::RShift => !all(&b.folds, |n| (0..32).contains(&n)),
-                // A bit that is shifted out is an overflow in WGSL.
+                // Shifting out a bit is an overflow in WGSL.
                 B::LShift => both || !all(&b.folds, |n| (0..32).contains(&n)),
                 B::Add | B::Sub | B::Mult | B::Div | B::Mod => both && folds.finite().is_none(),
                 _ => false,
@@ -106,7 +107,7 @@ impl Resolver<'_, '_> {
         }
     }
 
-    /// The same for the arguments of a built-in function.
+    /// As [`Self::operand_to_fold`], for the arguments of a built-in function.
     pub(super) fn arguments_to_fold(
         &mut self,
         name: &str,
@@ -125,7 +126,7 @@ impl Resolver<'_, '_> {
         (first, Folds::No)
     }
 
-    /// The value by way of a variable, if one can be declared here.
+    /// The value, read from a variable if one can be declared here.
     pub(super) fn hidden(&mut self, ex: Ex) -> (Option<Node>, Ex) {
         let held = match &ex.ty {
             Ty::Opaque(_) => None,

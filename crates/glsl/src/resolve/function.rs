@@ -104,7 +104,7 @@ impl<'u> Resolver<'_, 'u> {
         if main && !returned {
             body.extend(self.epilogue.iter().cloned());
         }
-        // GLSL leaves the value undefined at the end.
+        // The end may be reached without a result. GLSL leaves that value undefined.
         if !returned && self.result != Ty::Void {
             let zero = self.zero(&self.result);
             body.push(Statement::new(S::Return(Some(zero))));
@@ -122,7 +122,7 @@ impl<'u> Resolver<'_, 'u> {
         })
     }
 
-    /// A zero of the stored type.
+    /// Zero, in the stored type.
     fn zero(&self, ty: &Ty) -> Node {
         let parts = match ty {
             Ty::Scalar(Component::Bool) => return Node::bool(false),
@@ -184,7 +184,7 @@ impl<'u> Resolver<'_, 'u> {
         let node = match (structs.has_data(&ty), &ty) {
             (true, Ty::Opaque(of)) => add(&name, ParameterTy::Handle(HandleTy::plain(of)), storage),
             (true, _) => add(&name, ParameterTy::Data(ty.clone()), storage),
-            // Only its samplers are used.
+            // The function only uses the parameter's samplers.
             (false, _) => Node::int(0),
         };
         let mut found = Vec::new();

@@ -1,4 +1,4 @@
-//! Functions that GLSL has and the IR lacks, written out.
+//! Helper functions for GLSL functions that the IR lacks.
 
 use naga::{BinaryOperator as O, MathFunction, Span};
 
@@ -42,7 +42,7 @@ impl Helper {
         Node::new(Kind::Parameter(self.function.parameters.len() - 1))
     }
 
-    /// Its parameters are only read.
+    /// Marks its parameters as read-only.
     pub(super) fn plain(mut self) -> Self {
         self.function.is_plain = true;
         self
@@ -71,7 +71,7 @@ impl Helper {
 }
 
 impl Resolver<'_, '_> {
-    /// Starts the helper function of a purpose.
+    /// Starts a helper function. Equal purposes get the same name.
     pub(super) fn helper(&mut self, wanted: &str, result: &Ty) -> Helper {
         let name = self.helper_name(wanted);
         Helper {
@@ -86,7 +86,7 @@ impl Resolver<'_, '_> {
         }
     }
 
-    /// Adds a helper function, unless there is one of its name.
+    /// Adds a helper function, unless one with its name exists.
     pub(super) fn add_helper(&mut self, helper: Helper) -> FunctionId {
         let next = FunctionId(self.out.functions.len());
         let id = *self
@@ -100,7 +100,7 @@ impl Resolver<'_, '_> {
     }
 }
 
-/// `modf`: the fraction; writes the whole number.
+/// `modf`: returns the fraction, and writes the whole part.
 pub(super) fn modf(mut helper: Helper, ty: &Ty) -> Helper {
     let x = helper.parameter("x", ty);
     let whole = helper.out("whole", ty);
@@ -120,7 +120,7 @@ fn less(ty: &Ty, a: Node, b: Node) -> Node {
     }
 }
 
-/// `uaddCarry`: a sum that wraps is less than its operand.
+/// `uaddCarry`: a sum that wraps is smaller than its operands.
 pub(super) fn add_carry(resolver: &mut Resolver<'_, '_>, mut helper: Helper, ty: &Ty) -> Helper {
     let (x, y) = (helper.parameter("x", ty), helper.parameter("y", ty));
     let carry = helper.out("carry", ty);
@@ -131,7 +131,7 @@ pub(super) fn add_carry(resolver: &mut Resolver<'_, '_>, mut helper: Helper, ty:
     helper
 }
 
-/// `usubBorrow`: a difference borrows if it subtracts from less.
+/// `usubBorrow`: a difference borrows if the minuend is smaller.
 pub(super) fn sub_borrow(mut helper: Helper, ty: &Ty) -> Helper {
     let (x, y) = (helper.parameter("x", ty), helper.parameter("y", ty));
     let borrow = helper.out("borrow", ty);

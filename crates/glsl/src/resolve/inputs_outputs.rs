@@ -1,4 +1,4 @@
-//! Resolves inputs and outputs, and the globals that stand for built-in variables.
+//! Resolves inputs and outputs, and the globals that replace built-in variables.
 
 use naga::{Binding, Interpolation, Sampling};
 
@@ -77,7 +77,7 @@ impl Resolver<'_, '_> {
             .1
     }
 
-    /// A target of less than four components. WebGPU needs all of them. OpenGL leaves the rest
+    /// A target with fewer than four components. WebGPU needs all four. OpenGL leaves the others
     /// undefined; we write opaque black.
     fn narrow(&mut self, name: &str, variable: &Variable, location: u32) -> Result<Node, Error> {
         let rgba = Ty::Vector(variable.ty.kind().unwrap_or(Component::Float), 4);
@@ -93,7 +93,7 @@ impl Resolver<'_, '_> {
         Ok(node)
     }
 
-    /// A varying with several locations: a global variable, and one varying for each part.
+    /// A varying with several locations: a global variable, and one varying per part.
     fn parts(
         &mut self,
         name: &str,
@@ -124,7 +124,7 @@ impl Resolver<'_, '_> {
         Ok(node)
     }
 
-    /// A global variable of ours.
+    /// A global variable that the author's text does not have.
     fn variable_of(&mut self, name: &str, ty: &Ty) -> Node {
         let ty = ty.clone();
         let kind = GlobalKind::Variable { ty, init: None };
@@ -172,8 +172,8 @@ impl Resolver<'_, '_> {
             "sample" => Sampling::Sample,
             _ => Sampling::Centroid,
         });
-        // Both sources of a blend have an index in the IR; GLSL's default is 0. Index 0 without
-        // another means nothing.
+        // In the IR, both sources of a blend have an index; GLSL's default is 0. Index 0 alone
+        // means nothing.
         let is_second = |v: &Variable| v.qualifiers.number("index").is_some_and(|n| n > 0);
         let blends = is_output && self.stage.outputs.iter().any(is_second);
         let binding = Binding::Location {
@@ -191,7 +191,7 @@ impl Resolver<'_, '_> {
         })
     }
 
-    /// The global that stands for a built-in.
+    /// The global that replaces a built-in.
     pub(super) fn standin(&mut self, of: &'static str, wanted: &str) -> Ex {
         let (id, ty) = match self.standins.get(of) {
             Some(known) => known.clone(),
@@ -240,7 +240,7 @@ impl Resolver<'_, '_> {
         (ty, kind)
     }
 
-    /// The output beside the array of a built-in.
+    /// The output in addition to the array of a built-in.
     pub(super) fn output_of(&mut self, of: &'static str) -> Node {
         let name = self.helper_name(&format!("{}_out", of.trim_start_matches("gl_")));
         let known = self.out.globals.iter();
@@ -273,7 +273,7 @@ impl Resolver<'_, '_> {
                     let used = self.clip_distances.max(1);
                     let n = self.stage.clip_distances.unwrap_or(used);
                     let name = self.helper_name("ClipDistance_out");
-                    // The output is the array itself.
+                    // The array itself is the output.
                     self.out.globals[id.0].kind = GlobalKind::Port {
                         ty: Ty::Array(Box::new(Ty::FLOAT), Some(n.into())),
                         is_output: true,

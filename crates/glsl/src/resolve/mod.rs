@@ -1,9 +1,10 @@
 //! Resolves a stage: names, types, overloads, layouts of blocks and the order of evaluation. The
-//! result is a [`Stage`] of trees, which `build` writes as IR.
+//! result is a [`Stage`] of trees, which `build` converts to IR.
 //!
 //! `declaration` resolves globals, `statement` and `expression` function bodies. They use `access`
-//! for parts of values, `call` with `overload`, `constructor`, `built_in_functions` and `texture`, `check` for type
-//! checks, `store` for block layouts, `effect` for the order of evaluation, and `fold` for constants.
+//! for parts of values, `call` with `overload`, `constructor`, `built_in_functions` and `texture`,
+//! `check` for type checks, `store` for block layouts, `effect` for the order of evaluation, and
+//! `fold` for constants.
 
 mod access;
 mod built_in_functions;
@@ -37,7 +38,7 @@ use super::ty::Ty;
 use shader_text::error::Error;
 use shader_text::options::ClipSpace;
 
-/// Maximum nodes of a stage's statements. Some statements are repeated for each element.
+/// Limit on nodes in a stage's statements. Some statements are repeated for each element.
 const NODES: usize = 1 << 22;
 
 /// A combined sampler, split into a texture and a sampler.
@@ -59,12 +60,11 @@ impl Pair {
     }
 }
 
-/// A variable in scope.
 #[derive(Clone, Debug)]
 struct Var {
     /// The expression that reads it.
     ex: Ex,
-    /// Why it cannot be assigned to.
+    /// Why it cannot be assigned to, if so.
     fixed: Option<&'static str>,
 }
 
@@ -89,7 +89,7 @@ pub(super) struct Resolver<'a, 'u> {
     stage: &'a mut GlslStage<'u>,
     interface: &'a mut Interface,
     clip: ClipSpace,
-    /// What is resolved so far.
+    /// The stage resolved so far.
     out: Stage,
     /// Innermost last.
     scopes: Vec<HashMap<String, Var>>,
@@ -101,8 +101,8 @@ pub(super) struct Resolver<'a, 'u> {
     prologue: Vec<Statement>,
     epilogue: Vec<Statement>,
     in_main: bool,
-    /// A switch statement follows a jump: its declarations are visible in later cases, without an
-    /// initial value.
+    /// Whether a switch statement is unreachable after a jump. Its declarations are still visible
+    /// in later cases, without an initial value.
     unreached: bool,
     /// User functions that the current function calls: name and index of the signature.
     calls: Vec<(String, usize)>,
@@ -110,7 +110,7 @@ pub(super) struct Resolver<'a, 'u> {
     result: Ty,
     /// The globals that replace `gl_FragColor`, `gl_PointSize` and others.
     standins: BTreeMap<&'static str, (GlobalId, Ty)>,
-    /// Elements of `gl_ClipDistance` in use.
+    /// Number of elements of `gl_ClipDistance` in use.
     clip_distances: u32,
     /// The outputs of `gl_FragData` in use.
     targets: BTreeMap<u32, GlobalId>,
@@ -118,25 +118,23 @@ pub(super) struct Resolver<'a, 'u> {
     helpers: BTreeMap<String, FunctionId>,
     /// The names of helpers by purpose.
     helper_names: HashMap<String, String>,
-    /// Temporaries of the current function; for globals, of `main`.
+    /// Temporaries of the current function. For globals, those of `main`.
     temporaries: Option<Vec<LocalId>>,
-    /// Those of `prologue`.
+    /// Temporaries that `prologue` uses.
     temporaries_of_globals: Vec<LocalId>,
     /// Expressions held in temporaries, by position.
     held: HashMap<(u32, u32), Ex>,
-    /// Their positions, in order.
+    /// Keys of `held`, in order of insertion.
     held_keys: Vec<(u32, u32)>,
     /// Cached results of [`Self::look`].
     looked: HashMap<(u32, u32), effect::Properties>,
     /// Constants for literal texture offsets.
     offsets: Vec<(Vec<i32>, GlobalId)>,
-    /// Nodes of statements so far.
+    /// Number of nodes in statements so far.
     written: usize,
-    /// Names in use.
     taken: HashSet<String>,
 }
 
-/// Resolves a stage.
 pub(super) fn resolve(
     stage: &mut GlslStage<'_>,
     interface: &mut Interface,
@@ -215,7 +213,6 @@ impl Resolver<'_, '_> {
         (id, Node::new(Kind::Global(id)))
     }
 
-    /// Adds a local variable.
     fn add_local(&mut self, name: impl Into<String>, ty: Ty) -> LocalId {
         let name = name.into();
         self.out.locals.push(Local { name, ty });

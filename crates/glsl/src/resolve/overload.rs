@@ -19,7 +19,7 @@ pub(super) enum Conversion {
 }
 
 impl Conversion {
-    /// Whether it is a better match for the same argument. GLSL does not rank the others.
+    /// Whether it is a better match for the same argument. GLSL ranks no other pairs.
     fn beats(self, other: Self) -> bool {
         use Conversion::{Exact, FloatToDouble, IntToDouble, IntToFloat};
         match (self, other) {
@@ -83,9 +83,8 @@ fn conversions(signature: &Signature, given: &[&Ty], implicit: bool) -> Option<V
 #[derive(Debug, PartialEq, Eq)]
 pub(super) enum OverloadChoice {
     One(usize),
-    /// No signature fits.
     None,
-    /// None of these is best.
+    /// Several fit, and none is best.
     Several(Vec<usize>),
 }
 
@@ -130,7 +129,7 @@ impl Resolver<'_, '_> {
         !self.stage.unit.dialect.es
     }
 
-    /// The index of the signature that a call means.
+    /// Index of the signature that a call selects.
     pub(super) fn overload(
         &self,
         name: &str,

@@ -120,7 +120,7 @@ impl Resolver<'_, '_> {
         Ok(S::Switch { selector, cases })
     }
 
-    /// The value of a label; `None` for the default.
+    /// The value of a label. `None` for `default`.
     fn case(&mut self, label: &ast::CaseLabel) -> Result<Option<i64>, Error> {
         match &label.content {
             CaseLabelData::Def => Ok(None),
@@ -142,7 +142,7 @@ impl Resolver<'_, '_> {
                 self.alone(a, place, out)?;
                 return self.alone(b, place, out);
             }
-            // Keywords of extensions, which the grammar reads as variables.
+            // Keywords of extensions that the grammar parses as variables.
             ExprData::Variable(name)
                 if matches!(name.as_str(), "demote" | "terminateInvocation")
                     && self.lookup(name.as_str()).is_none() =>
@@ -180,7 +180,7 @@ impl Resolver<'_, '_> {
         Ok(())
     }
 
-    /// A condition.
+    /// Resolves a condition, which must be a bool.
     fn asked(&mut self, e: &Expr) -> Result<Ex, Error> {
         let ex = self.expr(e)?;
         self.check_condition(&ex, self.place(e.span))?;
@@ -248,7 +248,7 @@ impl Resolver<'_, '_> {
                 self.scopes.pop();
                 S::While { condition, body }
             }
-            // `continue` tests the condition, too.
+            // `continue` also tests the condition.
             IterationStatementData::DoWhile(body, condition) if effect::continues(body) => {
                 let condition = self.asked(condition)?.node;
                 let first = self.add_local("first", Ty::BOOL);
@@ -327,7 +327,7 @@ impl Resolver<'_, '_> {
     fn condition(&mut self, condition: &ast::Condition) -> Result<Node, Error> {
         match &condition.content {
             ConditionData::Expr(e) => Ok(self.asked(e)?.node),
-            // Declared with the temporaries, and assigned each time.
+            // Declared among the temporaries, and assigned in each iteration.
             ConditionData::Assignment(of, name, init) => {
                 let place = self.place(condition.span);
                 let ty = self.stage.ty(&of.ty, None, place)?;
@@ -402,7 +402,7 @@ impl Resolver<'_, '_> {
             let message = format!("the constant `{author}` has no value");
             return Err(wrong(message, place));
         }
-        // Unreachable initialisers never run; constants need theirs.
+        // Unreachable initialisers never run. Constants still need theirs.
         let given = init.filter(|_| constant || !self.unreached);
         let value = match given {
             Some(init) => Some(self.initial(init, &ty)?),

@@ -1,5 +1,6 @@
 //! Reads and writes values whose stored type differs: padded arrays, `bool`s, row-major matrices,
-//! and structs of these. Also writes targets by component where the IR has no pointer to them.
+//! and structs of these. Also writes targets component by component if the IR has no pointer to
+//! them.
 
 use glsl_lang::ast::{AssignmentOpData, BinaryOpData, Expr, ExprData};
 use naga::{BinaryOperator, MathFunction, Span};
@@ -126,7 +127,7 @@ impl Resolver<'_, '_> {
             Ty::Matrix(..) => {
                 let turned = ex.lay.turned(&ex.ty);
                 let inner = match ex.lay.stored(&turned) {
-                    // Declared as an array of columns.
+                    // It is declared as an array of columns.
                     Ty::Array(_, Some(columns)) => {
                         let column = |c: u32| match ex.lay.is_padded() {
                             true => node.nth(c).swizzle([0, 1]),
@@ -178,8 +179,8 @@ impl Resolver<'_, '_> {
             .collect()
     }
 
-    /// Converts a value to its stored type in an expression that repeats the value. `None` where no
-    /// expression can, for struct copies and row-major matrices.
+    /// Converts a value to its stored type with an expression that repeats the value. `None` for
+    /// struct copies and row-major matrices, which need statements.
     pub(super) fn packed(&self, value: &Ex, ty: &Ty, lay: MemoryLayout) -> Option<Node> {
         let node = &value.node;
         if !self.stage.structs.is_converted(ty, lay) {
@@ -248,7 +249,7 @@ impl Resolver<'_, '_> {
         })
     }
 
-    /// Whether it can be assigned to with the author's operator.
+    /// Whether the author's assignment operator can be used.
     pub(super) fn is_plain(&self, target: &Ex) -> bool {
         target.parts.is_none() && !self.stage.structs.is_converted(&target.ty, target.lay)
     }
@@ -284,7 +285,8 @@ impl Resolver<'_, '_> {
         Ok(first.into_iter().chain([store]).collect())
     }
 
-    /// Assigns by member and element: a storage block's struct and the author's are two types.
+    /// Assigns each member and element separately: a storage block's struct and the author's are
+    /// distinct types.
     fn stores_apart(
         &mut self,
         target: &Ex,
@@ -381,14 +383,14 @@ impl Resolver<'_, '_> {
         }
     }
 
-    /// Holds a value in a temporary, and returns the assignment.
+    /// Stores a value in a temporary, and returns the assignment.
     fn hold(&mut self, value: &Ex, place: Option<Span>) -> Result<(Option<Node>, Ex), Error> {
         let held = self.needed(&value.ty, place)?;
         let first = Node::assign(&held, value.node.clone());
         Ok((Some(first), Ex::new(held, value.ty.clone())))
     }
 
-    /// A temporary; an error if none can be declared here.
+    /// A temporary. An error if none can be declared here.
     pub(super) fn needed(&mut self, ty: &Ty, place: Option<Span>) -> Result<Node, Error> {
         self.temporary(ty).ok_or_else(|| {
             unsupported("this must be in a function", place).note("move it to the start of `main`")
@@ -406,7 +408,7 @@ impl Resolver<'_, '_> {
         let op = compound(op);
         self.check_written(to)?;
         let is_changed = op.is_some() && self.may_change(from, to);
-        // The target is read and written by separate evaluations.
+        // The target is read and written in separate evaluations.
         let once = op.is_none() && (!self.has_effect(to) || self.look(to)?.is_plain);
         let mut all = match (once, is_changed) {
             (true, _) => Vec::new(),
@@ -439,7 +441,7 @@ impl Resolver<'_, '_> {
             None => (None, from),
         };
         all.extend(hidden);
-        // The target is read when the value is known.
+        // The target is read after the value is computed.
         let (first, from) = match is_changed {
             true => self.hold(&from, of)?,
             false => (None, from),
@@ -479,7 +481,7 @@ impl Resolver<'_, '_> {
         Ok(after(all, value))
     }
 
-    /// `x++`, `--x`.
+    /// `x++`, `--x` and the like.
     pub(super) fn stepped(
         &mut self,
         of: &Expr,

@@ -17,8 +17,8 @@ use crate::version::Dialect;
 use shader_text::error::Error;
 use shader_text::unsupported;
 
-/// Maximum elements of a sampler array that are selected by nested `?`. Older versions lack
-/// `switch`, and their devices have no more textures.
+/// Maximum elements of a sampler array that nested `?` select. Older versions lack `switch`, and
+/// their devices have no more textures.
 const CHAIN: usize = 16;
 
 /// The shape of a texture.
@@ -27,7 +27,7 @@ struct TextureShape<'a> {
     component: Component,
     shadow: bool,
     layered: bool,
-    /// Number of coordinates without the layer.
+    /// Number of coordinates, without the layer.
     coordinates: u8,
 }
 
@@ -103,7 +103,7 @@ impl<'a> TextureShape<'a> {
                     size = 4;
                     wanted.push(Ty::FLOAT);
                 }
-                // A projected position may be of four components.
+                // A projected position may have four components.
                 if projects && rest.first().is_some_and(|p| p.ty == float(4)) {
                     size = 4;
                 }
@@ -160,7 +160,7 @@ impl Resolver<'_, '_> {
         whole: &Expr,
     ) -> Result<Ex, Error> {
         let place = self.place(whole.span);
-        // An opaque type is a separate texture, for a fetch or its size.
+        // An opaque type is a separate texture, which only fetches and size queries take.
         let (Ty::Combined(combined) | Ty::Opaque(combined)) = &sampler.ty else {
             let message = format!("`{author}` takes a sampler, not a {}", sampler.ty.name());
             return Err(unsupported(message, place));
@@ -262,7 +262,7 @@ impl Resolver<'_, '_> {
         before
     }
 
-    /// The call, for a dynamically indexed sampler array once for each element. Also returns the
+    /// The call. For a dynamically indexed sampler array, one call per element. Also returns the
     /// assignment that evaluates the index.
     fn select_sampler(
         &mut self,
@@ -339,8 +339,8 @@ impl Resolver<'_, '_> {
         version >= if es { 300 } else { 130 }
     }
 
-    /// A call of a helper function that selects the sampler by a `switch`. With `gradients` the
-    /// derivatives are taken before it. `None` if the samplers are parameters, or a type is
+    /// A call of a helper function that selects the sampler by a `switch`. With `gradients`,
+    /// derivatives are computed before it. `None` if the samplers are parameters, or a type is
     /// unknown.
     fn switched(
         &mut self,
@@ -458,7 +458,7 @@ impl Resolver<'_, '_> {
                 let known = others.next().and_then(|e| self.stage.fixed(e));
                 let known = known.and_then(constant::integers);
                 let known = known.and_then(|parts| <[i32; 2]>::try_from(parts).ok());
-                // WGSL has no others.
+                // WGSL allows no other offsets.
                 let known = known.filter(|parts| parts.iter().all(|part| (-8..8).contains(part)));
                 Some(known.ok_or_else(|| {
                     unsupported(
@@ -531,7 +531,7 @@ fn add_fetch_offset(rest: &mut Vec<Ex>) {
 
 /// Without derivatives, GLSL samples the base level, and the bias becomes the level (4.60, 8.9).
 fn use_base_level(shape: &TextureShape<'_>, has_offset: bool, rest: &mut Vec<Ex>) {
-    // The reference of an array of cubes is beside the coordinates.
+    // The reference of an array of cubes is a separate argument.
     let level = 1 + usize::from(shape.shadow && shape.layered && shape.coordinates == 3);
     if rest.len() == level + usize::from(has_offset) {
         rest.insert(level, Ex::new(Node::float(0.0), Ty::FLOAT));

@@ -16,7 +16,7 @@ use shader_text::error::Error;
 pub(crate) struct Block {
     pub name: String,
     pub instance: Option<String>,
-    /// The length of an array of blocks, if it has one.
+    /// Set for an array of blocks: its length, if it is sized.
     pub array: Option<Option<u32>>,
     pub members: Vec<GlslMember>,
     pub qualifiers: Qualifiers,
@@ -24,13 +24,13 @@ pub(crate) struct Block {
 }
 
 impl Block {
-    /// Layout rules. The default of a storage block is std430, as in Vulkan.
+    /// Layout rules. As in Vulkan, storage blocks default to std430.
     pub(crate) fn rules(&self) -> Rules {
         rules(&self.qualifiers)
     }
 }
 
-/// The most bytes that a block may leave unused before a member.
+/// Limit on unused bytes before a member.
 const MOST_PADDING: u32 = 4096;
 
 fn rules(block: &Qualifiers) -> Rules {
@@ -49,7 +49,7 @@ pub(super) struct OfBlocks {
     pub rules: Option<&'static str>,
 }
 
-/// The index of the defaults for uniform or storage blocks.
+/// Index of the defaults for uniform or storage blocks.
 pub(super) fn of_blocks(q: &Qualifiers) -> Option<usize> {
     match q.storage {
         Some(Storage::Uniform) => Some(0),
@@ -84,7 +84,7 @@ impl<'u> GlslStage<'u> {
             .map(|i| i.ident.as_str().to_owned());
         let dimensions = block.identifier.as_ref();
         let dimensions = dimensions.and_then(|i| i.array_spec.as_ref());
-        // Elements of an array of blocks stand for any type here.
+        // The element type does not matter here, so `int` stands for it.
         let array = match self.dimensions(Ty::INT, dimensions, place)? {
             Ty::Array(of, length) if *of == Ty::INT => Some(length.map(|length| length.n)),
             Ty::Array(..) => {
@@ -171,8 +171,8 @@ impl<'u> GlslStage<'u> {
         Ok(())
     }
 
-    /// Fills gaps before members with an explicit offset (GLSL 4.60, 4.4.5): blocks are laid out by
-    /// their rules alone.
+    /// Fills the gaps before members with an explicit offset (GLSL 4.60, 4.4.5), because blocks are
+    /// laid out only by their rules.
     pub(super) fn padded(
         &self,
         block: &str,

@@ -37,12 +37,12 @@ pub(super) struct Variable {
     pub ty: Ty,
     pub qualifiers: Qualifiers,
     pub place: Option<Span>,
-    /// The interface block it is in, and the block's instance name.
+    /// The name of its interface block, and the block's instance name.
     pub block: Option<(String, Option<String>)>,
 }
 
 impl Variable {
-    /// The name by which both stages match it.
+    /// The name by which stages match it.
     pub(super) fn key(&self) -> String {
         match &self.block {
             Some((block, _)) => format!("{block}.{}", self.name),
@@ -50,7 +50,7 @@ impl Variable {
         }
     }
 
-    /// The name by which its stage uses it: its own, or its block's instance.
+    /// The name by which its stage uses it: its own, or its block's instance name.
     pub(super) fn used_as(&self) -> &str {
         match &self.block {
             Some((_, Some(instance))) => instance,
@@ -84,14 +84,12 @@ pub(super) struct Global<'u> {
     pub place: Option<Span>,
 }
 
-/// A function's signature.
 #[derive(Clone, Debug)]
 pub(super) struct Signature {
     pub parameters: Vec<(Storage, Ty)>,
     pub result: Ty,
 }
 
-/// One stage.
 pub(super) struct GlslStage<'u> {
     pub unit: &'u Unit,
     pub kind: ShaderStage,
@@ -99,7 +97,7 @@ pub(super) struct GlslStage<'u> {
     pub constants: Constants,
     /// Specialisation constants whose defaults are final.
     pub assumed: RefCell<Specialised>,
-    /// Specialisation constants that may give lengths of arrays by themselves.
+    /// Specialisation constants that may affect only array lengths.
     pub lengths: RefCell<Vec<Candidate>>,
     pub uniforms: Vec<Variable>,
     /// Separate textures, samplers and images.
@@ -111,31 +109,32 @@ pub(super) struct GlslStage<'u> {
     /// Functions that `main` reaches, callees first.
     pub functions: Vec<&'u ast::FunctionDefinition>,
     pub signatures: HashMap<String, Vec<Signature>>,
-    /// Functions with side effects.
+    /// Names of functions with side effects.
     pub writers: HashSet<String>,
-    /// A `demote` was resolved.
+    /// Whether a `demote` was resolved.
     pub demotes: Cell<bool>,
     /// Names used by reachable functions.
     pub used: HashSet<String>,
-    /// The position is `invariant`, or something is `precise`.
+    /// Whether the position is `invariant`, or anything is `precise`.
     pub invariant: bool,
     pub early_fragment_tests: bool,
-    /// The written depths that the fragment stage promises: `layout(depth_greater)`.
+    /// The guarantee on depths that the fragment stage writes, such as `layout(depth_greater)`.
     pub depth: Option<ConservativeDepth>,
     /// Default layouts of uniform and storage blocks: `layout(row_major) uniform;`.
     defaults: [OfBlocks; 2],
-    /// `gl_FragCoord` counts from the top.
+    /// Whether `gl_FragCoord` starts at the top.
     pub origin_upper_left: bool,
     /// The precision of floats without a qualifier.
     pub precision: Precision,
-    /// The precisions of qualifiers.
+    /// The precisions that qualifiers name.
     pub qualified: RefCell<BTreeSet<Precision>>,
     /// The declared length of `gl_ClipDistance`.
     pub clip_distances: Option<u32>,
 }
 
 impl<'u> GlslStage<'u> {
-    /// `raised`: the specialisation constant whose default counts as one more.
+    /// Collects a stage's declarations. `raised`: the specialisation constant whose default is
+    /// taken as one larger.
     pub(super) fn collect(
         unit: &'u Unit,
         kind: ShaderStage,
@@ -183,7 +182,8 @@ impl<'u> GlslStage<'u> {
         Ok(stage)
     }
 
-    /// Whether the text has sets, push constants, separate textures or built-ins that only Vulkan has.
+    /// Whether the text uses sets, push constants, separate textures or built-ins that only Vulkan
+    /// has.
     pub(super) fn says_vulkan(&self) -> bool {
         let variables = self.uniforms.iter().chain(&self.opaque);
         let layouts = variables.map(|v| &v.qualifiers);
@@ -199,15 +199,16 @@ impl<'u> GlslStage<'u> {
             || own.iter().any(|w| self.used.contains(*w))
     }
 
-    /// A constant's value where the IR cannot hold an override: of a specialisation constant the
-    /// default, which becomes final.
+    /// A constant's value where the IR cannot use an override. For a specialisation constant this
+    /// is its default, which becomes final.
     pub(super) fn fixed(&self, e: &ast::Expr) -> Option<ConstantValue> {
         let (value, from) = constant::assume(e, &self.constants)?;
         self.assumed.borrow_mut().extend(from);
         Some(value)
     }
 
-    /// The length of an array. If it is a specialisation constant, its default is not final yet.
+    /// The length of an array. If it is a specialisation constant, its default does not become
+    /// final yet.
     pub(super) fn length(&self, e: &ast::Expr) -> Option<Length> {
         let constant = match &e.content {
             ast::ExprData::Variable(name) => self.constants.specialised(name.as_str()),
@@ -230,7 +231,7 @@ impl<'u> GlslStage<'u> {
         })
     }
 
-    /// The same for an integer.
+    /// As [`Self::fixed`], for an integer.
     pub(super) fn fixed_integer(&self, e: &ast::Expr) -> Option<i64> {
         constant::integer(&self.fixed(e)?)
     }
@@ -316,8 +317,8 @@ impl<'u> GlslStage<'u> {
         }
         let text = name.as_str().to_owned();
         if text.starts_with("gl_") {
-            // A redeclaration, which may add `invariant`, change the origin of `gl_FragCoord`, or
-            // bound `gl_FragDepth`.
+            // A redeclaration. It may add `invariant`, move the origin of `gl_FragCoord`, or bound
+            // `gl_FragDepth`.
             self.invariant |= text == "gl_Position" && (qualifiers.invariant || qualifiers.precise);
             self.origin_upper_left |= qualifiers.says("origin_upper_left");
             self.depth = qualifiers.conservative_depth().or(self.depth);

@@ -39,7 +39,7 @@ pub(crate) struct Qualifiers {
 }
 
 impl Qualifiers {
-    /// The number of `key` in the layout.
+    /// The value of `key` in the layout qualifier.
     pub(crate) fn number(&self, key: &str) -> Option<u32> {
         let found = self.layout.iter().find(|(k, _)| k == key)?;
         found.1.and_then(|n| u32::try_from(n).ok())
@@ -49,7 +49,7 @@ impl Qualifiers {
         self.layout.iter().any(|(k, _)| k == key)
     }
 
-    /// The bound of the depth. `depth_any`, the default, is none.
+    /// The bound on the written depth. `depth_any`, the default, gives none.
     pub(crate) fn conservative_depth(&self) -> Option<ConservativeDepth> {
         let bounds = [
             ("depth_greater", ConservativeDepth::GreaterEqual),
@@ -87,7 +87,7 @@ impl GlslStage<'_> {
                     S::Sample => out.sampling = Some("sample"),
                     S::ReadOnly => out.memory.push("readonly"),
                     S::WriteOnly => out.memory.push("writeonly"),
-                    // WebGPU has no such hints, and they change no value.
+                    // WebGPU has no such hints, and they do not change values.
                     S::Coherent | S::Volatile | S::Restrict => {}
                     S::Shared => {
                         return Err(unsupported(
@@ -149,7 +149,7 @@ impl GlslStage<'_> {
     }
 }
 
-/// The precision that a text names.
+/// Converts a precision qualifier.
 pub(super) fn precision(named: &ast::PrecisionQualifier) -> Precision {
     match named.content {
         PrecisionQualifierData::High => Precision::High,

@@ -33,7 +33,7 @@ impl<'u> GlslStage<'u> {
         visit(main, &names, &by_name, &mut done, &mut order);
         let mut used = HashSet::new();
         order.iter().for_each(|i| names[*i].add_to(&mut used));
-        // The initialiser of a global that is used may name others, and call functions.
+        // The initialiser of a used global may name other globals and call functions.
         let mut globals: Vec<_> = self.globals.iter().collect();
         loop {
             let is_used = |g: &super::Global<'_>| {
@@ -66,7 +66,7 @@ impl<'u> GlslStage<'u> {
     }
 }
 
-/// Depth first, callees first.
+/// Visits depth first, so that callees come first.
 fn visit(
     at: usize,
     names: &[Words],
@@ -89,10 +89,10 @@ pub(crate) const FRAG_COORD_Y: &str = "gl_FragCoord.y";
 /// A pseudo name in `GlslStage::used`: a local variable is `precise`.
 pub(crate) const PRECISE: &str = "precise";
 
-/// The global variables and the functions that a function names.
+/// The global variables and functions that a function refers to.
 #[derive(Default)]
 struct Words {
-    /// With [`FRAG_COORD_Y`] and [`PRECISE`].
+    /// Includes [`FRAG_COORD_Y`] and [`PRECISE`].
     variables: HashSet<String>,
     functions: HashSet<String>,
     /// The parameters and local variables in scope, innermost last. They hide globals.
@@ -216,7 +216,7 @@ impl Words {
         }
     }
 
-    /// A variable is visible behind its initialiser.
+    /// A variable is in scope after its initialiser.
     fn declaration(&mut self, declaration: &ast::Declaration) {
         let DeclarationData::InitDeclaratorList(list) = &declaration.content else {
             declaration.visit(self);
@@ -244,7 +244,7 @@ impl Visitor for Words {
     fn visit_expr(&mut self, expr: &ast::Expr) -> Visit {
         let is_coord = |name: &ast::Identifier| name.as_str() == "gl_FragCoord";
         match &expr.content {
-            // Only here is it known which components are read.
+            // Only this expression shows which components are read.
             ExprData::Dot(of, components) if matches!(&of.content, ExprData::Variable(name) if is_coord(name)) =>
             {
                 self.name("gl_FragCoord");

@@ -1,5 +1,5 @@
-//! Finds functions with side effects: they write globals, outputs or storage. The order of
-//! evaluation beside such a call matters.
+//! Finds functions with side effects, which write globals, outputs or storage. The order of
+//! evaluation around their calls matters.
 
 use std::collections::{HashMap, HashSet};
 
@@ -61,11 +61,11 @@ pub(crate) struct Effects<'s> {
     /// Variables written in whole or part.
     pub written: HashSet<String>,
     pub calls: HashSet<String>,
-    /// Writes images or atomic counters.
+    /// Whether it writes images or atomic counters.
     pub images: bool,
-    /// Declared variables.
+    /// Variables that it declares.
     own: HashSet<String>,
-    /// All variables named.
+    /// All variables that it refers to.
     pub named: HashSet<String>,
 }
 

@@ -27,7 +27,7 @@ impl GlslStage<'_> {
                 let name = name.as_str();
                 match self.structs.get(name) {
                     Some(_) => Ty::Struct(name.to_owned()),
-                    // A type of an extension, or of a later version.
+                    // The name belongs to an extension or a later version.
                     None => {
                         unsupported::refuse(name, place)?;
                         Ty::named(name)
@@ -45,7 +45,6 @@ impl GlslStage<'_> {
         self.dimensions(inner, at_name, place)
     }
 
-    /// Declares a struct.
     fn struct_ty(
         &mut self,
         definition: &ast::StructSpecifier,
@@ -89,7 +88,7 @@ impl GlslStage<'_> {
         Ok(Ty::Struct(name))
     }
 
-    /// Names an anonymous struct by its members, so that different structs of the two stages have
+    /// Names an anonymous struct after its members, so that different structs of the two stages get
     /// different names.
     fn unnamed(&self, members: &[GlslMember]) -> String {
         let mut name = "Unnamed".to_owned();
@@ -131,7 +130,7 @@ impl GlslStage<'_> {
                 }
             };
             ty = Ty::Array(Box::new(ty), length);
-            // Samplers are split into variables, and other opaque types may be.
+            // Samplers become separate variables, and other opaque types may.
             let most = match ty.innermost() {
                 Ty::Combined(_) | Ty::Opaque(_) => APART,
                 _ => self.unit.array_elements,
