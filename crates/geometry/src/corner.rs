@@ -12,19 +12,19 @@ use naga::{
 use preshade_passes::rebuild::place::CodeBuilder;
 use preshade_passes::rebuild::snippet::{define, word};
 
-/// The author's vertex stage, as a function.
+/// The author's vertex stage as a function.
 pub(crate) struct Author<'a> {
     pub function: Handle<Function>,
     pub given: Handle<Type>,
-    /// The entry point's arguments.
+    /// The inputs of the author's entry point.
     pub inputs: &'a [FunctionArgument],
 }
 
-/// The author's stage for one vertex, as `NAME_corner`. `fetch` has the function of each attribute,
-/// by location.
+/// Adds the author's stage for one vertex, as `NAME_corner`. `fetch` holds the function of each
+/// attribute, by location.
 ///
 /// # Errors
-/// A message: an input that no vertex has.
+/// The reason as text: an input that no vertex has.
 pub(crate) fn corner(
     mut module: Module,
     name: &str,

@@ -1,9 +1,8 @@
-//! Our own WGSL that fetches vertices from storage buffers as vertex input does, from any stage.
+//! Generated WGSL that fetches vertices from storage buffers as vertex input does, in any stage.
 //!
-//! ```text
-//! fn NAME_corner(triangle: u32, corner: u32) -> u32                the vertex that a corner of a triangle is, by the draw's indices
-//! fn NAME_L(vertex: u32, instance: u32) -> vec3<f32>               the attribute at location L, out of the host's own vertex buffer
-//! ```
+//! ```text fn NAME_corner(triangle: u32, corner: u32) -> u32                the vertex at a corner
+//! of a triangle, by the draw's indices fn NAME_L(vertex: u32, instance: u32) -> vec3<f32>
+//! the attribute at location L, from the host's own vertex buffer ```
 //!
 //! Attributes are fetched and converted as WebGPU's vertex input does it (WebGPU, section
 //! 10.3.8.1): missing components are 0, and 1 for the fourth.
@@ -46,7 +45,7 @@ fn {function}_corner(triangle: u32, corner: u32) -> u32 {{
 }
 
 /// `NAME_L(vertex, instance)` for each attribute, from the storage buffers bound from `first` on in
-/// `group`. The uniform buffer `VARIABLE` has their layouts in `streams`.
+/// `group`. The uniform buffer `VARIABLE` holds their layouts in `streams`.
 pub(crate) fn attributes(
     names: Names,
     attributes: &[AttributeUse],
@@ -191,7 +190,7 @@ fn components(ty: &str) -> &'static str {
     }
 }
 
-/// Number of a vertex format in the constants.
+/// The number of a vertex format in the constants.
 fn code(name: &str) -> usize {
     FORMATS
         .iter()

@@ -1,5 +1,5 @@
-//! The passes that fetch vertices in a shader, because they draw other triangles or shade without any, and the list of all
-//! passes.
+//! The passes that fetch vertices in a shader, because they draw other triangles or shade without
+//! drawing any, and the list of all passes.
 
 pub(crate) mod corner;
 pub(crate) mod fetch;

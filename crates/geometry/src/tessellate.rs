@@ -223,7 +223,6 @@ fn refuse(code: &RefusalInfo, reason: impl Into<String>, remedy: &str) -> Box<Re
     ))
 }
 
-/// A hoisted material.
 struct DividedMaterial<'a> {
     pass: &'a GpuPass,
     program: &'a Program,
@@ -232,7 +231,7 @@ struct DividedMaterial<'a> {
     outputs: Outputs,
     contract: Contract,
     key: Site,
-    /// `static`: variables that it reads and that must not change after load.
+    /// For `form=static`: variables that it reads, which must not change after load.
     fixed: Vec<String>,
 }
 
@@ -246,7 +245,7 @@ impl DividedMaterial<'_> {
         }
     }
 
-    /// Cost of the hoisted work at each new vertex, and of the whole vertex stage.
+    /// Cost of the hoisted work at each new vertex, and cost of the whole vertex stage.
     fn cost(&self) -> SiteCost {
         let graph = Graph::build(self.program);
         let whole = graph.entry_cost(self.vertex);
@@ -308,7 +307,7 @@ impl DividedMaterial<'_> {
             reflect::fill(pass, &program);
         }
         next.programs.insert(self.pass.program.clone(), program);
-        // Divided triangles have other positions than the original's.
+        // Divided triangles have different positions from the original's.
         next.self_test = None;
         next.steps.push(Step {
             pass: Tessellate::INFO.name.to_owned(),
@@ -331,7 +330,7 @@ impl DividedMaterial<'_> {
         )
     }
 
-    /// `module` with these entry points alone, as a program.
+    /// A program with only these entry points of `module`.
     fn program(&self, module: &Module, entries: &[(ShaderStage, &str)]) -> Result<Program, String> {
         self.program
             .with_module(place::retain(module, entries))

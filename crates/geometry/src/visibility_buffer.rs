@@ -180,8 +180,8 @@ impl Pass for VisibilityBuffer {
     }
 }
 
-/// A message if a plan's resolves assume another rasteriser than the measured one; `None` if they
-/// agree or the plan has no resolve.
+/// A message if a plan's resolves assume a different rasteriser from the measured one. `None` if
+/// they agree, or the plan has no resolve.
 pub fn contradicted(plan: &Plan, seen: &Rasterizer) -> Option<String> {
     let told: Vec<String> = params_of(plan)?
         .contradicting(seen)
@@ -191,7 +191,7 @@ pub fn contradicted(plan: &Plan, seen: &Rasterizer) -> Option<String> {
     (!told.is_empty()).then(|| told.join("; "))
 }
 
-/// The rasteriser whose behaviour a plan's resolves repeat; `None` if the plan has no resolve.
+/// The rasteriser whose behaviour a plan's resolves reproduce. `None` if the plan has no resolve.
 pub fn assumed(plan: &Plan) -> Option<Rasterizer> {
     Some(params_of(plan)?.rasterizer())
 }
@@ -203,7 +203,7 @@ fn params_of(plan: &Plan) -> Option<VisibilityParams> {
     serde_json::from_value(said.next_back()?.params.clone()).ok()
 }
 
-/// The plan with only the main pass's entry points in its program, renamed so that generated names
+/// The plan with a program of only the main pass's entry points, renamed so that generated names
 /// are free.
 fn alone(plan: &Plan) -> Plan {
     let mut plan = plan.clone();
@@ -236,7 +236,7 @@ struct SplitMaterial<'a> {
     depth: DepthOnly,
     /// The slice of the fragment stage's colours.
     colors: Slice,
-    /// The assumptions under which the id pass decides as the author's stages do.
+    /// The assumptions under which the id pass discards and positions as the author's stages do.
     given: Vec<Assumption>,
 }
 
@@ -411,8 +411,8 @@ impl<'a> SplitMaterial<'a> {
         Ok(next)
     }
 
-    /// The author's varyings plus the id may exceed the author's limits by one. `vertex=same` asks
-    /// for that.
+    /// Refuses if the id makes the varyings exceed the author's limit, unless the user chose
+    /// `vertex`.
     fn check_varyings(&self, plan: &Plan, params: &VisibilityParams) -> Result<(), Box<Refusal>> {
         const LIMIT: &str = "maxInterStageShaderVariables";
         let asked = |pass: &GpuPass| pass.limits.get(LIMIT).copied().unwrap_or(0);
@@ -434,7 +434,7 @@ impl<'a> SplitMaterial<'a> {
         )))
     }
 
-    /// What rasteriser and resolve round differently; refused without a budget.
+    /// The values that rasteriser and resolve round differently. Refused without a budget.
     fn reached(
         &self,
         shaded: &Shaded<'_, '_>,
@@ -451,10 +451,10 @@ impl<'a> SplitMaterial<'a> {
         refusal.map_or(Ok(reached), |refusal| Err(Box::new(refusal)))
     }
 
-    /// Whether the id pass has the author's positions. The id joins the vertex stage, and a driver
-    /// then contracts other products unless the author's position is `@invariant`: an H200 moved 23
-    /// depths of displaced terrain by up to 2 ulp. The self-test is stricter than this promise,
-    /// because unsplit materials are tested against these depths.
+    /// Whether the id pass has exactly the author's positions. Adding the id changes the vertex
+    /// stage, and a driver may then fuse other operations unless the author's position is
+    /// `@invariant`: an H200 moved 23 depths of displaced terrain by up to 2 ulp. The self-test is
+    /// stricter than this promise, because unsplit materials are tested against these depths.
     fn surface(&self, params: &VisibilityParams) -> Surface {
         let is_marked = params.invariant(&self.opaque) == Invariance::Add;
         match self.opaque.has_invariant_position() || is_marked {
@@ -474,8 +474,9 @@ impl<'a> SplitMaterial<'a> {
         })
     }
 
-    /// The assumptions: the id pass's depths and positions equal those of the author's pass, which
-    /// the original's picture has and against which unsplit materials are tested.
+    /// The assumptions of the plan. They include that the id pass's depths and positions equal
+    /// those of the author's pass: the original's picture has them, and unsplit materials are
+    /// tested against them.
     fn assumptions(&self, params: &VisibilityParams, reached: &Reached) -> Vec<Assumption> {
         let mut given = match self.surface(params) {
             Surface::Kept => params.invariant(&self.opaque).assumptions(&self.opaque),

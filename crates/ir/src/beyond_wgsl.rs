@@ -1,5 +1,5 @@
-//! Settles what GLSL allows and WGSL does not: derivatives in non-uniform control flow, names that
-//! WGSL reserves, and storage blocks of the vertex stage that may be written.
+//! Adapts GLSL features that WGSL does not allow: derivatives in non-uniform control flow, names
+//! that WGSL reserves, and writable storage blocks in the vertex stage.
 
 use crate::declared::{Declared, SpecConstant};
 use naga::diagnostic_filter::{
@@ -47,7 +47,7 @@ pub fn disable_uniformity(module: &mut Module) {
     }
 }
 
-/// Renames overrides whose names WGSL reserves. Their ids stay.
+/// Renames overrides whose names WGSL reserves. Their ids stay unchanged.
 pub fn rename_constants(module: &mut Module, declared: &mut Declared) {
     let taken: Vec<String> = module
         .overrides
@@ -73,8 +73,8 @@ pub fn rename_constants(module: &mut Module, declared: &mut Declared) {
     }
 }
 
-/// Makes storage blocks `read` that no stage writes. WGSL allows no others in the vertex stage
-/// (WGSL 7.3), and GLSL's default is to allow writes.
+/// Makes storage blocks read-only if no stage writes them. WGSL requires this in the vertex stage
+/// (WGSL 7.3), but GLSL's default is to allow writes.
 pub fn narrow_storage(modules: &mut [Module]) {
     use std::collections::HashSet;
 

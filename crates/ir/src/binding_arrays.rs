@@ -1,5 +1,5 @@
-//! Makes binding arrays of arrays of textures, samplers, images and blocks: naga's reader of
-//! SPIR-V makes plain arrays, which no binding has.
+//! Turns arrays of textures, samplers, images and blocks into binding arrays: naga's SPIR-V reader
+//! makes plain arrays, which a binding cannot have.
 
 use naga::{AddressSpace, Expression, Function, GlobalVariable, Handle, Module, Span};
 use naga::{Type, TypeInner};
@@ -15,7 +15,7 @@ pub fn replace(module: &mut Module) {
         match module.types[base].inner {
             TypeInner::Image { .. } | TypeInner::Sampler { .. } => {
                 handles.push(handle);
-                // No plain array has such elements.
+                // A plain array cannot have such elements.
                 arrays.push((global.ty, inner));
                 global.space = AddressSpace::Handle;
             }

@@ -1,5 +1,5 @@
-//! Copies a function into another, statement by statement. A pass overrides the expressions and
-//! statements that become something else.
+//! Copies a function into another, statement by statement. A pass overrides how certain expressions
+//! and statements are copied.
 
 use naga::{Block, Expression, Function, Handle, Span, Statement};
 
@@ -10,7 +10,7 @@ use super::writer::FunctionWriter;
 pub struct Copies(Vec<Option<Handle<Expression>>>);
 
 impl Copies {
-    /// No copies yet.
+    /// Starts without copies.
     pub fn of(original: &Function) -> Self {
         Self(vec![None; original.expressions.len()])
     }
@@ -30,14 +30,14 @@ impl Copies {
         self.0[e.index()] = Some(copy);
     }
 
-    /// The expression with copies as its operands.
+    /// The expression, with its operands replaced by their copies.
     pub fn with_operands(&self, expression: &Expression) -> Expression {
         let mut copy = expression.clone();
         naga_operands::map_expression(&mut copy, &mut |o| *o = self.mapped(*o));
         copy
     }
 
-    /// Copies an expression that needs no evaluation, and before it its operands.
+    /// Copies an expression that needs no evaluation, after its operands.
     pub fn constant(
         &mut self,
         original: &Function,
@@ -58,7 +58,7 @@ impl Copies {
     }
 }
 
-/// A function that is being copied.
+/// A function during copying.
 #[derive(Debug)]
 pub struct Copying<'a> {
     /// The function that is copied.
@@ -69,7 +69,7 @@ pub struct Copying<'a> {
 }
 
 impl<'a> Copying<'a> {
-    /// Nothing of `original` is copied yet.
+    /// Starts with no copies of `original`.
     pub fn new(original: &'a Function, writer: FunctionWriter) -> Self {
         Self {
             original,
@@ -85,9 +85,9 @@ impl<'a> Copying<'a> {
         self.copies.insert(e, copy);
     }
 
-    /// Copies the initialisers of the variables, which are the first ones of the new function. A
-    /// statement may evaluate an initialiser too, as in naga's GLSL front end. But it must be
-    /// outside of any `Emit`, so it gets a copy of its own.
+    /// Copies the initialisers of the variables, the first variables of the new function. A
+    /// statement may also evaluate an initialiser, as in naga's GLSL front end. The initialiser
+    /// must be outside of any `Emit`, so it gets a separate copy.
     pub fn initialisers(&mut self) {
         let mut copies = Copies::of(self.original);
         for (handle, variable) in self.original.local_variables.iter() {
@@ -98,7 +98,7 @@ impl<'a> Copying<'a> {
         }
     }
 
-    /// The new function, with the original's names of expressions.
+    /// The new function, with the names of the original's expressions.
     pub fn finish(self) -> Function {
         let mut function = self.writer.finish();
         for (e, name) in &self.original.named_expressions {
@@ -142,13 +142,12 @@ pub trait CopyFunction<'a> {
         self.copying().writer.flush(span);
     }
 
-    /// Copies a statement that is no `Emit`.
+    /// Copies a statement other than `Emit`.
     fn statement(&mut self, statement: &'a Statement, span: Span) {
         let copy = self.copied(statement, span);
         self.copying().writer.statement(copy, span);
     }
 
-    /// Copies a statement.
     fn copy(&mut self, statement: &'a Statement, span: Span) {
         match statement {
             Statement::Emit(range) => self.emit(range.clone(), span),
@@ -156,14 +155,14 @@ pub trait CopyFunction<'a> {
         }
     }
 
-    /// Copies a block into the one that is being written.
+    /// Copies a block's statements to the current block.
     fn block(&mut self, block: &'a Block) {
         for (statement, span) in block.span_iter() {
             self.copy(statement, *span);
         }
     }
 
-    /// The copy of a statement that is no `Emit`, with its result and its blocks.
+    /// The copy of a statement other than `Emit`, with its result and blocks.
     fn copied(&mut self, statement: &'a Statement, span: Span) -> Statement {
         self.copying().writer.flush(span);
         let mut copy = naga_operands::shell(statement);

@@ -1,10 +1,10 @@
-//! Declarations of the author's text that the IR can't express: uniforms outside of blocks,
+//! Declarations of the author's text that the IR cannot express: uniforms outside of blocks,
 //! combined samplers, matrix attributes. Emission writes them again. Transforms ignore them; they
 //! stay valid as long as bindings and locations keep their numbers.
 
 use naga::{Handle, Module, Override, ResourceBinding};
 
-/// The note on `precise`, or `NoContraction`, where it is lost.
+/// The note for code that loses `precise` or `NoContraction`.
 pub const PRECISE_NOTE: &str = "`precise` (`NoContraction`) is kept for the position only: elsewhere a \
                             driver may fuse a multiply and an add";
 
@@ -16,13 +16,13 @@ pub const FRAG_COORD_NOTE: &str = "`gl_FragCoord.y` counts rows from the bottom 
 pub const DFDY_NOTE: &str =
     "`dFdy` points up in OpenGL and down in WGSL and SPIR-V: it has the opposite sign there";
 
-/// Notes that do not hold where a target's first row is the bottom one.
+/// Notes that do not apply if row 0 of a target is the bottom row.
 pub const ROW_NOTES: [&str; 2] = [FRAG_COORD_NOTE, DFDY_NOTE];
 
 /// The author's declarations that the IR can't express. Empty for WGSL.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Declared {
-    /// Binding of the block that we gather loose uniforms in, as members with their names.
+    /// Binding of the block in which we collect loose uniforms, as members with the same names.
     pub loose: Option<ResourceBinding>,
     /// Binding of a copy of that block with the previous frame's values ([`Self::previous_name`]).
     pub previous: Option<ResourceBinding>,
@@ -34,16 +34,17 @@ pub struct Declared {
     pub samplers: Vec<CombinedSampler>,
     /// The uniform and storage blocks.
     pub blocks: Vec<Block>,
-    /// The members that are `row_major` matrices, or arrays of them: names of struct and member. The
-    /// IR has their transposes, which are the same memory.
+    /// The members that are `row_major` matrices, or arrays of them: names of struct and member.
+    /// The IR declares their transposes, which have the same memory.
     pub rows: Vec<(String, String)>,
     /// The specialisation constants whose overrides have another name or id in the IR.
     pub constants: Vec<SpecConstant>,
-    /// The specialisation constants that give the lengths of arrays.
+    /// The specialisation constants that are array lengths.
     pub lengths: Vec<LengthConstant>,
-    /// The specialisation constants that are no override in the IR: their defaults are final.
+    /// The specialisation constants without an override in the IR, because their defaults are
+    /// final.
     pub finals: Vec<FinalConstant>,
-    /// The structs that the IR has under another name, as each layout is a struct of its own: its
+    /// The structs with another name in the IR, where each layout needs a struct of its own: its
     /// name and the author's.
     pub copies: Vec<(String, String)>,
     /// The numbers of `layout(binding = ..)`, which may differ from the IR's.
@@ -54,26 +55,27 @@ pub struct Declared {
     pub targets: Vec<Located>,
     /// The depth range of the author's positions, if it isn't the IR's.
     pub depth: Depth,
-    /// The author's positions are Vulkan's: their y points down.
+    /// Whether the author's positions are Vulkan's, with y pointing down.
     pub y_down: bool,
-    /// The vertex stage writes a point size, which WGSL can't express and the IR doesn't keep.
+    /// Whether the vertex stage writes a point size. WGSL cannot express it, and the IR drops it.
     pub point_size: bool,
-    /// The fragment stage has `layout(origin_upper_left)`: its `gl_FragCoord` counts rows from the
-    /// top, as the IR does. OpenGL counts from the bottom by default.
+    /// Whether the fragment stage has `layout(origin_upper_left)`: its `gl_FragCoord` counts rows
+    /// from the top, as in the IR. OpenGL counts from the bottom by default.
     pub origin_upper_left: bool,
-    /// Notes for the host on how the text was read, a sentence each.
+    /// Notes for the host on how the text was read, one sentence each.
     pub notes: Vec<String>,
-    /// The stages whose entry point the author calls `main`. In the IR it has another name, because
-    /// both stages share one name space.
+    /// The stages whose entry point is called `main` in the author's text. The IR renames it,
+    /// because both stages share one name space.
     pub mains: Vec<naga::ShaderStage>,
-    /// The precisions of floats, by stage. The IR has full precision alone.
+    /// The precisions of floats, by stage. The IR only has full precision.
     pub precisions: Vec<StagePrecision>,
-    /// `discard` demotes the invocation to a helper, as in WGSL. Otherwise it ends it, as in GLSL.
+    /// Whether `discard` demotes the invocation to a helper, as in WGSL. Otherwise it ends the
+    /// invocation, as in GLSL.
     pub demotes: bool,
 }
 
 impl Declared {
-    /// Whether a block of this binding stands for loose uniforms.
+    /// Whether a block with this binding stands for loose uniforms.
     pub fn is_loose(&self, binding: Option<ResourceBinding>) -> bool {
         binding.is_some() && [self.loose, self.previous, self.host].contains(&binding)
     }
@@ -87,7 +89,7 @@ impl Declared {
         free
     }
 
-    /// With the uniforms of the previous frame among the loose ones.
+    /// A copy with the previous frame's uniforms among the loose ones.
     pub fn with_previous(&self) -> Self {
         let data = self.uniforms.iter().filter(|u| u.ty.has_data());
         let copies = data
@@ -103,7 +105,7 @@ impl Declared {
         all
     }
 
-    /// The name of a variable, or that of its block: an unnamed GLSL block has no variable's name.
+    /// The name of a variable, or of its block: the variable of an unnamed GLSL block has no name.
     pub fn name_of(&self, variable: &naga::GlobalVariable) -> String {
         let block = || {
             let at = variable.binding?;
@@ -114,8 +116,8 @@ impl Declared {
         own.or_else(block).unwrap_or_default()
     }
 
-    /// The outputs of the fragment stage that a text of Vulkan's declares with fewer components than
-    /// the IR has.
+    /// The outputs of the fragment stage that Vulkan's GLSL declares with fewer components than the
+    /// IR has.
     pub fn widened(&self) -> impl Iterator<Item = &Located> {
         let is_narrow = |l: &&Located| l.components().is_some_and(|n| n < 4);
         let targets = self.targets.iter().filter(|_| self.y_down);
@@ -136,12 +138,12 @@ impl Declared {
     }
 }
 
-/// The name of a float that fills a gap in a block, as WGSL and naga's GLSL need it.
+/// The name of a float that fills a gap in a block, for WGSL and naga's GLSL.
 pub fn padding(block: &str, at: impl std::fmt::Display) -> String {
     format!("{block}_padding_{at}")
 }
 
-/// Whether a member of a block has such a name.
+/// Whether a member of a block has a name from [`padding`].
 pub fn is_padding(block: &str, member: &str) -> bool {
     let rest = member.strip_prefix(block);
     let at = rest.and_then(|rest| rest.strip_prefix("_padding_"));
@@ -162,7 +164,7 @@ pub enum Depth {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct StagePrecision {
     pub stage: naga::ShaderStage,
-    /// That of `precision mediump float;`, or `highp`.
+    /// The default: that of `precision mediump float;`, or else `highp`.
     pub default: Precision,
     /// Those that declarations of variables name.
     pub qualified: Vec<Precision>,
@@ -201,13 +203,12 @@ pub struct Declaration {
 /// A block, texture, combined sampler or image with a number from its author.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct Numbered {
-    /// Binding in the IR; of a combined sampler its texture's.
+    /// Binding in the IR. For a combined sampler, that of its texture.
     pub binding: ResourceBinding,
-    /// `layout(binding = ..)`; for an array element the sum of the array's number and its index.
+    /// `layout(binding = ..)`. For an array element, the array's number plus the element's index.
     pub number: u32,
 }
 
-/// A GLSL type.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum Type {
     /// A scalar, vector or matrix, by GLSL name.
@@ -220,7 +221,7 @@ pub enum Type {
     Struct(String, Vec<Declaration>),
 }
 
-/// A texture and a sampler that are one variable in the author's text.
+/// A texture and a sampler that form one variable in the author's text.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct CombinedSampler {
     /// Path in the text: `map`, `maps[2]`, `material.diffuse`.
@@ -235,14 +236,13 @@ pub struct CombinedSampler {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Block {
     pub binding: ResourceBinding,
-    /// The block's name.
     pub name: String,
-    /// The instance's name. Without one, the members' names are global.
+    /// The instance name. Without one, the members' names are global.
     pub instance: Option<String>,
 }
 
-/// A specialisation constant that the IR has under another name or id: an override is one of both
-/// stages, and in Vulkan each stage has its own.
+/// A specialisation constant with another name or id in the IR: an override is shared by both
+/// stages, but in Vulkan each stage has its own constants.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct SpecConstant {
     /// Name in the IR.
@@ -253,17 +253,16 @@ pub struct SpecConstant {
     pub id: u32,
 }
 
-/// A specialisation constant that gives the lengths of arrays. The IR can't express such a length
-/// outside of workgroups. The arrays have the default length there, and named types. Targets that
-/// have specialisation constants give the arrays their constant again; others use its default
-/// everywhere.
+/// A specialisation constant that is an array length. The IR cannot express such a length outside
+/// of workgroup memory. There the arrays have the default length and named types. Targets with
+/// specialisation constants restore the constant as the length; others use its default everywhere.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LengthConstant {
     /// The author's `constant_id`, which is the override's.
     pub id: u32,
     /// The author's name.
     pub own: String,
-    /// Whether it is an `int` and not a `uint`.
+    /// Whether it is an `int`. Otherwise it is a `uint`.
     pub is_signed: bool,
 }
 
@@ -274,7 +273,7 @@ pub struct FinalConstant {
     pub id: u32,
     /// The author's name.
     pub own: String,
-    /// Its default, which is its value; `None` if it is not an integer or a boolean.
+    /// Its default, which is its final value. `None` if it is neither an integer nor a boolean.
     pub default: Option<i64>,
 }
 
@@ -286,29 +285,29 @@ impl LengthConstant {
         Self::type_name_of(self.id)
     }
 
-    /// The same, of the constant `id`.
+    /// As [`Self::type_name`], for the constant `id`.
     pub fn type_name_of(id: u32) -> String {
         format!("{}{id}", Self::PREFIX)
     }
 
-    /// Whether it is such an array: a host may make it longer or shorter.
+    /// Whether a type is such an array, whose length a host may change.
     pub fn is_of(ty: &naga::Type) -> bool {
         let name = ty.name.as_deref();
         matches!(ty.inner, naga::TypeInner::Array { .. }) && name.is_some_and(Self::is_type_name)
     }
 
-    /// Whether an array of any such length is in a type.
+    /// Whether a type contains an array whose length is a specialisation constant.
     pub fn is_any_in(module: &Module, ty: Handle<naga::Type>) -> bool {
         has_array(module, ty, &Self::is_of)
     }
 
-    /// Whether an array of this length is in a type.
+    /// Whether a type contains an array of this length.
     pub fn is_in(&self, module: &Module, ty: Handle<naga::Type>) -> bool {
         let name = Some(self.type_name());
         has_array(module, ty, &|ty| ty.name == name)
     }
 
-    /// Whether it is the name of such arrays.
+    /// Whether a type name belongs to such arrays.
     pub fn is_type_name(name: &str) -> bool {
         let id = name.strip_prefix(Self::PREFIX);
         id.is_some_and(|id| id.parse::<u32>().is_ok())
@@ -316,7 +315,8 @@ impl LengthConstant {
 
     /// Its override, if the module reads its value.
     pub fn override_in(&self, module: &Module) -> Option<Handle<Override>> {
-        // Stages may have different constants of one id, and a name that WGSL reserves has an ending.
+        // Stages may have different constants with one id, and a name that WGSL reserves has a
+        // suffix.
         let is_own = |name: &str| {
             let ending = name.strip_prefix(&self.own);
             ending.is_some_and(|ending| ending.trim_matches(['_', '0']).is_empty())
@@ -329,7 +329,7 @@ impl LengthConstant {
     }
 }
 
-/// Whether an array is in a type for which `is_it` holds.
+/// Whether a type contains an array for which `is_it` holds.
 fn has_array(module: &Module, ty: Handle<naga::Type>, is_it: &dyn Fn(&naga::Type) -> bool) -> bool {
     let ty = &module.types[ty];
     match &ty.inner {
@@ -344,16 +344,14 @@ fn has_array(module: &Module, ty: Handle<naga::Type>, is_it: &dyn Fn(&naga::Type
 /// An input of the vertex stage, or an output of the fragment stage.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Located {
-    /// Name and type.
     pub declaration: Declaration,
     /// Its first location in the IR.
     pub location: u32,
-    /// Who chose it.
     pub chosen: Chosen,
 }
 
 impl Located {
-    /// The components of a scalar or a vector.
+    /// Number of components of a scalar or vector.
     pub fn components(&self) -> Option<u32> {
         let Type::Plain(name) = &self.declaration.ty else {
             return None;
@@ -365,12 +363,12 @@ impl Located {
         }
     }
 
-    /// The name in the IR of the vector of four that stands for it.
+    /// The name of the four-component vector that replaces it in the IR.
     pub fn widened_name(&self) -> String {
         format!("{}_rgba", self.declaration.name)
     }
 
-    /// Whether it has such a name, with an ending if that was taken.
+    /// Whether a name is [`Self::widened_name`], perhaps with a suffix to make it unique.
     pub fn is_widened_as(&self, name: &str) -> bool {
         name.starts_with(&self.widened_name())
     }
@@ -380,7 +378,7 @@ impl Located {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Chosen {
     ByAuthor,
-    /// We did: the author's host queries or sets it by name.
+    /// Chosen by us: the author's host queries or sets it by name.
     ByUs,
 }
 
@@ -393,7 +391,7 @@ impl Type {
         }
     }
 
-    /// The array lengths in brackets, outermost first; empty for other types.
+    /// The array lengths in brackets, outermost first. Empty for other types.
     pub fn dimensions(&self) -> String {
         match self {
             Self::Array(of, n) => format!("[{n}]{}", of.dimensions()),
@@ -401,7 +399,6 @@ impl Type {
         }
     }
 
-    /// Whether it contains samplers.
     pub fn has_samplers(&self) -> bool {
         match self {
             Self::Plain(_) => false,
@@ -411,7 +408,7 @@ impl Type {
         }
     }
 
-    /// Whether anything but samplers is in it.
+    /// Whether it contains anything other than samplers.
     pub fn has_data(&self) -> bool {
         match self {
             Self::Plain(_) => true,

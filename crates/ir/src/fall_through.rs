@@ -36,7 +36,8 @@ fn write_out_cases(function: &mut Function, block: &mut Block) {
                 cases[i].fall_through = false;
                 continue;
             }
-            // Skip empty cases that share the next body. An empty case that ends is a mere `break`.
+            // Skip empty cases that share the next body. An empty case without fall-through is only
+            // a `break`.
             let shares = |c: &&SwitchCase| c.body.is_empty() && c.fall_through;
             let next = cases[i + 1..].iter().find(|c| !shares(c));
             if let Some(next) = next.map(|c| &c.body) {

@@ -36,9 +36,9 @@ type Parameters = HashMap<Handle<Function>, Vec<Handle<GlobalVariable>>>;
 /// Passes variables as parameters to the functions that `main` calls. `module` must be valid and
 /// stays valid.
 pub(super) fn pass_globals(module: &mut Module) {
-    // Compaction leaves the expressions in use.
+    // Compaction leaves only expressions that are used.
     naga::compact::compact(module, naga::compact::KeepUnused::Yes);
-    // Several stages would share functions.
+    // With several stages, functions would be shared.
     let [_] = module.entry_points.as_slice() else {
         return;
     };
@@ -90,12 +90,12 @@ fn passable(module: &Module, main: Handle<Function>) -> HashSet<Handle<GlobalVar
     written
 }
 
-/// How a function uses a variable besides loading it.
+/// How a function uses a variable other than by loading it.
 #[derive(Clone, Copy)]
 enum Use {
     /// Stores to all or part of it.
     Written,
-    /// Passes a pointer to it to something that we do not analyse.
+    /// Passes a pointer to it to code that we do not analyse.
     Escapes,
 }
 
@@ -237,7 +237,7 @@ fn with_parameters(
     to
 }
 
-/// Copies the statements of a function whose expressions are copied already.
+/// Copies the statements of a function whose expressions have already been copied.
 struct StatementCopy<'a> {
     copying: Copying<'a>,
     arguments: &'a HashMap<Handle<GlobalVariable>, Handle<Expression>>,

@@ -23,7 +23,7 @@ use naga_operands::calls;
 
 /// Inlines `main` into each wrapper entry point. `module` must be valid and stays valid.
 pub(super) fn inline_main(module: &mut Module) {
-    // Compaction leaves the expressions in use.
+    // Compaction leaves only expressions that are used.
     naga::compact::compact(module, naga::compact::KeepUnused::Yes);
     for index in 0..module.entry_points.len() {
         let Some((at, main)) = wrapped(module, index) else {
@@ -36,7 +36,8 @@ pub(super) fn inline_main(module: &mut Module) {
     naga::compact::compact(module, naga::compact::KeepUnused::No);
 }
 
-/// The index of the wrapper's only call and its callee, if nothing else calls that function.
+/// The index of the wrapper's only call and its callee, if there are no other calls of that
+/// function.
 pub(crate) fn wrapped(module: &Module, index: usize) -> Option<(usize, Handle<Function>)> {
     let wrapper = &module.entry_points[index].function;
     let mut calls = wrapper
@@ -160,8 +161,8 @@ fn promotable(module: &Module, wrapper: &Function, main: &Function) -> Vec<Handl
         .collect()
 }
 
-/// Those of `variables` that the wrapper sets from a whole argument and `main` only loads, with the
-/// argument's index.
+/// The `variables` that the wrapper sets from a whole argument and `main` only loads, with the
+/// index of the argument.
 fn read_only_inputs(
     wrapper: &Function,
     at: usize,

@@ -36,7 +36,7 @@ pub fn outputs(module: &Module, function: &Function) -> Vec<Io> {
         .collect()
 }
 
-/// Changes the binding of each output of an entry point. `edit` is given its name, its type and the
+/// Changes the binding of each output of an entry point. `edit` receives its name, its type and the
 /// binding.
 pub fn edit_outputs(
     module: &mut Module,
@@ -133,7 +133,7 @@ fn open(
     }
 }
 
-/// Type and binding of each member of a struct of inputs or outputs; `None` for other types.
+/// Type and binding of each member of a struct of inputs or outputs. `None` for other types.
 pub fn members(module: &Module, ty: Handle<Type>) -> Option<Vec<(Handle<Type>, Binding)>> {
     let TypeInner::Struct { members, .. } = &module.types[ty].inner else {
         return None;

@@ -1,14 +1,9 @@
 //! Leaves the function after a `discard` in a loop. GLSL's `discard` and SPIR-V's `OpKill` end the
-//! invocation. WGSL's only demotes it, so a loop that nothing else ends would never end.
+//! invocation. WGSL's only demotes it, so a loop with no other exit would never end.
 //!
-//! ```text
-//! loop {                                  loop {
-//!     cut();                                  cut();
-//!                                             if killed { return; }
-//!     discard;                                discard;
-//!                                             return;
-//! }                                       }
-//! ```
+//! ```text loop {                                  loop { cut();
+//! cut(); if killed { return; } discard;                                discard; return; }
+//! } ```
 
 use std::collections::HashSet;
 
@@ -17,8 +12,8 @@ use naga::{
     Block, Expression, Function, GlobalVariable, Handle, Literal, Module, Range, Span, Statement,
 };
 
-/// Adds a `return` behind each `discard` in a loop, and behind each call in a loop of a function that
-/// discarded.
+/// Adds a `return` after each `discard` in a loop, and a conditional one after each call in a loop
+/// of a function that may discard.
 pub fn end(module: &mut Module) {
     let mut killers: HashSet<Handle<Function>> = HashSet::new();
     // Callees precede their callers.
@@ -44,7 +39,7 @@ pub fn end(module: &mut Module) {
         .end(function);
     }
     for entry in &mut module.entry_points {
-        // No caller asks whether it discarded.
+        // No caller needs to know whether it discarded.
         Ending {
             killers: &killers,
             flag,
@@ -80,7 +75,7 @@ struct Ending<'a> {
     /// The functions that may discard.
     killers: &'a HashSet<Handle<Function>>,
     flag: Option<Handle<GlobalVariable>>,
-    /// The flag, if a caller asks for it.
+    /// The flag to set, if a caller reads it.
     own: Option<Handle<GlobalVariable>>,
 }
 
@@ -122,7 +117,7 @@ impl Ending<'_> {
     }
 }
 
-/// `return`, of a value that no longer counts.
+/// A `return`. Its value no longer matters.
 fn leave(function: &mut Function) -> Block {
     let ty = function.result.as_ref().map(|r| r.ty);
     let value = ty.map(|ty| append(function, Expression::ZeroValue(ty)));

@@ -1,4 +1,4 @@
-//! Specialisation constants that give the lengths of arrays, in all stages of a material; see
+//! Specialisation constants that are array lengths, in all stages of a material. See
 //! [`LengthConstant`].
 
 use std::collections::BTreeSet;
@@ -9,7 +9,7 @@ use naga_interp::overrides;
 
 use shader_text::error::{Code, Error};
 
-/// Makes the defaults final of those that the stages do not agree on.
+/// Makes the defaults of constants final if the stages do not agree on them.
 pub fn settle(modules: &mut [Module], declared: &mut Declared) -> Result<(), Error> {
     let differing = match &*modules {
         [first, second] => differing(first, second),
@@ -26,7 +26,7 @@ pub fn settle(modules: &mut [Module], declared: &mut Declared) -> Result<(), Err
     Ok(())
 }
 
-/// Makes the default of a specialisation constant final: its id and its name.
+/// Makes the default of a specialisation constant final. `constant`: its id and name.
 pub fn fix(
     modules: &mut [Module],
     (id, own): (u32, String),
@@ -66,7 +66,7 @@ fn with_id(module: &Module, id: u32) -> Option<Handle<Override>> {
     found.map(|(of, _)| of)
 }
 
-/// Whether the stages that read a constant of this id have this one, and declare it alike.
+/// Whether all stages that read a constant with this id have this constant, and declare it alike.
 fn is_one(modules: &[Module], of: &LengthConstant) -> bool {
     let scalar = match of.is_signed {
         true => Scalar::I32,
@@ -84,7 +84,7 @@ fn is_one(modules: &[Module], of: &LengthConstant) -> bool {
     declarations.iter().all(is_it) && declarations.windows(2).all(|two| two[0] == two[1])
 }
 
-/// The type names of arrays of resources that two stages declare with other lengths.
+/// The type names of resource arrays that two stages declare with different lengths.
 fn differing(first: &Module, second: &Module) -> BTreeSet<String> {
     let mut found = BTreeSet::new();
     for (_, global) in first.global_variables.iter() {

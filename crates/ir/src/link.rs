@@ -24,14 +24,13 @@ use crate::declared::SpecConstant;
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
 #[error("{message}")]
 pub struct LinkError {
-    /// The conflict.
+    /// Text of the error.
     pub message: String,
     /// Its places, in the address space of the source map.
     pub labels: Vec<(Span, String)>,
     /// The first members that differ between two structs, the second module's first: naga has no
     /// spans for members.
     pub members: Vec<Member>,
-    /// The remedy.
     pub note: Option<&'static str>,
 }
 
@@ -56,7 +55,7 @@ impl LinkError {
     }
 }
 
-/// A linked module, and where the second module's functions went.
+/// A linked module, and the new handles of the second module's functions.
 #[derive(Clone, Debug)]
 pub struct Linked {
     pub module: Module,
@@ -123,7 +122,7 @@ pub fn offset(span: Span, base: u32) -> Span {
 }
 
 struct Linker<'a> {
-    /// The first module, growing.
+    /// The result so far, which starts as the first module.
     module: Module,
     second: &'a Module,
     base: u32,
@@ -148,7 +147,7 @@ struct Linker<'a> {
     >,
 }
 
-/// The global expressions and constants of a module, by what they say.
+/// The global expressions and constants of a module, by content.
 #[derive(Default)]
 struct Known {
     expressions: HashMap<String, Handle<Expression>>,
@@ -168,7 +167,7 @@ impl Known {
     }
 }
 
-/// Two are the same if their keys are: `==` takes -0 for 0, and `1 / x` does not.
+/// A key that is equal for equal content. `==` would treat -0 as 0, but `1 / x` does not.
 fn key(of: &impl std::fmt::Debug) -> String {
     format!("{of:?}")
 }
@@ -223,8 +222,8 @@ impl Linker<'_> {
         Ok(lengthened)
     }
 
-    /// Drops those of `types` that nothing uses any more. An invalid module, which compaction does
-    /// not accept, stays as it is for the validator's message.
+    /// Drops those of `types` that are no longer used. Leaves an invalid module, which compaction
+    /// does not accept, unchanged for the validator's message.
     fn drop_types(&mut self, types: &[Handle<Type>]) {
         use naga::compact::{KeepUnused, compact};
         use naga::valid::{Capabilities, ValidationFlags, Validator};
@@ -359,8 +358,8 @@ impl Linker<'_> {
         Ok(mapped)
     }
 
-    /// The host sets an override by name or id. Two of one id that differ become two overrides, as
-    /// each stage has its own constants; two of one name without an id must be one.
+    /// The host sets an override by name or id. Two different overrides with one id stay separate,
+    /// because each stage has its own constants. Two with one name and no id must be equal.
     fn override_(&mut self, handle: Handle<Override>) -> Result<Handle<Override>, Box<LinkError>> {
         if let Some(done) = self.overrides.get(&handle) {
             return Ok(*done);
@@ -408,7 +407,7 @@ impl Linker<'_> {
         Ok(mapped)
     }
 
-    /// `name`, or one after it that no override has.
+    /// `name`, or a similar one that no override has.
     fn free_override_name(&self, name: &str) -> String {
         let both = [&self.module.overrides, &self.second.overrides];
         let is_taken = |name: &str| {
@@ -665,7 +664,7 @@ fn content(function: &Function) -> String {
     format!("{function:?}")
 }
 
-/// A naga front end broke its promise that handles refer backward only.
+/// The error for a front end that breaks naga's rule that handles only refer backward.
 fn dangling() -> Box<LinkError> {
     LinkError::new("the parsed module refers to an item before declaring it")
 }
@@ -677,7 +676,7 @@ mod tests {
 
     use super::*;
 
-    /// Work that grows with the square of the number of constants would not end.
+    /// A quadratic algorithm would not finish.
     #[test]
     fn many_constants_are_shared() {
         let many = 50_000;

@@ -3,7 +3,7 @@
 
 use naga::{Arena, Block, Function, Module, Span, UniqueArena};
 
-/// Maps every span of the module by `to`.
+/// Maps every span of the module with `to`.
 pub fn map_spans(module: &mut Module, to: &impl Fn(Span) -> Span) {
     let mut types = UniqueArena::new();
     for (handle, ty) in module.types.iter() {

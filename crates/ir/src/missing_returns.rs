@@ -89,7 +89,7 @@ fn of_statement(statement: &Statement) -> Behaviour {
                 breaks: false,
             }
         }
-        // Includes `discard`.
+        // This includes `discard`.
         _ => Behaviour {
             next: true,
             breaks: false,

@@ -23,7 +23,7 @@ pub fn rewrite(function: &mut Function, f: &mut Rewrite<'_>) {
     });
 }
 
-/// Drops the returns without a value that end a block, which needs none.
+/// Drops returns without a value at the end of a block, where they have no effect.
 pub fn drop_last(body: &mut naga::Block) {
     while matches!(body.last(), Some(Statement::Return { value: None })) {
         body.cull(body.len() - 1..);

@@ -1,11 +1,11 @@
-//! Variables of a module that our code adds.
+//! Adds variables to a module.
 
 use naga::{
     AddressSpace, Expression, GlobalVariable, Handle, MemoryDecorations, Module, Scalar, Span,
     Type, TypeInner,
 };
 
-/// Adds a private variable. Without `init` it begins with 0.
+/// Adds a private variable. Without `init` it starts at 0.
 pub fn private(
     module: &mut Module,
     name: &str,
@@ -23,7 +23,7 @@ pub fn private(
     module.global_variables.append(variable, Span::UNDEFINED)
 }
 
-/// Adds a private bool that begins with `false`.
+/// Adds a private bool that starts as `false`.
 pub fn private_bool(module: &mut Module, name: &str) -> Handle<GlobalVariable> {
     let bool = Type {
         name: None,

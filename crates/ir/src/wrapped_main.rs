@@ -1,11 +1,11 @@
-//! Brings the modules of GLSL and SPIR-V to the form of hand-written WGSL.
+//! Converts the modules of GLSL and SPIR-V to the form of hand-written WGSL.
 
 use naga::Module;
 use naga::valid::{Capabilities, ValidationFlags, Validator};
 
 use super::{fall_through, global_parameters, inline_main, missing_returns};
 
-/// Inlines `main` into the function that calls it, and settles what WGSL lacks.
+/// Inlines `main` into its caller, and removes constructs that WGSL lacks.
 pub fn inline(module: &mut Module) {
     fall_through::remove(module);
     // Leave an invalid module unchanged for the validator's message.

@@ -1,12 +1,12 @@
 //! Writes a function: expressions and statements in order, with the `Emit`s between them. No other
-//! place makes an `Emit`.
+//! code creates an `Emit`.
 
 use naga::proc::{
     ConstantEvaluator, ConstantEvaluatorError, Emitter, ExpressionKindTracker, Layouter,
 };
 use naga::{Arena, Block, Expression, Function, Handle, Module, Range, Span, Statement};
 
-/// Appends `Emit`s of expressions that exist already: one for each run of consecutive handles.
+/// Appends `Emit`s for existing expressions: one for each run of consecutive handles.
 pub fn emit_existing(
     evaluated: impl IntoIterator<Item = Handle<Expression>>,
     out: &mut Block,
@@ -23,19 +23,19 @@ pub fn emit_existing(
     }
 }
 
-/// The `Emit` that is open, if one is.
+/// The open `Emit`, if there is one.
 #[derive(Debug, Default)]
 pub struct OpenEmit(Emitter);
 
 impl OpenEmit {
-    /// Opens an `Emit` of the expressions that follow, unless one is open.
+    /// Opens an `Emit` for the following expressions, unless one is open.
     pub fn begin(&mut self, expressions: &Arena<Expression>) {
         if !self.0.is_running() {
             self.0.start(expressions);
         }
     }
 
-    /// Ends the open `Emit`, with this span. An empty one is not written.
+    /// Ends the open `Emit` with this span. Does not write an empty one.
     pub fn end(&mut self, expressions: &Arena<Expression>, out: &mut Block, span: Span) {
         if self.0.is_running()
             && let Some((emit, _)) = self.0.finish(expressions)
@@ -45,7 +45,7 @@ impl OpenEmit {
     }
 }
 
-/// A function under construction, and the block that is being written.
+/// A function under construction, and its current block.
 #[derive(Debug, Default)]
 pub struct FunctionWriter {
     /// The function. Its body is empty until [`FunctionWriter::finish`].
@@ -68,7 +68,7 @@ impl FunctionWriter {
         })
     }
 
-    /// Writes the body of a function that has none.
+    /// Starts to write the body of a function that has none.
     pub fn of(function: Function) -> Self {
         Self {
             function,
@@ -76,8 +76,8 @@ impl FunctionWriter {
         }
     }
 
-    /// Writes the body of `function` again: `change` gets each statement, with its blocks already
-    /// written, and writes what replaces it.
+    /// Rewrites the body of `function`. `change` receives each statement, whose blocks have already
+    /// been rewritten, and writes its replacement.
     pub fn rewrite(function: &mut Function, change: &mut dyn FnMut(&mut Self, Statement, Span)) {
         let body = std::mem::take(&mut function.body);
         let mut writer = Self::of(std::mem::take(function));
@@ -85,7 +85,7 @@ impl FunctionWriter {
         *function = writer.finish();
     }
 
-    /// Writes statements before the body of `function`. Handles of its expressions stay.
+    /// Writes statements before the body of `function`. Handles of its expressions stay valid.
     pub fn start<T>(function: &mut Function, write: impl FnOnce(&mut Self) -> T) -> T {
         let mut body = std::mem::take(&mut function.body);
         let mut writer = Self::of(std::mem::take(function));
@@ -122,12 +122,12 @@ impl FunctionWriter {
         self.function.expressions.append(expression, span)
     }
 
-    /// Appends an expression that is evaluated here, or its value if GLSL's constant expressions give
-    /// one. `known` has the kinds of all expressions of the function.
+    /// Appends an expression that is evaluated here. If it is a constant expression in GLSL,
+    /// appends its value instead. `known` holds the kinds of all expressions of the function.
     ///
     /// # Errors
     ///
-    /// The expression is constant and has no value.
+    /// The expression is constant but has no value.
     pub fn fold(
         &mut self,
         expression: Expression,
@@ -148,7 +148,7 @@ impl FunctionWriter {
         .try_eval_and_append(expression, span)
     }
 
-    /// Opens an `Emit` of the expressions that follow, unless one is open.
+    /// Opens an `Emit` for the following expressions, unless one is open.
     pub fn begin(&mut self) {
         self.emit.begin(&self.function.expressions);
     }
@@ -159,7 +159,7 @@ impl FunctionWriter {
             .end(&self.function.expressions, &mut self.block, span);
     }
 
-    /// Ends the open `Emit`, and appends `Emit`s of expressions that exist already.
+    /// Ends the open `Emit`, and appends `Emit`s for existing expressions.
     pub fn emit_existing(
         &mut self,
         evaluated: impl IntoIterator<Item = Handle<Expression>>,
@@ -175,7 +175,7 @@ impl FunctionWriter {
         self.block.push(statement, span);
     }
 
-    /// Calls a function that has a result, and returns the result.
+    /// Calls a function with a result, and returns the result.
     pub fn call(
         &mut self,
         function: Handle<Function>,

@@ -15,7 +15,7 @@ use naga::{
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Root {
     Local(Handle<LocalVariable>),
-    /// The memory behind this pointer argument.
+    /// The memory that this pointer argument refers to.
     Argument(u32),
     /// A writable global variable.
     Global(Handle<GlobalVariable>),
@@ -25,7 +25,6 @@ pub enum Root {
 /// component at each step.
 pub type Path = Vec<u32>;
 
-/// A unit of memory.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub struct Cell {
     pub root: Root,
@@ -45,7 +44,7 @@ pub struct Place {
     pub root: Root,
     /// The constant part of the access path.
     pub path: Path,
-    /// Whether a dynamic index follows the constant part: then the place is somewhere below the
+    /// Whether a dynamic index follows the constant part. The place is then somewhere below the
     /// path.
     pub dynamic: bool,
 }
@@ -68,7 +67,7 @@ pub(crate) fn is_written_space(module: &Module, global: Handle<GlobalVariable>) 
     }
 }
 
-/// The target of a pointer (or a writable image); `None` for memory nobody writes.
+/// The target of a pointer (or a writable image). `None` for memory that nobody writes.
 pub fn place(module: &Module, function: &Function, pointer: Handle<Expression>) -> Option<Place> {
     let mut steps = Vec::new();
     let mut at = pointer;
@@ -89,7 +88,7 @@ pub fn place(module: &Module, function: &Function, pointer: Handle<Expression>) 
         }
     };
     steps.reverse();
-    // A resource that other invocations write too is one cell.
+    // A resource that other invocations may write is a single cell.
     if let Root::Global(g) = root
         && module.global_variables[g].space != AddressSpace::Private
     {
@@ -125,7 +124,6 @@ pub(crate) struct Splitter {
 }
 
 impl Splitter {
-    /// Notes an access.
     pub fn access(&mut self, place: &Place) {
         let mut at = self.roots.entry(place.root).or_default();
         for step in &place.path {
@@ -134,7 +132,7 @@ impl Splitter {
         at.frozen |= place.dynamic;
     }
 
-    /// The cells, those of one root together, in order of root and path.
+    /// The cells in order of root and path, so that those of a root are adjacent.
     pub fn cells(&self, module: &Module, function: &Function) -> Vec<Cell> {
         let mut cells = Vec::new();
         for (&root, split) in &self.roots {

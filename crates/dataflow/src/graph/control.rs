@@ -1,9 +1,9 @@
 //! Control dependence over the augmented flow of Ball and Horwitz, "Slicing Programs with Arbitrary
 //! Control-flow" (1993).
 //!
-//! A jump (`break`, `continue`, `return`) is a pseudo-predicate. Beside its real edge, it has one
-//! to its lexical successor, which would run if the jump were deleted. With these edges,
-//! post-dominance makes statements control-dependent on jumps, and a slice keeps the jumps it
+//! A jump (`break`, `continue`, `return`) is a pseudo-predicate. In addition to its real edge, it
+//! has one to its lexical successor, which would run if the jump were deleted. With these edges,
+//! post-dominance makes statements control-dependent on jumps, and a slice keeps the jumps that it
 //! needs. `Kill` falls through: WGSL's discard is a demotion, so it affects observation and no
 //! value.
 
@@ -14,7 +14,7 @@ use petgraph::visit::{EdgeRef, IntoNodeIdentifiers};
 
 use super::statements::{Statements, StmtId};
 
-/// The predicates of each statement: what decides whether, or how often, it runs.
+/// The predicates of each statement: they decide whether, or how often, it runs.
 #[derive(Clone, Debug, Default)]
 pub struct ControlDependence {
     on: Vec<Vec<StmtId>>,
@@ -86,7 +86,7 @@ impl ControlDependence {
                 let mut runner = Some(successor);
                 while runner != stop {
                     let Some(at) = runner else { break };
-                    // A latch with a `break_if` makes the loop a predicate.
+                    // A loop with a `break_if` in its latch is a predicate.
                     if at.index() < statements.len() {
                         on[at.index()].push(predicate);
                     } else if let Some(of) = flow[at]
@@ -266,7 +266,8 @@ impl Wiring<'_, '_> {
     }
 }
 
-/// The conditions that decide whether an iteration of a loop is its last one. None for another statement.
+/// The conditions that decide whether an iteration of a loop is its last one. Empty for other
+/// statements.
 pub fn exits(statement: &Statement) -> Vec<Handle<Expression>> {
     fn add(block: &Block, found: &mut Vec<Handle<Expression>>) {
         for statement in block {

@@ -14,8 +14,8 @@ use preshade_plan::uniforms::UniformScalar;
 /// Longest loop that we simulate to find its trip count.
 const MOST_TRIPS: u32 = 4096;
 
-/// Largest bound in a uniform buffer that a guard allows. A buffer of 64 KiB, the least that WebGPU promises, holds as
-/// many lights of 64 bytes.
+/// Largest bound in a uniform buffer that a guard allows. A buffer of 64 KiB, the size that WebGPU
+/// guarantees, holds this many lights of 64 bytes.
 pub const MOST_GUARDED: u32 = 1024;
 
 /// Whether a loop ends.
@@ -23,7 +23,7 @@ pub const MOST_GUARDED: u32 = 1024;
 pub enum Ends {
     #[default]
     Always,
-    /// It does if [`uniform_bound`] is from 0 to [`MOST_GUARDED`].
+    /// It ends if [`uniform_bound`] is from 0 to [`MOST_GUARDED`].
     Guarded,
     Unknown,
 }
@@ -31,12 +31,11 @@ pub enum Ends {
 /// A loop with a known trip count.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Counted {
-    /// The trip count.
     pub turns: u32,
     pub counter: Handle<LocalVariable>,
     /// The bound that the counter is compared with.
     pub bound: Handle<Expression>,
-    /// Whether the counter is an `i32`; else it is a `u32`.
+    /// Whether the counter is an `i32`. Otherwise it is a `u32`.
     pub signed: bool,
     start: i64,
     step: (BinaryOperator, i64),
@@ -45,15 +44,15 @@ pub struct Counted {
 }
 
 impl Counted {
-    /// Analyses the loop `id`. `None` for any other loop, and if the counter would overflow: there
-    /// it wraps, and the loop may never end.
+    /// Analyses the loop `id`. `None` for any other loop, and if the counter would overflow: it
+    /// would then wrap, and the loop might never end.
     pub fn of(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<Self> {
         let mut counted = Self::of_any_bound(module, f, id)?;
         counted.turns = counted.until(integer(module, f, counted.bound)?)?;
         Some(counted)
     }
 
-    /// Its trip count if the bound is `known`.
+    /// The trip count of a loop if its bound is `known`.
     pub fn turns_by(
         module: &Module,
         f: &FunctionGraph<'_>,
@@ -64,7 +63,7 @@ impl Counted {
         counted.until(known(counted.bound)?)
     }
 
-    /// The same whatever the bound is, without a trip count.
+    /// Analyses the loop for any bound, without a trip count.
     fn of_any_bound(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<Self> {
         let Statement::Loop { body, .. } = f.statements.get(id).statement else {
             return None;
@@ -168,13 +167,14 @@ impl Counted {
         std::iter::successors(Some(self.start), move |v| next(v).filter(&in_range))
     }
 
-    /// The smallest and the largest value of the counter during an iteration; `None`: there is none.
+    /// The smallest and the largest value of the counter during an iteration. `None` without
+    /// iterations.
     pub fn range(&self) -> Option<[i64; 2]> {
         let values = || self.values().take(self.turns as usize);
         Some([values().min()?, values().max()?])
     }
 
-    /// Iterations until the counter, compared with `bound`, ends the loop.
+    /// Number of iterations until the comparison of the counter with `bound` ends the loop.
     fn until(&self, bound: i64) -> Option<u32> {
         let (op, while_true) = self.condition;
         let holds = |value: i64| {
@@ -196,7 +196,7 @@ impl Counted {
         None
     }
 
-    /// Whether a larger bound gives the loop no fewer iterations: the counter rises to it.
+    /// Whether the counter rises to the bound, so that a larger bound gives no fewer iterations.
     fn grows_with_bound(&self) -> bool {
         use BinaryOperator::{Add, Greater, GreaterEqual, Less, LessEqual};
         let rises = self.step.0 == Add && self.step.1 > 0;
@@ -207,7 +207,7 @@ impl Counted {
         rises && is_below
     }
 
-    /// A bound that gives the loop this trip count; `None` if there is none.
+    /// A bound that gives the loop this trip count. `None` if there is none.
     pub fn bound_for(&self, turns: u32) -> Option<i64> {
         let at = |turn: u32| self.values().nth(turn as usize);
         // The counter's own values: at the end of the last iteration, or during it.
@@ -217,7 +217,7 @@ impl Counted {
     }
 }
 
-/// The trip count of a counted loop; `None` for any other.
+/// The trip count of a counted loop. `None` for any other.
 pub fn trips(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Option<u32> {
     Counted::of(module, f, id).map(|c| c.turns)
 }
@@ -229,7 +229,7 @@ pub fn ends(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Ends {
     };
     let known = |e: Handle<Expression>| integer(module, f, e);
     let most = match f.function.expressions[counted.bound] {
-        // The smaller of two bounds is no larger than one of them.
+        // The minimum of two bounds is no larger than either of them.
         Expression::Math {
             fun: MathFunction::Min,
             arg,
@@ -256,7 +256,7 @@ pub fn uniform_bound(module: &Module, f: &FunctionGraph<'_>, id: StmtId) -> Opti
     let mut path = Vec::new();
     loop {
         at = match f.function.expressions[at] {
-            // A number from 0 to the largest stays the same number in each type.
+            // A number from 0 to [`MOST_GUARDED`] has the same value in each type.
             Expression::As {
                 expr,
                 convert: Some(4),
@@ -294,7 +294,7 @@ fn counter_version(
     }
 }
 
-/// A constant of 32 bits.
+/// The value of a 32-bit integer constant.
 pub fn integer(module: &Module, f: &FunctionGraph<'_>, e: Handle<Expression>) -> Option<i64> {
     let literal = |e: &Expression| match e {
         Expression::Literal(Literal::I32(v)) => Some(i64::from(*v)),

@@ -1,4 +1,4 @@
-//! The graph as Graphviz text.
+//! Exports the graph as Graphviz text.
 
 use std::fmt::Write;
 

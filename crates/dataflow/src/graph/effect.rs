@@ -11,7 +11,6 @@ use super::{FunctionGraph, StmtId};
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum Effect {
-    /// Discards the fragment.
     Discard,
     /// Takes a screen-space derivative: reads the neighbours in the quad.
     Derivative,
@@ -19,11 +18,8 @@ pub enum Effect {
     ImplicitLod,
     /// Writes a storage buffer or workgroup memory.
     Store,
-    /// Writes a texel.
     ImageStore,
-    /// Atomic operation.
     Atomic,
-    /// Writes the fragment's depth.
     FragDepth,
     /// Waits for, or orders memory with, other invocations.
     Barrier,

@@ -297,7 +297,7 @@ impl<'g, 'p> Export<'g, 'p> {
                 self.node(NodeKey::Argument(index, (i as u32) << 16 | m as u32), node);
             }
         }
-        // Shown if something reads the entry value, or a write keeps part of it.
+        // The entry value is shown if something reads it, or a write preserves part of it.
         let mut read: Vec<VersionId> = f
             .memory
             .loads
@@ -566,7 +566,7 @@ impl<'g, 'p> Export<'g, 'p> {
         }
     }
 
-    /// A `return` decides the outputs: each from its own component, if the returned value is
+    /// Connects a `return` to the outputs: each to its own component, if the returned value is
     /// composed there.
     fn returned(&mut self, index: usize, id: StmtId, value: Handle<Expression>) {
         let f = self.f(index);

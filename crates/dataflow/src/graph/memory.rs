@@ -31,18 +31,18 @@ pub(crate) type CellIndex = usize;
 pub enum Origin {
     /// The value at function entry: initialiser or zero, or the caller's or host's value.
     Initial,
-    /// A statement that writes it.
+    /// A statement writes it.
     Written {
         by: StmtId,
-        /// The previous version, if the statement may keep it in part or whole.
+        /// The previous version, if the statement may preserve it in part or whole.
         over: Option<VersionId>,
     },
     /// A merge of control: the end of an `If` or `Switch`, a loop's header, its `continuing`, its
     /// exit, or the function's exit.
     Phi {
-        /// The statement whose control merges; `None` for the function's exit.
+        /// The statement at whose end or header control merges. `None` for the function's exit.
         at: Option<StmtId>,
-        /// The versions that meet.
+        /// The merged versions.
         operands: Vec<VersionId>,
     },
 }
@@ -81,13 +81,12 @@ pub struct Memory {
     pub versions: Vec<Version>,
     /// The versions that each memory-reading expression sees, one per cell.
     pub loads: BTreeMap<Handle<Expression>, Vec<VersionId>>,
-    /// The versions that a statement sees of the cells it reads.
+    /// The versions that a statement sees in the cells that it reads.
     pub reads: BTreeMap<StmtId, Vec<VersionId>>,
     /// The versions a statement makes.
     pub writes: BTreeMap<StmtId, Vec<VersionId>>,
     /// The version at exit of each cell that callers can see.
     pub exit: BTreeMap<CellIndex, VersionId>,
-    /// The summary for callers.
     pub footprint: Footprint,
     pub(super) roots: BTreeMap<Root, std::ops::Range<CellIndex>>,
 }
@@ -183,8 +182,8 @@ pub fn in_caller(
 }
 
 /// The summary for callers. A cell is written if its exit version is not the initial one, and
-/// certainly so if no path from the exit leads back to the initial version. It is read if anything
-/// reads its initial version.
+/// certainly written if no path from the exit leads back to the initial version. It is read if
+/// anything reads its initial version.
 pub(super) fn footprint(memory: &Memory) -> Footprint {
     let mut out = Footprint::default();
     let initial = |v: VersionId| matches!(memory.versions[v.index()].origin, Origin::Initial);

@@ -50,13 +50,12 @@ pub enum FunctionId {
 pub struct FunctionGraph<'p> {
     pub id: FunctionId,
     pub function: &'p Function,
-    /// The validator's results for it, above all types of expressions.
+    /// The validator's results, mainly the types of expressions.
     pub info: &'p FunctionInfo,
     pub statements: statements::Statements<'p>,
     pub control: control::ControlDependence,
-    /// Its memory SSA.
     pub memory: Memory,
-    /// How often each statement runs per run of the function, as far as known.
+    /// Estimate of how often each statement runs per run of the function.
     pub times: Vec<f64>,
 }
 
@@ -144,7 +143,7 @@ impl<'p> Graph<'p> {
         graph
     }
 
-    /// The same where each statement runs so many times as often.
+    /// The same graph, with the frequency of each statement multiplied by a weight.
     #[must_use]
     pub fn weighed(mut self, weight: impl Fn(FunctionId, StmtId) -> f64) -> Self {
         for f in &mut self.functions {
@@ -158,7 +157,7 @@ impl<'p> Graph<'p> {
         self
     }
 
-    /// Finds the cost of each function.
+    /// Computes the cost of each function.
     fn count(&mut self) {
         // Callees come before callers.
         for i in 0..self.functions.len() {
@@ -194,7 +193,7 @@ impl<'p> Graph<'p> {
         }
     }
 
-    /// The name of a function or entry point; empty for an unnamed one.
+    /// The name of a function or entry point. Empty for an unnamed one.
     pub fn name(&self, id: FunctionId) -> String {
         match id {
             FunctionId::Function(h) => self.module().functions[h].name.clone().unwrap_or_default(),
@@ -234,12 +233,12 @@ impl<'p> Graph<'p> {
         self.rates().outputs(self.index(function))
     }
 
-    /// Whether `function` is `within` or calls it, directly or not.
+    /// Whether `function` is `within`, or calls it directly or indirectly.
     pub fn reaches(&self, function: FunctionId, within: FunctionId) -> bool {
         self.reach[self.index(function)].functions.contains(&within)
     }
 
-    /// Whether a function, or one it calls, can discard the fragment.
+    /// Whether a function, or one that it calls, can discard the fragment.
     pub fn may_discard(&self, function: FunctionId) -> bool {
         self.effects(function).contains(&Effect::Discard)
     }
@@ -273,7 +272,7 @@ impl<'p> Graph<'p> {
             .collect()
     }
 
-    /// Whether all loops of a function and of those it calls end.
+    /// Whether all loops end in a function and those that it calls.
     pub fn ends(&self, function: FunctionId) -> Ends {
         self.reach[self.index(function)].ends
     }
@@ -289,7 +288,7 @@ impl<'p> FunctionGraph<'p> {
         self.info[expression].ty.inner_with(&module.types)
     }
 
-    /// The static cost of the chosen nodes, each as often as it runs, without callees.
+    /// The static cost of the chosen nodes, weighted by frequency, without callees.
     pub fn own_cost(
         &self,
         module: &Module,

@@ -117,7 +117,7 @@ pub struct Stages {
 }
 
 impl Stages {
-    /// Either.
+    /// Any stage can compute it.
     pub const ANY: Self = Self {
         vertex: true,
         fragment: true,
@@ -148,7 +148,6 @@ impl Default for Stages {
 /// Rate and stages of a value.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Serialize, Deserialize)]
 pub struct Fact {
-    /// How often it changes.
     pub rate: Rate,
     /// The stages that can compute it.
     pub stages: Stages,

@@ -80,7 +80,7 @@ impl Rates {
             let summary = Analysis::new(module, f, &summaries).run();
             summaries.push(summary);
         }
-        // Callers first: the inputs of each function, over all calls from entry points.
+        // In the other direction: the inputs of each function, over all calls from entry points.
         let mut contexts: Vec<Vec<Fact>> = summaries
             .iter()
             .map(|s| vec![Fact::default(); s.inputs.len()])
@@ -258,8 +258,8 @@ impl<'a, 'p> Analysis<'a, 'p> {
         self.finish()
     }
 
-    /// The merges to visit before each statement, and after the last. A loop's header merges when
-    /// it begins; other merges come at the end of their statement.
+    /// The merges to visit before each statement, and after the last one. A loop's header merges at
+    /// its beginning, other merges belong to the end of their statement.
     fn merges(&self) -> Vec<Vec<usize>> {
         let f = self.f;
         let mut merges = vec![Vec::new(); f.statements.len() + 1];
@@ -287,7 +287,7 @@ impl<'a, 'p> Analysis<'a, 'p> {
         set(&mut self.out.versions[phi], value)
     }
 
-    /// One forward walk; returns whether any fact changed.
+    /// One forward walk. Returns whether any fact changed.
     fn pass(&mut self, merges: &[Vec<usize>]) -> bool {
         let f = self.f;
         let mut changed = false;
@@ -448,8 +448,8 @@ impl<'a, 'p> Analysis<'a, 'p> {
             {
                 return self.member(*base, Some(*index));
             }
-            // A variable's address doesn't depend on its content: only the indices of the access
-            // count.
+            // A variable's address does not depend on its content, so only the indices of the
+            // access count.
             Expression::Load { pointer } if self.f.memory.loads.contains_key(&e) => {
                 out = self.content(&self.f.memory.loads[&e]);
                 for index in indices(self.f, *pointer) {

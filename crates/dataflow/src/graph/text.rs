@@ -167,8 +167,8 @@ fn literal(literal: &Literal) -> String {
     }
 }
 
-/// A constant access: `.name` of a struct's member, `.x` of a vector's component, `[2]` of anything
-/// else.
+/// A constant access: `.name` for a struct's member, `.x` for a vector's component, `[2]` for
+/// anything else.
 fn member(module: &Module, f: &FunctionGraph<'_>, base: Handle<Expression>, index: u32) -> String {
     let ty = f.ty(module, base);
     let pointee = match ty {

@@ -57,7 +57,7 @@ fn all(expression: &Expression) -> Vec<(Handle<Expression>, Need)> {
         .collect()
 }
 
-/// Number of components of a scalar or vector; `None` for other types.
+/// Number of components of a scalar or vector. `None` for other types.
 pub fn width(ty: &TypeInner) -> Option<u32> {
     match ty {
         TypeInner::Scalar(_) => Some(1),
@@ -110,7 +110,7 @@ fn like(
 }
 
 /// Whether component `i` of a vector value depends only on components `i` of its vector operands,
-/// and on its scalar ones.
+/// and on its scalar operands.
 fn is_componentwise(module: &Module, f: &FunctionGraph<'_>, expression: &Expression) -> bool {
     let is_matrix = |e: &Handle<Expression>| matches!(f.ty(module, *e), TypeInner::Matrix { .. });
     match expression {

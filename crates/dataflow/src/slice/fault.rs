@@ -7,7 +7,7 @@ pub enum Fault {
     Control,
     /// A write in one of the merged branches.
     Merge,
-    /// The part that a partial write keeps.
+    /// The part that a partial write preserves.
     Under,
     /// A callee's writes.
     Callee,

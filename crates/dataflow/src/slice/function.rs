@@ -195,14 +195,14 @@ impl<'g, 'p> Work<'g, 'p> {
         }
     }
 
-    /// Needs a part of a version of a cell.
+    /// Adds a need for a part of a version of a cell.
     fn see(&mut self, version: VersionId, need: &Need) {
         if Need::add_to(&mut self.versions[version.index()], need) {
             self.list.push(Item::Version(version));
         }
     }
 
-    /// Adds to the demand on a call; slices it again if that changes anything.
+    /// Adds to the demand on a call. If that changes it, slices the callee again.
     fn ask(&mut self, call: StmtId, more: impl FnOnce(&mut Demand)) {
         let demand = self.out.calls.entry(call).or_default();
         let before = demand.clone();
@@ -223,8 +223,8 @@ impl<'g, 'p> Work<'g, 'p> {
             }
         }
         match f.statements.get(id).statement {
-            // Expressions are kept one by one: a store's value as far as it is read, a call as far
-            // as demanded, and a returned value as far as the caller needs it.
+            // Expressions are needed individually: a store's value if it is read, a call to the
+            // extent of its demand, and a returned value to the extent that the caller needs.
             Statement::Emit(_) | Statement::Call { .. } => {}
             Statement::Store { pointer, .. } => self.need(*pointer, &Need::All),
             Statement::Return { value } => {
@@ -349,7 +349,7 @@ impl<'g, 'p> Work<'g, 'p> {
         }
     }
 
-    /// Needs the inputs of a callee that was sliced for the present demand.
+    /// Adds the needs of a callee that was sliced for the current demand.
     fn called(&mut self, call: StmtId, callee: &FunctionSlice) {
         let (f, module) = (self.f, self.graph.module());
         self.keep(call);

@@ -8,8 +8,8 @@ use naga::{Expression, Handle, LocalVariable, Module, Statement, Type, TypeInner
 use super::Slice;
 use crate::graph::{FunctionGraph, Graph, StmtId};
 
-/// FNV-1a, 64 bits, over the text written to it: stable across platforms and releases. The text,
-/// tens of kilobytes for a large material, isn't stored.
+/// FNV-1a, 64 bits, over the text written to it: stable across platforms and releases. The text
+/// itself is not stored, because it has tens of kilobytes for a large material.
 struct Fnv(u64);
 
 impl Write for Fnv {
@@ -22,8 +22,8 @@ impl Write for Fnv {
 }
 
 /// Hashes the functions of a slice in order to 16 hex digits. Expressions are numbered by first
-/// evaluation, variables by first use, globals by binding, and types by structure; names and spans
-/// don't count.
+/// evaluation, variables by first use, globals by binding, and types by structure. Names and spans
+/// do not count.
 pub(crate) fn canonical(graph: &Graph<'_>, slice: &Slice) -> String {
     let mut hash = Fnv(0xcbf2_9ce4_8422_2325);
     // Writing to a hash cannot fail, here and below.
@@ -60,7 +60,7 @@ struct Writer<'a, 'p> {
     numbers: Vec<Option<usize>>,
     numbered: usize,
     locals: BTreeMap<Handle<LocalVariable>, usize>,
-    /// Where the blocks of a statement end, by its number.
+    /// Where each block of a statement ends, by the statement's number.
     block_ends: BTreeMap<usize, Vec<usize>>,
     /// Reused buffer for debug text.
     debug: String,
@@ -102,7 +102,7 @@ impl Writer<'_, '_> {
             }
             return;
         }
-        // Recipes pin hashes, so this is written as ever.
+        // Recipes pin hashes, so this form must not change.
         let parent = self.f.statements.get(id).parent;
         let in_block = parent.map(|p| Some(self.block_of(p, id)));
         let operands = naga_operands::of_statement(statement);

@@ -86,22 +86,23 @@ impl OutputFilter {
     }
 }
 
-/// Whether a slice may drop a loop that decides nothing.
+/// Whether a slice may drop a loop that affects none of its targets.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Termination {
     /// Loops are assumed to end: correct if the original still runs too, as in the main pass after
     /// a pre-pass.
     #[default]
     Assumed,
-    /// A loop that may not end is kept, with all its control dependences, unless a guard can bound it: the plan has
-    /// that guard (`preshade_passes::analysis::loops::LoopEnds::guard`).
+    /// A loop that may not end is preserved, with all its control dependences, unless a guard can
+    /// bound it. The plan then has that guard
+    /// (`preshade_passes::analysis::loops::LoopEnds::guard`).
     Guarded,
-    /// A loop that may not end is kept, with all its control dependences.
+    /// A loop that may not end is preserved, with all its control dependences.
     Preserved,
 }
 
 impl Termination {
-    /// What is dropped from a stage whose plan has this guard.
+    /// The setting for a stage whose plan has this guard.
     pub fn under(guard: Option<&Guard>) -> Self {
         match guard {
             Some(_) => Self::Guarded,
@@ -132,7 +133,7 @@ pub struct Demand {
     pub values: BTreeSet<(FunctionId, Handle<Expression>)>,
 }
 
-/// A function as far as one demand needs it.
+/// The part of a function that one demand needs.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct Part {
     pub function: FunctionId,
@@ -140,7 +141,7 @@ pub struct Part {
     pub kept: FunctionSlice,
     /// The part that each kept call uses, by index into [`Slice::parts`].
     pub calls: BTreeMap<StmtId, usize>,
-    /// Whether it keeps everything, so the function can be used unchanged.
+    /// Whether it preserves everything, so that the function can be used unchanged.
     pub coverage: Coverage,
 }
 
@@ -149,7 +150,6 @@ pub struct Part {
 pub enum Coverage {
     /// Everything with an effect.
     Whole,
-    /// Less.
     Partial,
 }
 
@@ -159,7 +159,6 @@ pub struct Slice {
     /// Index of the entry point.
     pub entry: usize,
     pub stage: ShaderStage,
-    /// Its targets.
     pub criteria: Vec<Criterion>,
     /// The functions, callees before callers; the entry point is the last.
     pub parts: Vec<Part>,
@@ -179,8 +178,8 @@ impl Slice {
         &self.parts[self.parts.len() - 1]
     }
 
-    /// Hash of its canonical form, 16 hex digits: equal for equal computations, whatever the
-    /// handles and names.
+    /// Hash of the canonical form, 16 hex digits. Equal computations have equal hashes, regardless
+    /// of handles and names.
     pub fn hash(&self, graph: &Graph<'_>) -> String {
         hash::canonical(graph, self)
     }
@@ -209,8 +208,8 @@ impl Slice {
         self.root().coverage == Coverage::Whole
     }
 
-    /// A kept loop that may not end, in any function. Without the discards
-    /// that the slice drops, it may run where the original has left the shader.
+    /// A kept loop that may not end, in any function. The slice drops discards, so the loop may run
+    /// where the original has already left the shader.
     pub fn endless_loop(&self, graph: &Graph<'_>) -> Option<Span> {
         self.parts.iter().find_map(|part| {
             let f = graph.function(part.function);
@@ -324,7 +323,7 @@ pub fn backward_with(
     slice
 }
 
-/// Adds the part for a demand after its callees' parts, unless it exists; returns its index.
+/// Adds the part for a demand after its callees' parts, unless it exists. Returns its index.
 fn collect(
     graph: &Graph<'_>,
     slicer: &mut function::Slicer<'_, '_>,
@@ -357,7 +356,7 @@ fn collect(
         })
         .collect();
     let coverage = coverage(graph, id, demand, &kept, &calls, parts);
-    // Different demands may keep the same statements: then they share a part.
+    // Different demands may keep the same statements, and then share a part.
     let same = parts.iter().position(|p| {
         p.function == id
             && p.calls == calls

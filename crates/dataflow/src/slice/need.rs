@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 
 use naga::{Module, TypeInner};
 
-/// The needed part of a value, by struct member and vector component. A matrix or an array is
-/// needed whole or not at all.
+/// The needed part of a value, by struct member and vector component. A matrix or array is needed
+/// as a whole or not at all.
 #[derive(Clone, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum Need {
     All,
@@ -14,12 +14,12 @@ pub enum Need {
 }
 
 impl Need {
-    /// One member of a struct with its need `inner`; or one whole component of a vector.
+    /// One member of a struct with its need `inner`, or one whole component of a vector.
     pub fn member(index: u32, inner: Need) -> Self {
         Self::Members(BTreeMap::from([(index, inner)]))
     }
 
-    /// The part at `path` of a value of type `ty`, and of it `inner`.
+    /// The need `inner` of the part at `path` in a value of type `ty`.
     pub fn at(module: &Module, ty: &TypeInner, path: &[u32], inner: &Need) -> Self {
         match (path.split_first(), ty) {
             (None, _) => inner.clone(),
@@ -46,7 +46,7 @@ impl Need {
         }
     }
 
-    /// Adds another need; returns whether this grew.
+    /// Adds another need. Returns whether this one grew.
     pub fn add(&mut self, other: &Need) -> bool {
         match (&mut *self, other) {
             (Self::All, _) => false,
@@ -70,7 +70,7 @@ impl Need {
         }
     }
 
-    /// Adds to a need that may not exist yet; returns whether it grew.
+    /// Adds to a need that may not exist yet. Returns whether it grew.
     pub fn add_to(slot: &mut Option<Need>, other: &Need) -> bool {
         match slot {
             Some(have) => have.add(other),

@@ -24,11 +24,11 @@ use preshade_dataflow::graph::FunctionId;
 use preshade_passes::rebuild::place::{self, CodeBuilder, Rewrite};
 use preshade_passes::rebuild::snippet::{Linked, ours, word};
 
-/// `module` with its vertex entry point drawing the pattern.
+/// `module` with a vertex entry point that draws the pattern.
 ///
 /// # Errors
-/// A message: our own text does not parse or link, or the author's stage has an input that no
-/// vertex stage has.
+/// The reason as text: our own WGSL does not parse or link, or the author's stage has an input that
+/// no vertex stage has.
 pub(crate) fn adaptive(
     module: Module,
     entry: usize,
@@ -129,11 +129,11 @@ pub(crate) fn adaptive(
     }
 }
 
-/// The functions that interpolate values of so many components.
+/// The functions that interpolate values with this many components.
 struct Interpolation {
     width: u8,
     blend: Handle<Function>,
-    /// The value at one of the three vertices.
+    /// Selects the value of one of the three vertices.
     pick: Handle<Function>,
 }
 
@@ -150,8 +150,8 @@ fn output(
     }
 }
 
-/// The author's outputs at `point`, from those at the three vertices. `None`: no function has the
-/// width of one.
+/// The author's outputs at `point`, from those at the three vertices. `None` if no function has the
+/// width of an output.
 fn interpolated(
     build: &mut CodeBuilder<'_>,
     outputs: &Outputs,

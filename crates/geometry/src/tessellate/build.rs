@@ -20,7 +20,7 @@ use preshade_dataflow::graph::FunctionId;
 use preshade_passes::rebuild::place::{self, CodeBuilder, Rewrite};
 use preshade_passes::rebuild::snippet::{Linked, define, ours, word};
 
-/// The functions, in their module.
+/// The generated functions, in their module.
 #[derive(Clone, Debug)]
 pub(crate) struct Functions {
     /// The module, with an unchanged entry point.
@@ -31,15 +31,15 @@ pub(crate) struct Functions {
     pub between: Handle<Function>,
     /// `vs_rest(given) -> result`.
     pub rest: Handle<Function>,
-    /// Functions of our own text by name.
+    /// Functions of the generated WGSL, by name.
     pub(super) ours: BTreeMap<String, Handle<Function>>,
 }
 
-/// Adds the functions to `module`. `name` is the vertex entry point's.
+/// Adds the functions to `module`. `name` is that of the vertex entry point.
 ///
 /// # Errors
-/// A message: our own text does not parse or link, or the author's stage has an input that no
-/// vertex stage has.
+/// The reason as text: our own WGSL does not parse or link, or the author's stage has an input that
+/// no vertex stage has.
 pub(crate) fn add(
     module: Module,
     name: &str,
@@ -90,7 +90,7 @@ pub(crate) fn add(
     })
 }
 
-/// The functions of our text that read the author's attributes, by location.
+/// The generated functions that read the author's attributes, by location.
 pub(super) fn fetch(
     by_name: &BTreeMap<String, Handle<Function>>,
     text: &Text<'_>,
@@ -101,7 +101,7 @@ pub(super) fn fetch(
         .collect()
 }
 
-/// The code behind the author's stage, as a function of the author's outputs.
+/// The code after the author's stage, as a function of the author's outputs.
 pub(super) fn code_behind(
     mut module: Module,
     name: &str,
@@ -115,7 +115,7 @@ pub(super) fn code_behind(
     (module, rest)
 }
 
-/// The author's stage at one of the author's vertices.
+/// The author's stage at one of the original vertices.
 pub(super) fn corner(
     module: Module,
     name: &str,
@@ -133,7 +133,7 @@ pub(super) fn corner(
 /// The inputs of the interpolation.
 struct Between<'a> {
     corner: Handle<Function>,
-    /// `None`: the ends of an edge keep their order.
+    /// `None` if the ends of an edge keep their order.
     precedes: Option<Handle<Function>>,
     blends: &'a [(u8, Handle<Function>)],
     place: Handle<Type>,
@@ -212,7 +212,7 @@ fn compare_zero(
 }
 
 /// The outputs at a new vertex. A corner keeps its own. Outputs on an edge depend only on its two
-/// ends, in an order that both triangles agree on whatever they call the ends.
+/// ends, in an order that both triangles agree on, however they number the ends.
 fn between(
     module: Module,
     name: &str,
@@ -317,7 +317,7 @@ fn between(
     }
 }
 
-/// `module` with its vertex entry point drawing the pattern through `functions`.
+/// `module` with a vertex entry point that draws the pattern through `functions`.
 pub(crate) fn pulled(functions: &Functions, entry: usize) -> Module {
     let mut module = functions.module.clone();
     let word = word(&mut module);

@@ -1,4 +1,4 @@
-//! Whether a plan can be subdivided.
+//! Decides whether a plan can be subdivided.
 
 use std::collections::BTreeSet;
 
@@ -109,7 +109,7 @@ impl<'a> DividedMaterial<'a> {
         Ok(material)
     }
 
-    /// Checks the level, the length of segments and the form that they need.
+    /// Checks the level and the segment length, and whether the form supports them.
     fn check_params(params: &TessellateParams) -> Result<(), Box<Refusal>> {
         if !(1..=MAX_LEVEL).contains(&params.level) {
             return Err(refuse(
@@ -138,7 +138,8 @@ impl<'a> DividedMaterial<'a> {
         Ok(())
     }
 
-    /// Checks that `pass` draws a hoisted surface, once and undivided. Returns the step that hoisted.
+    /// Checks that `pass` draws a hoisted surface that is not subdivided yet. Returns the step that
+    /// hoisted.
     fn check_plan<'p>(plan: &'p Plan, pass: &GpuPass) -> Result<&'p Step, Box<Refusal>> {
         let hoist = plan.steps.iter().rfind(|s| s.pass == HOIST);
         let Some(hoist) = hoist else {
@@ -181,7 +182,7 @@ impl<'a> DividedMaterial<'a> {
         Ok(hoist)
     }
 
-    /// Checks that nothing the work at load reads can change.
+    /// Checks that the work at load reads nothing that can change.
     fn check_fixed(
         &self,
         plan: &Plan,

@@ -33,7 +33,7 @@ pub(crate) const NO_CORNERS: &str = "what was hoisted does not know its vertex";
 /// every new vertex. `program` is any program of the same source.
 ///
 /// # Errors
-/// A message: our own text is incomplete or does not validate.
+/// The reason as text: our own WGSL is incomplete or does not validate.
 pub(crate) fn kept(
     program: &Program,
     functions: &Functions,
@@ -84,7 +84,7 @@ pub(crate) fn kept(
 /// the hoisted values.
 ///
 /// # Errors
-/// A message: our own text is incomplete.
+/// The reason as text: our own WGSL is incomplete.
 pub(crate) fn read(
     functions: &Functions,
     vertex: usize,
@@ -137,7 +137,7 @@ pub(crate) struct Read {
     pub group: u32,
     pub binding: u32,
     pub name: String,
-    /// Member of a uniform struct; `None` for the whole variable.
+    /// Member of a uniform struct. `None` for the whole variable.
     pub member: Option<String>,
 }
 
@@ -152,8 +152,8 @@ impl std::fmt::Display for Read {
     }
 }
 
-/// The author's variables that a program with these `bindings` reads, without samplers: they do not
-/// change.
+/// The author's variables that a program with these `bindings` reads. Samplers are left out,
+/// because they do not change.
 pub(crate) fn reads(program: &Program, bindings: &[BindingUse]) -> BTreeSet<Read> {
     let module = program.module();
     let mut found = BTreeSet::new();
@@ -182,7 +182,7 @@ pub(crate) fn reads(program: &Program, bindings: &[BindingUse]) -> BTreeSet<Read
     found
 }
 
-/// The members of a uniform struct that are read; `None` if it is also read in another way.
+/// The members of a uniform struct that are read. `None` if it is also read in another way.
 fn members(module: &Module, global: Handle<GlobalVariable>) -> Option<BTreeSet<String>> {
     let variable = &module.global_variables[global];
     let TypeInner::Struct { members, .. } = &module.types[variable.ty].inner else {

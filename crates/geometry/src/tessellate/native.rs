@@ -71,7 +71,7 @@ pub enum Blend {
 /// The vertex stage of a hoisted plan in two parts.
 ///
 /// # Errors
-/// Why the plan's main pass cannot be drawn in patches.
+/// The reason why the plan's main pass cannot be drawn in patches.
 pub fn native(plan: &Plan) -> Result<Native, Box<Refusal>> {
     let is_hoist = |step: &Step| step.pass == HOIST;
     if !plan.steps.iter().any(is_hoist) {
@@ -176,7 +176,7 @@ fn patch(module: &Module, split: &Split, outputs: &Outputs) -> Result<Patch, Str
     })
 }
 
-/// The module with its entry point returning the author's result.
+/// The module with an entry point that returns the author's result.
 fn corner(module: &Module, entry: usize, split: &Split) -> Module {
     let mut module = module.clone();
     let is_struct = matches!(module.types[split.given].inner, TypeInner::Struct { .. });
@@ -197,7 +197,7 @@ fn corner(module: &Module, entry: usize, split: &Split) -> Module {
     })
 }
 
-/// The module with its entry point taking the author's result as inputs.
+/// The module with an entry point that takes the author's result as inputs.
 fn evaluation(
     module: &Module,
     entry: usize,

@@ -1,5 +1,4 @@
-//! Splits a hoisted vertex stage into the author's function and the code that `hoist` put behind
-//! it.
+//! Splits a hoisted vertex stage into the author's function and the code that `hoist` appended.
 
 use naga::{
     Binding, Block, Expression, Function, FunctionArgument, Handle, Interpolation, Module,
@@ -19,8 +18,8 @@ pub(crate) struct Split {
     pub inputs: Vec<FunctionArgument>,
 }
 
-/// Splits an entry point; `None` unless it is straight-line code that first passes all its inputs
-/// on.
+/// Splits an entry point. `None` unless it is straight-line code that starts by passing on all its
+/// inputs.
 pub(crate) fn split(module: &Module, entry: usize) -> Option<Split> {
     let function = &module.entry_points[entry].function;
     let (author, arguments, given) = function.body.iter().find_map(|s| match s {
@@ -88,13 +87,13 @@ pub(crate) fn split(module: &Module, entry: usize) -> Option<Split> {
 /// The origin of a member of a vertex stage's result.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Origin {
-    /// The author's stage: the output with that index, or the whole result.
+    /// The author's stage: the output with this index, or the whole result.
     Author(Option<u32>),
     Hoisted,
 }
 
 impl Split {
-    /// The origin of each member of the result; `None` if it is not composed from members.
+    /// The origin of each member of the result. `None` if it is not composed from members.
     pub fn origins(&self) -> Option<Vec<Origin>> {
         let returned = self.rest.body.iter().find_map(|s| match s {
             Statement::Return { value } => *value,
@@ -155,7 +154,7 @@ fn body(
     Some(body)
 }
 
-/// How an output of the author's stage reaches a new vertex.
+/// How a new vertex gets an output of the author's stage.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Carried {
     /// Interpolated, with this many `f32`.
@@ -168,9 +167,8 @@ pub(crate) enum Carried {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(crate) struct Outputs {
     pub carried: Vec<Carried>,
-    /// Index of the position.
     pub position: usize,
-    /// Whether they are members of a struct; otherwise the position is the only output.
+    /// Whether they are members of a struct. Otherwise the position is the only output.
     pub is_struct: bool,
 }
 

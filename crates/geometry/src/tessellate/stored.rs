@@ -1,5 +1,5 @@
-//! New vertices in a buffer: the compute stage that stores them and the vertex stage that loads
-//! them.
+//! Stores new vertices in a buffer: the compute stage that writes them and the vertex stage that
+//! loads them.
 
 use std::collections::BTreeMap;
 
@@ -38,7 +38,7 @@ impl Stored {
     /// The layout of these members, by index, of a vertex stage's result type.
     ///
     /// # Errors
-    /// A message: a member does not consist of 32-bit numbers.
+    /// The reason as text: a member does not consist of 32-bit numbers.
     pub fn of(
         module: &Module,
         result: Handle<Type>,
@@ -84,8 +84,8 @@ impl Stored {
         self.members.iter().map(|m| m.index)
     }
 
-    /// Loads a member of a vertex in the buffer; `None` if it is not stored, or our own text is
-    /// incomplete.
+    /// Loads a member of a vertex from the buffer. `None` if it is not stored, or if our own WGSL
+    /// is incomplete.
     pub(super) fn load(
         &self,
         build: &mut CodeBuilder<'_>,
@@ -103,10 +103,10 @@ impl Stored {
         })
     }
 
-    /// The functions of our text that load the members, by width.
+    /// The generated functions that load the members, by width.
     ///
     /// # Errors
-    /// A message: our own text is incomplete.
+    /// The reason as text: our own WGSL is incomplete.
     pub(super) fn loads(
         &self,
         by_name: &BTreeMap<String, Handle<Function>>,
@@ -166,7 +166,7 @@ pub(crate) enum Evaluation {
 /// `functions`' module with a compute entry point that evaluates and stores every new vertex.
 ///
 /// # Errors
-/// A message: our own text is incomplete.
+/// The reason as text: our own WGSL is incomplete.
 pub(crate) fn stored(
     functions: &Functions,
     vertex: usize,
@@ -260,10 +260,10 @@ pub(crate) fn stored(
     }))
 }
 
-/// `module` with its vertex entry point reading the vertices that a compute pass stored.
+/// `module` with a vertex entry point that reads the vertices that a compute pass stored.
 ///
 /// # Errors
-/// A message: our own text is incomplete.
+/// The reason as text: our own WGSL is incomplete.
 pub(crate) fn loaded(
     module: Module,
     vertex: usize,

@@ -30,11 +30,10 @@ pub(crate) struct Text<'a> {
     pub attributes: &'a [AttributeUse],
     /// Widths of the interpolated varyings, 1 to 4, including the position's 4.
     pub widths: &'a [u8],
-    /// Bind slots.
     pub slots: Slots,
-    /// How a vertex knows its place.
+    /// How a vertex finds its place.
     pub place: VertexPlace,
-    /// Use of the buffer of new vertices, and the vector widths in it; `None` without a buffer.
+    /// Use of the buffer of new vertices, and the vector widths in it. `None` without a buffer.
     pub points: Option<(Points, &'a [u8])>,
     /// Order of an edge's ends.
     pub order: Order,
@@ -49,12 +48,12 @@ pub(crate) enum Order {
     AsRecorded,
 }
 
-/// How a new vertex knows its place.
+/// How a new vertex finds its place.
 #[derive(Clone, Copy)]
 pub enum VertexPlace {
     /// From the pattern and the triangle of this instance.
     Pattern {
-        /// Vertices of the pattern.
+        /// Vertices per pattern.
         vertices: u32,
         /// Triangles per instance.
         batch: u32,
@@ -63,16 +62,15 @@ pub enum VertexPlace {
     },
     /// From the pattern of the highest level and the lengths of the triangle's edges on the screen.
     Adaptive {
-        /// Vertices of the pattern.
+        /// Vertices per pattern.
         vertices: u32,
         /// Triangles per instance.
         batch: u32,
         /// Pixels per segment.
         edge_pixels: u32,
-        /// The highest level.
         most: u32,
     },
-    /// From a record of its own.
+    /// From its own record.
     Record {
         /// Sum of the weights.
         denominator: u32,
@@ -86,9 +84,7 @@ pub(crate) const WORKGROUP: u32 = 64;
 /// `tessellated_load_N(at)` in the vertex stage.
 #[derive(Clone, Copy, PartialEq, Eq)]
 pub enum Points {
-    /// Written.
     Stored,
-    /// Read.
     Loaded,
 }
 
@@ -327,7 +323,7 @@ fn tessellated_place(vertex: u32, instance: u32) -> TessellatedPlace {{
     }
 }
 
-/// Compares bits: equal positions are equal ends, whatever their vertices are called.
+/// Compares bits: ends with equal positions are equal, however their vertices are numbered.
 const PRECEDES: &str = "fn tessellated_precedes(a: vec4<f32>, b: vec4<f32>) -> bool {
     let p = bitcast<vec4<u32>>(a);
     let q = bitcast<vec4<u32>>(b);

@@ -1,4 +1,4 @@
-//! The sources of bindings beyond the author's.
+//! Sources of the bindings that the author's program lacks.
 
 use super::text::Slots;
 use preshade_plan::draw_table::IDS;

@@ -28,7 +28,6 @@ use preshade_plan::state::{
 };
 
 impl SplitMaterial<'_> {
-    /// Adds the id pass.
     pub(super) fn ids(
         &self,
         plan: &mut Plan,
@@ -105,7 +104,7 @@ impl SplitMaterial<'_> {
         Ok(())
     }
 
-    /// Adds the pass that separates the draws of a frame, which all materials share.
+    /// Adds the pass that separates the draws of a frame. All materials share it.
     pub(super) fn classify(
         &self,
         plan: &mut Plan,
@@ -117,7 +116,7 @@ impl SplitMaterial<'_> {
             .program
             .with_module(module)
             .map_err(|e| e.to_string())?;
-        // Its resources have the numbers of the author's, and are others.
+        // Its bindings reuse the author's numbers for other resources.
         let of_frame = Declared {
             depth: program.declared().depth,
             origin_upper_left: program.declared().origin_upper_left,
@@ -322,7 +321,6 @@ impl SplitMaterial<'_> {
         Ok(())
     }
 
-    /// Adds the resolve pass.
     pub(super) fn resolve(
         &self,
         plan: &mut Plan,

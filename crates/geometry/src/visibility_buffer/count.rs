@@ -16,7 +16,7 @@ use preshade_plan::reflect;
 /// The full-screen pass and program that replace a resolving compute pass to count its pixels.
 ///
 /// # Errors
-/// Our own program does not validate: a bug.
+/// Our own program does not validate, which is a bug.
 pub fn counted(plan: &Plan, compute: &ComputePass) -> Result<(GpuPass, Program), String> {
     let program = plan
         .programs

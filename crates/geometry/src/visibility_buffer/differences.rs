@@ -1,9 +1,10 @@
-//! Finds what the colours of a fragment stage read that rasteriser and resolve round differently.
+//! Finds the values behind a fragment stage's colours that rasteriser and resolve round
+//! differently.
 //!
 //! Both interpolate the same real-number function, and no language defines its last bits. One
-//! operation later they may be any difference: a texel's weight has steps of 1/256, a highlight is
-//! steep, a comparison is a jump. The pixel's place, its facing and flat values are the same in
-//! both.
+//! operation later the difference may have any size: a texel's weight has steps of 1/256, a
+//! highlight is steep, a comparison is a jump. The pixel's position, its facing and flat values are
+//! equal in both.
 
 use naga::{
     Binding, BuiltIn, DerivativeControl, Expression, ImageDimension, SampleLevel, Span,
@@ -13,7 +14,7 @@ use naga::{
 use naga_edit::interface::Io;
 use preshade_passes::analysis::values::{Node, ValueId, Values};
 
-/// What rasteriser and resolve round differently, in a fragment stage sliced to its colours.
+/// Values that rasteriser and resolve round differently, in a fragment stage sliced to its colours.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub(crate) struct Reached {
     /// Place of the first expression that reads an interpolated value, or that samples at an
@@ -45,7 +46,7 @@ impl Taken {
     }
 }
 
-/// Looks through the values of a stage.
+/// Finds the differently rounded values of a stage.
 pub(crate) fn reached(values: &Values<'_, '_>) -> Reached {
     let users = values.users();
     let mut out = Reached::default();
@@ -98,9 +99,9 @@ pub(crate) fn reached(values: &Values<'_, '_>) -> Reached {
 #[derive(Clone, Copy)]
 enum InputKind {
     Interpolated,
-    /// Its x and y are the pixel's.
+    /// Only its x and y equal the pixel's.
     Position,
-    /// The same in rasteriser and resolve.
+    /// Equal in rasteriser and resolve.
     Same,
 }
 
@@ -134,7 +135,7 @@ fn is_cube(values: &Values<'_, '_>, sample: ValueId, image: naga::Handle<Express
     matches!(image, TypeInner::Image { dim, .. } if *dim == cube)
 }
 
-/// Whether only the pixel's place of a position is used.
+/// Whether only the pixel coordinates of a position are used.
 fn is_place(expression: &Expression) -> bool {
     use SwizzleComponent::{X, Y};
     match expression {

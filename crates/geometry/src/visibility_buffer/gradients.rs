@@ -1,10 +1,10 @@
-//! A fragment stage without derivatives: the differences between lanes of a quad become inputs.
+//! Removes derivatives from a fragment stage: the differences between lanes of a quad become
+//! inputs.
 //!
-//! ```text
-//! before:  let base = textureSample(albedo, s, in.uv * 4.0);
+//! ```text before:  let base = textureSample(albedo, s, in.uv * 4.0);
 //!
-//! after:   fn gradient_roots(in) -> vec2<f32> { return in.uv * 4.0; }       called for pixels of the quad
-//!          let base = textureSampleGrad(albedo, s, in.uv * 4.0, dx, dy);    dx and dy being inputs
+//! after:   fn gradient_roots(in) -> vec2<f32> { return in.uv * 4.0; }       called for pixels of
+//! the quad let base = textureSampleGrad(albedo, s, in.uv * 4.0, dx, dy);    dx and dy are inputs
 //! ```
 //!
 //! A level contains all derivatives that depend on no other remaining derivative. A dependent read
@@ -48,8 +48,8 @@ pub(crate) struct Level {
     pub function: Handle<naga::Function>,
     /// The input for each argument, or for each member of a struct argument.
     pub arguments: Vec<Vec<Binding>>,
-    /// Its results: one value, or a struct. The gradients of value `i` are the inputs at
-    /// `first + 2 i` and `first + 2 i + 1`.
+    /// Its results: one value, or a struct. The gradients of value `i` are the inputs at `first + 2
+    /// i` and `first + 2 i + 1`.
     pub values: Vec<TypeInner>,
     /// Location of the first gradient.
     pub first: u32,
@@ -104,7 +104,6 @@ pub(crate) fn remedy(info: &RefusalInfo) -> &'static str {
 pub(crate) struct Shaded<'g, 'p> {
     /// The values of the stage, unless there are too many.
     pub values: Result<Values<'g, 'p>, TooLarge>,
-    /// Index of the stage.
     pub fragment: usize,
     program: &'p Program,
 }
@@ -133,7 +132,7 @@ pub(crate) fn explicit(shaded: &Shaded<'_, '_>, like: &Rasterizer) -> Result<Exp
         next: GRADIENTS,
     };
     let mut program = shaded.program.clone();
-    // The values of `shaded` serve as long as its program is unchanged.
+    // The values of `shaded` remain valid while its program is unchanged.
     let mut is_given = true;
     let mut is_done = false;
     loop {
@@ -171,17 +170,17 @@ fn too_large(why: TooLarge) -> Failed {
 
 struct Levels {
     levels: Vec<Level>,
-    /// Locations of gradients that may differ between pixels of a quad: derivatives (coarse ones too,
-    /// by the driver's choice), and samples if the adapter does so. The function of a further level
-    /// is called for the pixel's neighbours with this pixel's gradients.
+    /// Locations of gradients that may differ between pixels of a quad: derivatives (even coarse
+    /// ones, as the driver chooses), and samples if the adapter does so. The function of a further
+    /// level is called for the pixel's neighbours with this pixel's gradients.
     read: BTreeSet<u32>,
     /// Location of the next gradient.
     next: u32,
 }
 
 impl Levels {
-    /// Adds the level of the derivatives that depend on no other: the module without them, and whether
-    /// none is left. `None` if there is no derivative.
+    /// Adds the level of the derivatives that depend on no other. Returns the module without them,
+    /// and whether no others remain. `None` if there is no derivative.
     fn add(
         &mut self,
         program: &Program,
@@ -223,8 +222,8 @@ fn is_at(locations: &BTreeSet<u32>, input: &Binding) -> bool {
     matches!(input, Binding::Location { location, .. } if locations.contains(location))
 }
 
-/// The module with every derivative's operand evaluated by a statement; an argument by itself is
-/// not. `None` if it is already so.
+/// The module with every derivative's operand evaluated by a statement. A bare argument is not
+/// evaluated so. `None` if nothing changes.
 fn evaluated(module: &Module, entry: usize) -> Option<Module> {
     let mut out = None;
     let ids = module
@@ -311,15 +310,15 @@ struct Site {
     expression: Handle<Expression>,
     root: Handle<Expression>,
     neighbours: Neighbours,
-    /// Whether all pixels of the quad share the gradient, as for samples unless the adapter gives
-    /// each its own.
+    /// Whether all pixels of the quad share the gradient. This holds for samples, unless the
+    /// adapter gives each pixel its own.
     is_shared: bool,
 }
 
-/// The derivatives that depend on no other, of one kind of neighbours.
+/// The derivatives that depend on no other, with the same kind of neighbours.
 struct Sites {
     sites: Vec<Site>,
-    /// Whether there are no others.
+    /// Whether no other derivatives remain.
     is_all: bool,
 }
 
@@ -411,7 +410,7 @@ fn sites(values: &Values<'_, '_>, like: &Rasterizer) -> Result<Sites, Failed> {
     })
 }
 
-/// Whether a value depends on one of `others`, apart from itself.
+/// Whether a value depends on one of `others` other than itself.
 fn depends_on(values: &Values<'_, '_>, id: ValueId, others: &[ValueId]) -> bool {
     let seen = with_operands(values, values.values[id].operands.clone());
     others.iter().any(|o| seen[*o])
@@ -435,7 +434,7 @@ fn repeats(values: &Values<'_, '_>, mut context: ContextId, e: Handle<Expression
     }
 }
 
-/// Whether WGSL has `textureSampleGrad` for a sample; it does not for comparisons, depth textures
+/// Whether WGSL has `textureSampleGrad` for a sample. It lacks it for comparisons, depth textures
 /// and 1D textures.
 fn has_gradient_form(module: &Module, function: &naga::Function, sample: &Expression) -> bool {
     let Expression::ImageSample {
@@ -457,7 +456,7 @@ fn has_gradient_form(module: &Module, function: &naga::Function, sample: &Expres
     )
 }
 
-/// The array of textures that a sample reads an element of.
+/// The texture array from which a sample reads an element.
 fn array<'m>(
     module: &'m Module,
     function: &naga::Function,
@@ -505,7 +504,7 @@ fn dimension(
 struct Round {
     sites: Vec<Site>,
     wanted: Vec<Wanted>,
-    /// Index in `wanted` of each site's root; `None` if the root is the same for all fragments.
+    /// Index in `wanted` of each site's root. `None` if the root is the same for all fragments.
     of_site: Vec<Option<usize>>,
     first: u32,
 }

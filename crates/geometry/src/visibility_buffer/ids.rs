@@ -28,10 +28,10 @@ pub(crate) const VERTEX: &str = "vs_visible_ids";
 /// Entry point name.
 pub(crate) const FRAGMENT: &str = "fs_visible_ids";
 
-/// How a resolve knows the facing of a pixel's triangle.
+/// How a resolve determines the facing of a pixel's triangle.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Facing {
-    /// It does not read it, or only front faces are visible.
+    /// It is not needed, or only front faces are visible.
     Front,
     /// Only back faces are visible.
     Back,
@@ -40,7 +40,7 @@ pub(crate) enum Facing {
     Written,
 }
 
-/// How a fragment knows its triangle.
+/// How a fragment determines its triangle.
 pub(crate) enum Triangles<'a> {
     /// From the builtin `primitive_index`.
     PrimitiveIndex,
@@ -98,10 +98,10 @@ impl IdStage {
     }
 }
 
-/// `module` with the id pass's entry points in place of the depth-only ones of these names.
+/// `module` with the id pass's entry points in place of the depth-only ones with these names.
 ///
 /// # Errors
-/// A message: our own text does not parse or link, or an input has no source.
+/// The reason as text: our own WGSL does not parse or link, or an input has no source.
 pub(crate) fn add(
     module: Module,
     vertex: &str,
@@ -207,8 +207,8 @@ pub(crate) fn add(
     ))
 }
 
-/// The position and the id of a vertex that is drawn without indices: vertex `3 n + k` is corner
-/// `k` of triangle `n`.
+/// The position and the id of a vertex drawn without indices: vertex `3 n + k` is corner `k` of
+/// triangle `n`.
 fn unindexed(
     build: &mut CodeBuilder<'_>,
     [word, id_type]: [Handle<Type>; 2],
@@ -250,7 +250,6 @@ fn vec2(module: &mut Module) -> Handle<Type> {
         .insert(Type { name: None, inner }, Span::UNDEFINED)
 }
 
-/// The first free location.
 fn free_location(outputs: &[Io]) -> u32 {
     let is_taken = |free: u32| {
         outputs.iter().any(

@@ -1,4 +1,4 @@
-//! Legality of the split.
+//! Decides whether a material can be split.
 
 use naga::valid::GlobalUse;
 use naga::{AddressSpace, Binding, BuiltIn, Expression, GlobalVariable, Handle, Module};
@@ -56,7 +56,7 @@ pub(crate) fn state(plan: &Plan, pass: &GpuPass) -> Vec<Refusal> {
     refusals
 }
 
-/// The refusal of a rounding contract, if colours depend on what rasteriser and resolve round
+/// Refuses a rounding contract if colours depend on values that rasteriser and resolve round
 /// differently.
 pub(crate) fn rounding(reached: &Reached, sources: &SourceMap) -> Option<Refusal> {
     let reason = "the colours depend on interpolated values or on an implicit level of detail. \
@@ -104,14 +104,14 @@ pub(crate) fn vertex(opaque: &Opaque<'_>) -> Vec<Refusal> {
 /// Depth ranges of the viewports of a material's draws.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum DepthRange {
-    /// 0 to 1, as far as known.
+    /// 0 to 1, or unknown.
     Whole,
-    /// A draw has another.
+    /// Some draw has another range.
     Narrow,
 }
 
 /// Checks that the fragment stage can run on reconstructed inputs. `colors` is the slice of its
-/// colours, because a struct of inputs may have members that they do not need.
+/// colours, because a struct of inputs may have unneeded members.
 pub(crate) fn fragment(opaque: &Opaque<'_>, colors: &Slice, depths: DepthRange) -> Vec<Refusal> {
     let mut refusals = Vec::new();
     let module = opaque.program.module();
@@ -167,8 +167,8 @@ pub(crate) fn fragment(opaque: &Opaque<'_>, colors: &Slice, depths: DepthRange) 
     refusals
 }
 
-/// Refuses a stage that writes private variables. GLSL inputs and outputs that functions other than
-/// `main` use are among them.
+/// Refuses a stage that writes private variables. These include GLSL inputs and outputs that
+/// functions other than `main` use.
 fn kept_state(
     opaque: &Opaque<'_>,
     entry: usize,
@@ -226,7 +226,7 @@ fn kept_state(
     ))
 }
 
-/// The first function, entry points apart, that uses a variable.
+/// Name of the first function, except entry points, that uses a variable.
 fn user(module: &Module, variable: Handle<GlobalVariable>) -> Option<&str> {
     let uses = |e: &Expression| matches!(e, Expression::GlobalVariable(g) if *g == variable);
     let mut functions = module.functions.iter().map(|(_, function)| function);
@@ -235,7 +235,7 @@ fn user(module: &Module, variable: Handle<GlobalVariable>) -> Option<&str> {
         .and_then(|f| f.name.as_deref())
 }
 
-/// How the resolve knows the facing of a pixel.
+/// How the resolve determines the facing of a pixel.
 pub(crate) fn facing(opaque: &Opaque<'_>, colors: &Slice) -> Facing {
     let module = opaque.program.module();
     let all = interface::inputs(module, &module.entry_points[colors.entry].function);

@@ -57,7 +57,8 @@ impl Lists {
         }
     }
 
-    /// The buffer of entries. Forms do not share buffers because they list different things.
+    /// Name of the buffer of entries. Forms do not share buffers, because they list different
+    /// things.
     fn entries(self) -> &'static str {
         match self {
             Self::None | Self::Quads => "visibility-quads",
@@ -66,7 +67,7 @@ impl Lists {
         }
     }
 
-    /// The buffer of listed items.
+    /// Name of the buffer of listed items.
     fn listed(self) -> &'static str {
         match self {
             Self::None | Self::Quads => "visibility-quad-tiles",
@@ -120,7 +121,7 @@ impl Lists {
     /// Adds the passes that fill the lists, and their buffers.
     ///
     /// # Errors
-    /// Our own program does not parse or validate: a bug.
+    /// Our own program does not parse or validate, which is a bug.
     pub fn add(self, plan: &mut Plan, program: &Program, words: Words) -> Result<(), String> {
         let mut buffer = |name: &str, holds| {
             plan.frame_buffers.push(FrameBuffer {
@@ -237,7 +238,7 @@ impl Pass {
         let linked = Linked::new(naga::Module::default(), &self.text)?;
         let module = place::retain(&linked.module, &[(ShaderStage::Compute, self.entry)]);
         let program = program.with_module(module).map_err(|e| e.to_string())?;
-        // Nothing of the author's is in it, and their numbers are those of other resources.
+        // It contains none of the author's resources, and reuses their numbers.
         let program = program.with_declared(Declared::default());
         let geometry = |part| BindingSource::Geometry { part };
         let mut sources = match self.reads {
@@ -279,7 +280,7 @@ fn of_frame(buffer: &str) -> BindingSource {
     }
 }
 
-/// A read-only buffer or texture of the plan's own.
+/// A read-only buffer or texture that the plan adds.
 pub(crate) fn bound((group, binding): (u32, u32), source: BindingSource) -> BindingUse {
     BindingUse::new([group, binding], BindingKind::StorageRead, source)
 }
@@ -391,7 +392,7 @@ fn cs_scan(@builtin(workgroup_id) group: vec3<u32>, @builtin(local_invocation_in
 }
 ";
 
-/// Pixels that another form shades have no place.
+/// Pixels that another form shades are skipped.
 const SCATTER: &str =
     "@group(0) @binding(2) var<storage, read_write> visibility_instances: array<atomic<u32>>;
 @group(0) @binding(3) var<storage, read_write> visibility_listed: array<u32>;

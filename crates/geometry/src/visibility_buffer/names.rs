@@ -1,4 +1,4 @@
-//! Keeps generated names and the author's apart. A writer renames whichever comes second, but hosts
+//! Keeps generated names distinct from the author's. A writer would rename the later one, but hosts
 //! rely on some names.
 
 use std::collections::BTreeSet;
@@ -16,7 +16,7 @@ const ENTRY_POINTS: [&str; 5] = [
     resolve::COMPUTE,
 ];
 
-/// A name of the author's that avoids those of generated entry points.
+/// A replacement for an author's name that collides with a generated entry point.
 pub(crate) fn given(name: &str) -> String {
     match ENTRY_POINTS.contains(&name) {
         true => format!("{name}_given"),

@@ -1,11 +1,9 @@
-//! The resolve pass: the author's two stages for the triangle that a pixel shows.
+//! The resolve pass: the author's two stages for the triangle visible at a pixel.
 //!
-//! ```text
-//! fs_visible(at) -> id = ids[at]; discard where it is another draw's
-//!                   a, b, c = vs_corner(each corner of the triangle, instance)
-//!                   weights of a, b and c at this pixel, and at those of its quad for the gradients
-//!                   fs_shaded(varyings by their own interpolation, builtins reconstructed, gradients)
-//! ```
+//! ```text fs_visible(at) -> id = ids[at]; discard if it belongs to another draw a, b, c =
+//! vs_corner(each corner of the triangle, instance) weights of a, b and c at this pixel, and at
+//! those of its quad for the gradients fs_shaded(varyings by their own interpolation, builtins
+//! reconstructed, gradients) ```
 
 use std::collections::{BTreeMap, BTreeSet};
 
@@ -54,7 +52,7 @@ pub(crate) struct Resolve<'a> {
     pub vertex: usize,
     /// The author's attributes, to be fetched.
     pub attributes: &'a [AttributeUse],
-    /// How the resolve knows the facing of a pixel.
+    /// How the resolve determines the facing of a pixel.
     pub facing: Facing,
     /// How it skips the pixels of other draws.
     pub select: Select,
@@ -64,7 +62,6 @@ pub(crate) struct Resolve<'a> {
     /// Words per id.
     pub words: Words,
     pub corners: Corners,
-    /// The lists it uses.
     pub lists: Lists,
     /// The source of the vertex results.
     pub vertices: Vertices,
@@ -113,7 +110,7 @@ pub(crate) fn colors_of(module: &Module, fragment: &Function) -> Vec<Criterion> 
 /// The program with a fragment entry point replaced by the slice of its colours.
 ///
 /// # Errors
-/// The slice doesn't validate: a bug.
+/// The slice does not validate, which is a bug.
 pub(crate) fn shaded(graph: &Graph<'_>, colors: &Slice) -> Result<Program, String> {
     let program = graph.program();
     let name = format!(
@@ -195,7 +192,7 @@ impl Resolve<'_> {
     /// The module with the resolve pass's entry points.
     ///
     /// # Errors
-    /// A message: our own text does not parse or link, or the stages do not fit together.
+    /// The reason as text: our own WGSL does not parse or link, or the stages do not fit together.
     pub fn build(self, slots: Slots) -> Result<Built, String> {
         let Self {
             graph,
@@ -325,7 +322,7 @@ fn used(module: &Module, author: &VertexStage, all: &[AttributeUse]) -> Vec<Attr
     all.iter().filter(read).cloned().collect()
 }
 
-/// The functions of our text that fetch these attributes, by location.
+/// The generated functions that fetch these attributes, by location.
 fn fetched(
     attributes: &[AttributeUse],
     by_name: &BTreeMap<String, Handle<Function>>,
@@ -368,8 +365,8 @@ pub struct VertexStage {
     pub is_struct: bool,
 }
 
-/// Adds the author's vertex stage to `onto`, sliced to the position and the locations that are read.
-/// `onto` has all that the author's module has, with the same handles.
+/// Adds the author's vertex stage to `onto`, sliced to the position and the locations that are
+/// read. `onto` contains everything in the author's module, with the same handles.
 fn author(
     graph: &Graph<'_>,
     onto: &Module,

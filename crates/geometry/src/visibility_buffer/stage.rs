@@ -1,4 +1,4 @@
-//! Writes the resolving entry point, statement by statement.
+//! Writes the resolve's entry point, statement by statement.
 
 use std::collections::BTreeMap;
 
@@ -96,7 +96,6 @@ pub(crate) enum Colors {
     Members(Vec<Option<Colored>>),
 }
 
-/// A colour.
 #[derive(Clone, Copy)]
 pub(crate) struct Colored {
     location: u32,
@@ -141,7 +140,7 @@ struct Triangle {
     positions: [Handle<Expression>; 3],
 }
 
-/// Knowledge about a pixel's place.
+/// Where a pixel may lie relative to the triangle.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum LanePlace {
     /// The triangle covers it.
@@ -166,7 +165,7 @@ impl ResolveStage<'_> {
         build.call(*self.ours.get(name)?, arguments)
     }
 
-    /// Writes the stage, or returns a message.
+    /// Writes the stage. Returns a message if it fails.
     pub fn write(&self, build: &mut CodeBuilder<'_>, runs: &Runs) -> Option<String> {
         let written = match runs {
             Runs::Fragment => self.fragment(build),
@@ -474,7 +473,7 @@ const XYZW: [naga::SwizzleComponent; 4] = [
     naga::SwizzleComponent::W,
 ];
 
-/// How a vertex output reaches a pixel.
+/// How a pixel gets a vertex output.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 enum Travels {
     /// Taken from the first corner.

@@ -38,7 +38,6 @@ pub(crate) struct KeptVertices {
     given: (Handle<Type>, bool),
 }
 
-/// Access to the buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(crate) enum Access {
     Store,
@@ -49,7 +48,7 @@ impl KeptVertices {
     /// The layout of these outputs.
     ///
     /// # Errors
-    /// A message: an output does not consist of 32-bit numbers.
+    /// The reason as text: an output does not consist of 32-bit numbers.
     pub fn of(
         module: &Module,
         outputs: &[Io],
@@ -127,7 +126,7 @@ impl KeptVertices {
     /// `NAME_kept(vertex, instance)`: loads a result.
     ///
     /// # Errors
-    /// A message: our own text lacks a function.
+    /// The reason as text: our own WGSL lacks a function.
     pub fn load(
         &self,
         mut module: Module,
@@ -174,7 +173,7 @@ impl KeptVertices {
     /// Adds the compute stage that stores the results of `corner`.
     ///
     /// # Errors
-    /// A message: our own text lacks a function.
+    /// The reason as text: our own WGSL lacks a function.
     pub fn store(
         &self,
         mut module: Module,

@@ -1,13 +1,13 @@
-//! The fixed WGSL of a visibility buffer: ids, corners of triangles, and the place of a pixel in
+//! The fixed WGSL of a visibility buffer: ids, corners of triangles, and the position of a pixel in
 //! its triangle.
 //!
 //! Barycentrics come from homogeneous edge functions (Olano and Greer, "Triangle scan conversion
 //! using 2D homogeneous coordinates", 1997). With corners `(x, y, w)` and a pixel at `(X, Y)`, the
 //! edge function of corner `i` is proportional to its perspective-correct weight, even for a
 //! negative or zero `w`. We subtract the pixel first and fuse products with their differences where
-//! the device supports it (Kahan's determinant of two by two), so that cancellation loses little.
-//! Edges of twice the precision change hardly a pixel of the fixtures. The remaining difference is
-//! the rasteriser's, which snaps vertices before interpolating ([`Corners`]).
+//! the device supports it (Kahan's 2x2 determinant), so that cancellation loses little. Edges of
+//! twice the precision change hardly a pixel of the fixtures. The remaining difference comes from
+//! the rasteriser, which snaps vertices before it interpolates ([`Corners`]).
 
 use std::fmt::Write;
 
@@ -144,7 +144,7 @@ pub(crate) fn resolve(slots: Slots, widths: &[u8], words: Words, corners: Corner
     out
 }
 
-/// The vertex stage of a full-screen pass at the depth of its draw.
+/// The vertex stage of a full-screen pass at the depth that stands for its draw.
 pub(crate) const SCREEN: &str = "@vertex
 fn vs_visible(@builtin(vertex_index) vertex: u32) -> @builtin(position) vec4<f32> {
     let depth = visible_number(visibility.number);
@@ -209,7 +209,7 @@ fn visible_store_{location}_(id: vec3<u32>, color: vec4<f32>) {{
     out
 }
 
-/// The pass that clears the scene's colour: a triangle out of sight.
+/// The pass that clears the scene's colour by drawing a triangle outside of the view.
 pub(crate) fn clear(locations: &[u32]) -> String {
     let members: String = locations
         .iter()
@@ -249,8 +249,8 @@ fn fs_count(@builtin(position) at: vec4<f32>) -> @location(0) vec4<f32> {
     out
 }
 
-/// `visible_number(draw)`: the depth for a draw, a quarter step of 16 bits beyond its own, so that
-/// truncation and rounding give the same step.
+/// `visible_number(draw)`: the depth that stands for a draw. It lies a quarter of a 16-bit step
+/// beyond the exact step, so that truncation and rounding give the same step.
 const NUMBER: &str = "fn visible_number(draw: u32) -> f32 {
     return (f32(draw) + 1.25) / 65535.0;
 }

@@ -2,22 +2,21 @@
 
 use naga::{ArraySize, Handle, Module, Span, StructMember, Type, TypeInner};
 
-/// Types of the second module, and those of the first that they become.
+/// Types of the second module, with the types of the first that replace them.
 pub(crate) type Pairs = Vec<(Handle<Type>, Handle<Type>)>;
 
-/// A member of a struct, to be found in the text.
+/// A member of a struct, to be located in the text.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Member {
     /// Span of the struct, or of a variable of it, in the address space of the source map.
     pub of: Span,
-    /// The member's name.
     pub name: String,
     pub text: String,
 }
 
 /// The first members that differ between two structs, or between nested structs. Each type comes
-/// with the span of a variable of it, for structs without one. `None` if one struct only has more
-/// members than the other, or they are not structs.
+/// with the span of a variable of that type, for structs without a span. `None` if one struct only
+/// has more members than the other, or they are not structs.
 pub(super) fn members_that_differ(
     module: &Module,
     a: (Handle<Type>, Span),
@@ -52,8 +51,8 @@ pub(super) fn members_that_differ(
     Some((member(of_a, m), member(of_b, n)))
 }
 
-/// A map from the second module's types to the first's, if their layouts differ in nothing but the
-/// names of structs and members. `None` if they differ, or there is nothing to map.
+/// A map from the second module's types to the first's, if their layouts differ only in the names
+/// of structs and members. `None` if they differ otherwise, or there is nothing to map.
 pub(crate) fn same(
     first: &Module,
     a: Handle<Type>,
@@ -70,8 +69,8 @@ pub(crate) enum Longer {
     Second,
 }
 
-/// If one of two structs only has more members at its end, or a last member that does: which, and a
-/// map from the second module's member types to the first's.
+/// If one of two structs only has more members at its end, or a last member that does: which one,
+/// and a map from the second module's member types to the first's.
 pub(crate) fn longer(
     first: &Module,
     a: Handle<Type>,

@@ -13,7 +13,6 @@ pub(super) struct Access {
     pub certainty: Certainty,
 }
 
-/// Finds memory accesses.
 pub(super) struct Touch<'a, 'f> {
     pub module: &'a Module,
     pub function: &'a Function,

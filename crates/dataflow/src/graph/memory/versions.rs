@@ -10,7 +10,7 @@ use crate::graph::cells::{Place, Root};
 use crate::graph::memory::{self, CellIndex, Certainty, Memory, Origin, VersionId};
 use crate::graph::statements::{Statements, StmtId};
 
-/// Numbers the versions of all cells of `memory`, in which only the cells are filled in.
+/// Numbers the versions of all cells of `memory`. Before, only the cells are filled in.
 pub(super) fn number(
     touch: &Touch<'_, '_>,
     statements: &Statements<'_>,
@@ -130,8 +130,8 @@ impl VersionWalk<'_, '_, '_> {
         }
     }
 
-    /// Walks one of several alternative blocks and undoes it. Returns its changes if control
-    /// reaches its end.
+    /// Walks one of several alternative blocks, and undoes its changes. Returns them if control
+    /// reaches the block's end.
     fn branch(&mut self, block: &Block, jumps: &mut Jumps) -> Option<Delta> {
         let (mark, live) = (self.log.len(), self.live);
         self.block(block, jumps);
