@@ -407,7 +407,6 @@ pub(super) fn construct(ty: &Ty, values: &[ConstantValue]) -> Option<ConstantVal
     parts.filter(|p| p.len() == n).map(Vector)
 }
 
-/// Converts a scalar.
 fn scalar(kind: Component, value: &ConstantValue) -> Option<ConstantValue> {
     Some(match (kind, value) {
         (Component::Int, Int(n)) => Int(*n),

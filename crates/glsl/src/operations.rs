@@ -26,7 +26,6 @@ fn operation(word: &str) -> Option<AtomicFunction> {
     })
 }
 
-/// A subgroup function.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) enum Subgroup {
     Collective(SubgroupOperation, CollectiveOperation),

@@ -489,7 +489,6 @@ pub(super) struct Parameter {
 #[derive(Clone, Debug)]
 pub(super) enum ParameterTy {
     Data(Ty),
-    /// A texture or sampler.
     Handle(HandleTy),
 }
 

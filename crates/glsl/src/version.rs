@@ -10,7 +10,6 @@ use shader_text::tokens::without_comments;
 const BLOCKS: &str = "GL_ARB_shader_storage_buffer_object";
 const IMAGES: &str = "GL_ARB_shader_image_load_store";
 
-/// GLSL version and profile.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Dialect {
     /// 100 to 460. See [`Dialect::of`] for a text without `#version`.

@@ -5,7 +5,6 @@ use super::number::Number;
 use super::value::Value;
 use naga::BinaryOperator as B;
 
-/// Columns of floats.
 type Columns<F> = Vec<Vec<F>>;
 
 fn columns<F: Number>(matrix: &Value<F>) -> Result<Columns<F>, Stuck> {

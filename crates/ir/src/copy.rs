@@ -58,7 +58,6 @@ impl Copies {
     }
 }
 
-/// A function during copying.
 #[derive(Debug)]
 pub struct Copying<'a> {
     /// The function that is copied.

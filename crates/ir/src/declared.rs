@@ -374,7 +374,6 @@ impl Located {
     }
 }
 
-/// Who chose a location.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Chosen {
     ByAuthor,

@@ -416,7 +416,6 @@ impl Separate {
         became
     }
 
-    /// Splits parameters of functions.
     fn parameters(&mut self, module: &mut Builder) {
         let mut functions = std::mem::take(&mut module.module_mut().functions);
         let class = StorageClass::UniformConstant;

@@ -21,7 +21,6 @@ pub(super) fn is_of_material(model: ExecutionModel) -> bool {
     matches!(model, ExecutionModel::Vertex | ExecutionModel::Fragment)
 }
 
-/// Selects entry points.
 #[derive(Clone, Copy, Default)]
 pub(super) struct Chosen<'a> {
     /// The only stage to keep. `None`: both.

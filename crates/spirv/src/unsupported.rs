@@ -9,7 +9,6 @@ use rspirv::spirv::{BuiltIn, Decoration, Dim, GlslStd450Op, Op, StorageClass, Wo
 use crate::words::{globals, ids, is_access, literal, storage_class};
 use shader_text::error::{Code, Error};
 
-/// An unsupported feature.
 pub(super) struct Lack {
     /// SPIR-V's name, such as `OpImageQueryLod`.
     pub(super) name: String,

@@ -11,7 +11,6 @@ use crate::limits::{Exceeded, Limits};
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
 pub enum ReadError {
-    /// The system's own error.
     #[error(transparent)]
     Io(#[from] io::Error),
     #[error("it is a folder")]

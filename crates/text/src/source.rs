@@ -60,7 +60,6 @@ pub struct Location {
 }
 
 impl SourceMap {
-    /// An empty map.
     pub fn new() -> Self {
         Self::default()
     }

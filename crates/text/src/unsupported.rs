@@ -31,7 +31,6 @@ pub struct Absent {
     names: &'static str,
     /// Why, after "NAME is not supported: ".
     why: &'static str,
-    /// What to do instead.
     remedy: &'static str,
 }
 

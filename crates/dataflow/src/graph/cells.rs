@@ -17,7 +17,6 @@ pub enum Root {
     Local(Handle<LocalVariable>),
     /// The memory that this pointer argument refers to.
     Argument(u32),
-    /// A writable global variable.
     Global(Handle<GlobalVariable>),
 }
 

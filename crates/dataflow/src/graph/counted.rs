@@ -18,7 +18,6 @@ const MOST_TRIPS: u32 = 4096;
 /// guarantees, holds this many lights of 64 bytes.
 pub const MOST_GUARDED: u32 = 1024;
 
-/// Whether a loop ends.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub enum Ends {
     #[default]

@@ -31,7 +31,6 @@ pub(crate) type CellIndex = usize;
 pub enum Origin {
     /// The value at function entry: initialiser or zero, or the caller's or host's value.
     Initial,
-    /// A statement writes it.
     Written {
         by: StmtId,
         /// The previous version, if the statement may preserve it in part or whole.

@@ -45,9 +45,7 @@ pub enum Rate {
     Const,
     /// Per draw: uniforms, textures at constant coordinates.
     Draw,
-    /// Per instance.
     Instance,
-    /// Per vertex.
     Vertex,
     /// An interpolated vertex value, of one interpolation class.
     Varying(Interpolated, At),
@@ -55,7 +53,6 @@ pub enum Rate {
     Mixed,
     /// Per fragment, or per other invocation.
     Fragment,
-    /// Per sample.
     Sample,
 }
 

@@ -45,7 +45,6 @@ pub enum Criterion {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub enum OutputFilter {
     All,
-    /// The clip-space position.
     Position,
     /// The depth a fragment stage writes.
     FragDepth,

@@ -880,7 +880,6 @@ impl FrameBuilder<'_, '_> {
 }
 
 impl Area {
-    /// Sets viewport and scissor.
     fn set(self, render: &mut wgpu::RenderPass<'_>) {
         let [x, y, w, h, near, far] = self.viewport;
         render.set_viewport(x, y, w, h, near, far);

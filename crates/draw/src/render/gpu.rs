@@ -13,7 +13,6 @@ use super::{Error, limits, trusted};
 use shader_text::limits::Trust;
 use shader_text::panics;
 
-/// Selects an adapter.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum AdapterChoice {
     /// The fastest kind available: discrete, integrated, virtual, then software.

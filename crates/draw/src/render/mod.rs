@@ -75,7 +75,6 @@ pub enum Error {
     Slow {
         /// Name of the submitted work.
         what: String,
-        /// The timeout.
         time: std::time::Duration,
     },
     /// The lock of an adapter that several processes share failed.
@@ -109,10 +108,7 @@ pub enum Error {
         .which.as_deref().unwrap_or("a loop"),
         preshade_plan::safety::MOST_TURNS
     )]
-    Endless {
-        /// Description of the loop.
-        which: Option<String>,
-    },
+    Endless { which: Option<String> },
     /// The plans of a scene's materials do not fit into one frame.
     #[error(transparent)]
     Frame(#[from] preshade_plan::frame::FrameError),

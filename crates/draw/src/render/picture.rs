@@ -59,7 +59,6 @@ enum Channel {
 }
 
 impl ColorImage {
-    /// Bytes per texel.
     pub fn texel_bytes(&self) -> usize {
         self.format.block_copy_size(None).unwrap_or(4) as usize
     }

@@ -64,7 +64,6 @@ pub(super) struct Meshes {
     known: Vec<(usize, String, Subdivision, Arc<SubdividedMesh>)>,
 }
 
-/// A draw's subdivided triangles.
 pub(super) struct SubdividedMesh {
     pattern: wgpu::Buffer,
     /// The triangles of a strip as a list.

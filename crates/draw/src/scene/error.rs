@@ -43,7 +43,6 @@ impl SceneError {
         }
     }
 
-    /// The stable code.
     pub fn code(&self) -> &'static str {
         match self.is_extension {
             true => codes::GLTF_EXTENSION.code,

@@ -5,7 +5,6 @@ use preshade_plan::program::Program;
 
 use super::Material;
 
-/// A bound global variable.
 #[derive(Clone, Copy, Debug)]
 pub struct Global<'a> {
     /// Name; empty for an unnamed GLSL block.

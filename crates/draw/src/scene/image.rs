@@ -55,7 +55,6 @@ pub struct Recipe {
     pub size: u32,
     /// Cells of the pattern across the texture, 1 to 4096.
     pub scale: u32,
-    /// Random seed.
     pub seed: u32,
     /// Colours for heights 0 and 1, as stored (that is sRGB-encoded when `srgb`), 0 to 1.
     pub colors: [[f32; 3]; 2],

@@ -500,7 +500,6 @@ fn dimension(
     }
 }
 
-/// One level under construction.
 struct Round {
     sites: Vec<Site>,
     wanted: Vec<Wanted>,

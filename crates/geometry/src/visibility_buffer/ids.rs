@@ -23,9 +23,7 @@ use preshade_passes::rebuild::snippet::{Linked, ours, word};
 use preshade_plan::geometry::Formats;
 use preshade_plan::plan::AttributeUse;
 
-/// Entry point name.
 pub(crate) const VERTEX: &str = "vs_visible_ids";
-/// Entry point name.
 pub(crate) const FRAGMENT: &str = "fs_visible_ids";
 
 /// How a resolve determines the facing of a pixel's triangle.

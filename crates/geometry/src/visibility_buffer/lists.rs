@@ -205,7 +205,6 @@ impl Lists {
 /// Pixel count of each instance, then the start of its pixels.
 const INSTANCES: &str = "visibility-bin-instances";
 
-/// A generated compute pass.
 struct Pass {
     program: &'static str,
     entry: &'static str,

@@ -33,11 +33,8 @@ use preshade_plan::plan::AttributeUse;
 use preshade_plan::program::Program;
 use preshade_plan::rasterizer::Corners;
 
-/// Entry point name.
 pub(crate) const VERTEX: &str = "vs_visible";
-/// Entry point name.
 pub(crate) const FRAGMENT: &str = "fs_visible";
-/// Entry point name.
 pub(crate) const COMPUTE: &str = "cs_visible";
 
 /// The inputs of the resolve pass.

@@ -24,7 +24,6 @@ use preshade_passes::rebuild::snippet::{define, ours, word};
 /// Name of the compute entry point.
 pub(crate) const ENTRY: &str = "cs_vertices";
 pub(crate) const BUFFER: &str = "visibility-vertices";
-/// Workgroup size.
 pub(crate) const WORKGROUP: u32 = 64;
 
 /// The layout of a vertex in the buffer.

@@ -9,7 +9,6 @@ pub(super) enum Word {
     Operator(String),
 }
 
-/// An invalid condition.
 #[derive(Clone, Debug, PartialEq)]
 pub(super) enum Wrong {
     /// A missing or misplaced token, with its index.

@@ -149,7 +149,6 @@ impl Resolver<'_, '_> {
         }
     }
 
-    /// Checks an index expression.
     pub(super) fn check_index(
         &self,
         of: &Ty,

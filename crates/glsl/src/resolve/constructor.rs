@@ -15,7 +15,6 @@ use crate::ty::{Component, Ty};
 use shader_text::error::Error;
 
 impl Resolver<'_, '_> {
-    /// Resolves a constructor call.
     pub(super) fn constructor(
         &mut self,
         ty: Ty,

@@ -209,7 +209,6 @@ impl Resolver<'_, '_> {
         ex
     }
 
-    /// Resolves a built-in variable.
     pub(super) fn own_variable(&mut self, name: &str, expr: &Expr) -> Result<Ex, Error> {
         let place = self.place(expr.span);
         let number = |n: i32| Ok(Ex::new(Node::int(n), Ty::INT));

@@ -149,7 +149,6 @@ impl GlslStage<'_> {
     }
 }
 
-/// Converts a precision qualifier.
 pub(super) fn precision(named: &ast::PrecisionQualifier) -> Precision {
     match named.content {
         PrecisionQualifierData::High => Precision::High,

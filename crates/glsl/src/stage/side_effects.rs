@@ -81,7 +81,6 @@ impl<'s> Effects<'s> {
         }
     }
 
-    /// Analyses one expression.
     pub(crate) fn within(e: &Expr, signatures: &'s HashMap<String, Vec<Signature>>) -> Self {
         let mut found = Self::of(signatures);
         e.visit(&mut found);

@@ -24,7 +24,6 @@ pub(crate) struct Reads {
 }
 
 impl Reads {
-    /// The built-in material's inputs.
     pub const BUILT_IN: Self = Self {
         joints: true,
         morphs: false,

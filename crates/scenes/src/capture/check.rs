@@ -15,9 +15,7 @@ use preshade_frames::folder::{Capture, get};
 pub struct Compared {
     /// Frame, from 0.
     pub frame: usize,
-    /// Pixels of the picture.
     pub pixels: u64,
-    /// Pixels that differ.
     pub differ: u64,
     /// Pixels that differ by more than one step of a channel of 8 bits.
     pub by_more: u64,

@@ -26,7 +26,6 @@ pub(super) fn same<T: DeserializeOwned>(of: impl Serialize) -> Result<T, String>
     serde_json::from_value(text).map_err(|_| format!("preshade has no {shown}"))
 }
 
-/// Makes a pipeline's material.
 pub(super) fn read(
     capture: &Capture,
     of: &RenderPipeline,

@@ -47,7 +47,6 @@ pub enum Error {
     /// A shader of the capture does not compile.
     #[error("shader {shader}: {error}")]
     Shader {
-        /// Index of the shader.
         shader: usize,
         error: Box<shader_text::error::Error>,
     },

@@ -149,7 +149,6 @@ pub(super) fn empty(capture: &Capture, view: &View) -> Result<Image, Error> {
     Ok(shown.image(texture, levels))
 }
 
-/// Converts a sampler.
 pub(super) fn sampler(of: &file::Sampler) -> Sampler {
     let address = |mode| match mode {
         wgpu::AddressMode::Repeat => Address::Repeat,

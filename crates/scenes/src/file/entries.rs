@@ -209,7 +209,6 @@ fn one_to_one() -> [f32; 2] {
     [1.0, 1.0]
 }
 
-/// Order of the copies.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub(super) enum FieldOrder {

@@ -17,7 +17,6 @@ use shader_text::read_limited;
 /// The shaders for drawing a glTF file.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub enum Shading {
-    /// The built-in metallic-roughness material.
     #[default]
     BuiltIn,
     /// One shader file for all materials, with both entry points.

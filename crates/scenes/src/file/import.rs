@@ -64,7 +64,6 @@ struct Whole<'a> {
     asset: &'a Asset,
     nodes: &'a Nodes<'a>,
     pictures: &'a Pictures<'a>,
-    /// The draw's own transform.
     place: Mat4,
     lights: Vec<Lit>,
     meshes: BTreeMap<MeshKey, usize>,

@@ -23,7 +23,6 @@ pub use lines::{Vertices, WireSphere};
 pub use primitives::{Cuboid, Plane, Sphere};
 pub use teapot::Teapot;
 
-/// Collects vertices and triangles.
 #[derive(Clone, Debug, Default)]
 pub struct MeshBuilder {
     positions: Vec<Vec3>,

@@ -14,7 +14,6 @@ pub(super) struct Skin {
     pub joints: usize,
     /// Index of the input that weights it.
     pub weights: usize,
-    /// The array of matrices.
     pub matrices: BufferRead,
 }
 

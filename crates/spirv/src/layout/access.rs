@@ -42,7 +42,6 @@ type Written<T = ()> = Result<T, String>;
 pub(super) struct Places(HashMap<Word, ChangedPointer>);
 
 impl Places {
-    /// Adds a variable.
     pub(super) fn add(&mut self, id: Word, class: StorageClass, memory: Rc<Memory>, value: Word) {
         let place = ChangedPointer {
             pointer: id,

@@ -15,7 +15,6 @@ use super::ids;
 /// A variable or pointer parameter, and its member (`None`: all of it).
 type Memory = (u32, Option<u32>);
 
-/// A write to memory.
 struct Write {
     to: Memory,
     pointer: u32,
