@@ -11,7 +11,7 @@ use preshade_frames::file::{Api, Refused};
 use preshade_frames::folder::{Capture, file_of, is_folder};
 use preshade_frames::page::{RECORDER, bookmarklet};
 use preshade_frames::pass::passes;
-use preshade_frames::trace::{self, TraceSummary, Wanted};
+use preshade_frames::trace::{self, FrameChoice, TraceSummary};
 use preshade_scenes::capture::{UnknownDepth, unknown_depths};
 use serde_json::Value;
 use shader_text::limits::Limits;
@@ -175,7 +175,7 @@ pub fn run(args: &CaptureArgs) -> Result<Ending, Failure> {
         }
         _ => {
             let condition = args.wait_for.as_deref().map(condition);
-            let place = Place::of(page, args.root.as_deref())?;
+            let place = Page::of(page, args.root.as_deref())?;
             let visit = Visit {
                 url: place.address(),
                 program: None,
@@ -221,7 +221,7 @@ fn kept(Failure(why): Failure, had_earlier: bool, out: &Path) -> Failure {
 
 /// Writes frames of a trace.
 fn traced(folder: &Path, args: &CaptureArgs, limits: &Limits) -> Result<Ending, Failure> {
-    let wanted = Wanted {
+    let wanted = FrameChoice {
         frames: args.frames as usize,
         from: args.from,
         by: args.frames_by.map(|by| match by {
@@ -296,13 +296,13 @@ fn no_page(file: &Path) -> Result<(), Failure> {
     Err(Failure(format!("error: `{name}` is no page: {remedy}")))
 }
 
-enum Place {
+enum Page {
     Web(String),
     /// A file of this machine, served from a folder.
     Local(Site, String),
 }
 
-impl Place {
+impl Page {
     /// The page as given: an address, a file or folder, or a host without `http://`.
     fn of(page: &str, root: Option<&Path>) -> Result<Self, Failure> {
         let path = Path::new(page.strip_prefix("file://").unwrap_or(page));

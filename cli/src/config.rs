@@ -63,7 +63,7 @@ enum From {
 
 /// The values of a flag.
 #[derive(Clone, Debug)]
-struct Said {
+struct FlagValues {
     words: Vec<OsString>,
     from: From,
 }
@@ -213,7 +213,7 @@ impl Config {
         let ContextValue::String(value) = error.get(ContextKind::InvalidValue)? else {
             return None;
         };
-        let is_it = |said: &Said| {
+        let is_it = |said: &FlagValues| {
             let words = said.words.iter().map(|w| w.to_string_lossy());
             words.into_iter().any(|w| w.contains(value.as_str()))
         };
@@ -454,7 +454,7 @@ fn scalar(text: &str) -> Value {
     }
 }
 
-type Values = BTreeMap<(String, String), Said>;
+type Values = BTreeMap<(String, String), FlagValues>;
 
 /// Separates several values in the environment. Recipes and paths may contain commas and blanks.
 const SEPARATOR: char = ';';
@@ -485,7 +485,7 @@ fn environment(command: &Command) -> Result<Values, Failure> {
                 }
                 _ => vec![word],
             };
-            let said = Said {
+            let said = FlagValues {
                 words,
                 from: From::Environment,
             };
@@ -560,7 +560,7 @@ fn values(table: &Table, command: &Command) -> Result<Values, String> {
 }
 
 /// The protection that a found file would lift by this value, in words that follow the flag's name.
-fn lifts(key: &str, said: &Said) -> Option<&'static str> {
+fn lifts(key: &str, said: &FlagValues) -> Option<&'static str> {
     let mut words = said.words.iter();
     if NOT_FOUND.contains(&key) {
         return Some("");
@@ -604,7 +604,7 @@ fn is_below_here(path: &Path) -> bool {
 }
 
 /// The file's values for a flag of `command`.
-fn said(command: &Command, key: &str, value: &Value) -> Result<Said, String> {
+fn said(command: &Command, key: &str, value: &Value) -> Result<FlagValues, String> {
     let word = |value: &Value| match value {
         Value::String(text) => Ok(text.clone()),
         Value::Integer(number) => Ok(number.to_string()),
@@ -621,7 +621,7 @@ fn said(command: &Command, key: &str, value: &Value) -> Result<Said, String> {
         Value::Array(all) => all.iter().map(word).collect::<Result<_, _>>()?,
         one => vec![word(one)?],
     };
-    Ok(Said {
+    Ok(FlagValues {
         words: words.into_iter().map(OsString::from).collect(),
         from: From::File,
     })

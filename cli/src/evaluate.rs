@@ -198,11 +198,11 @@ impl Tally {
 /// Adapters of one name, driver and backend: results of one are those of all.
 pub struct Model {
     report: AdapterReport,
-    cards: Vec<Place>,
+    cards: Vec<CardShare>,
 }
 
 /// A card, and the number of jobs that this process runs there.
-struct Place {
+struct CardShare {
     card: Card,
     busy: AtomicUsize,
 }
@@ -214,7 +214,7 @@ impl Model {
 
     /// The card with the fewest jobs of this process, and of those one that no other process uses.
     pub fn take(&self) -> Result<Seat<'_>, Failure> {
-        let mut cards: Vec<&Place> = self.cards.iter().collect();
+        let mut cards: Vec<&CardShare> = self.cards.iter().collect();
         cards.sort_by_key(|place| place.busy.load(Ordering::Relaxed));
         let mut first = None;
         for place in &cards {
@@ -238,7 +238,7 @@ impl Model {
 }
 
 pub struct Seat<'a> {
-    place: &'a Place,
+    place: &'a CardShare,
     /// Locked while it is in use, to make other processes take other cards.
     _of_others: Option<File>,
 }
@@ -284,7 +284,7 @@ pub fn models(cards: Vec<Card>, wanted: Option<&str>) -> Result<Vec<Model>, Fail
         }
         let id = adapter_id(&card.report);
         let report = card.report.clone();
-        let place = Place {
+        let place = CardShare {
             card,
             busy: AtomicUsize::new(0),
         };

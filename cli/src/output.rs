@@ -147,11 +147,11 @@ const SILENCE: Duration = Duration::from_secs(5);
 pub struct ProgressLine {
     bar: Option<ProgressBar>,
     /// State of the printed lines; `None` if the progress has no lines.
-    said: Option<Arc<Mutex<Said>>>,
+    said: Option<Arc<Mutex<ProgressState>>>,
 }
 
 /// The state of a line of progress.
-struct Said {
+struct ProgressState {
     began: Instant,
     told: Instant,
     what: String,
@@ -195,7 +195,7 @@ fn progress(done: Option<u64>, template: &str) -> ProgressLine {
     let tells = bar.is_none() && is_asked && worker::mine().is_none();
     let said = tells.then(|| {
         let now = Instant::now();
-        let said = Arc::new(Mutex::new(Said {
+        let said = Arc::new(Mutex::new(ProgressState {
             began: now,
             told: now,
             what: String::new(),
@@ -215,7 +215,7 @@ fn progress(done: Option<u64>, template: &str) -> ProgressLine {
     ProgressLine { bar, said }
 }
 
-impl Said {
+impl ProgressState {
     /// Prints a line if the last one is long ago.
     fn tell(&mut self) {
         if self.told.elapsed() < SILENCE || self.what.is_empty() {
@@ -232,7 +232,7 @@ impl Said {
 }
 
 impl ProgressLine {
-    fn say(&self, change: impl FnOnce(&mut Said)) {
+    fn say(&self, change: impl FnOnce(&mut ProgressState)) {
         if let Some(said) = &self.said {
             change(&mut said.lock().unwrap_or_else(PoisonError::into_inner));
         }

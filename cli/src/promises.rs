@@ -290,7 +290,7 @@ fn promises_of(findings: &[Finding]) -> usize {
     findings.iter().map(|f| f.materials.len()).sum()
 }
 
-struct Judged {
+struct JudgedVariant {
     variant: Variant,
     /// Whether its budget, if it has one, is the user's, or was chosen by measurement. If not, it
     /// comes from an example.
@@ -303,7 +303,7 @@ impl Promises {
     /// Adds a variant and its measurement. `untested`: why no verdict of this input counts.
     fn add(
         &mut self,
-        judged: &Judged,
+        judged: &JudgedVariant,
         report: &VariantReport,
         untested: Option<&str>,
         command: &dyn Fn(&str) -> String,
@@ -450,7 +450,7 @@ fn measure_scene(
     })?;
     let mut drawn: Vec<Variant> = Vec::new();
     let mut by_frame: BTreeMap<String, usize> = BTreeMap::new();
-    let mut all: Vec<Judged> = Vec::new();
+    let mut all: Vec<JudgedVariant> = Vec::new();
     for settled in &settled {
         let variant = settled.variant(session.originals(), &facts);
         if let Some(note) = settled.note(&variant, &facts) {
@@ -466,7 +466,7 @@ fn measure_scene(
             drawn.push(variant.clone());
             drawn.len() - 1
         });
-        all.push(Judged {
+        all.push(JudgedVariant {
             variant,
             is_budget_kept: given.contains(asked) || measure::leaves_a_choice(asked),
             drawn,

@@ -24,7 +24,7 @@ use shader_text::files::File;
 
 use crate::input::{Materials, ShaderArgs};
 use crate::materials::{self, Chosen, Job, Sum};
-use crate::rewritten::{Made, Times};
+use crate::rewritten::{RewriteResult, Times};
 use crate::watch::Reads;
 use crate::{Ending, Failure, Format, depfile, output};
 use shader_text::nearest::unknown;
@@ -188,7 +188,7 @@ pub fn run(args: &RewriteArgs, config: Option<&Path>) -> Result<Ending, Failure>
         }
     }
     let jobs = args.jobs()?;
-    let made: Vec<Result<Made, Failure>> = jobs
+    let made: Vec<Result<RewriteResult, Failure>> = jobs
         .par_iter()
         .map(|job| make(job, args, &recipe, &targets))
         .collect();
@@ -228,7 +228,7 @@ struct Run<'a> {
 
 impl<'a> Run<'a> {
     /// Adds a job, and writes its files.
-    fn add(&mut self, job: &'a Job, made: Result<Made, Failure>) -> Result<(), Failure> {
+    fn add(&mut self, job: &'a Job, made: Result<RewriteResult, Failure>) -> Result<(), Failure> {
         if made.is_err() && job.chosen == Chosen::Found && job.shader.is_no_material() {
             self.sum.no_material += 1;
             output::message(&materials::of_files(
@@ -237,9 +237,9 @@ impl<'a> Run<'a> {
             ));
             return Ok(());
         }
-        let mut made = made.unwrap_or_else(|Failure(error)| Made {
+        let mut made = made.unwrap_or_else(|Failure(error)| RewriteResult {
             errors: vec![error],
-            ..Made::default()
+            ..RewriteResult::default()
         });
         for message in &made.messages {
             output::message(&self.named(message, job));
@@ -308,7 +308,7 @@ impl<'a> Run<'a> {
         job: &'a Job,
         folder: &Path,
         files: Vec<File>,
-        made: &mut Made,
+        made: &mut RewriteResult,
     ) -> Result<(), Failure> {
         let from = job.shader.files.first();
         let from = from.map_or(Path::new("-"), PathBuf::as_path);
@@ -418,8 +418,8 @@ fn make(
     args: &RewriteArgs,
     recipe: &Recipe,
     targets: &[Target],
-) -> Result<Made, Failure> {
-    let mut made = Made::default();
+) -> Result<RewriteResult, Failure> {
+    let mut made = RewriteResult::default();
     made.messages.extend(materials::between(&job.shader.files));
     let materials = made
         .times

@@ -9,7 +9,7 @@ use shader_text::files;
 
 /// The result of a job, before anything is written.
 #[derive(Default)]
-pub struct Made {
+pub struct RewriteResult {
     pub materials: Vec<(Rewritten, Vec<files::File>)>,
     /// The versions of materials that serve several draws.
     pub versions: Vec<files::File>,

@@ -6,7 +6,7 @@ use std::sync::OnceLock;
 use preshade_compiler::recipe::Recipe;
 use preshade_frames::browser::prepare;
 use preshade_frames::folder::Capture;
-use preshade_frames::trace::{Wanted, convert};
+use preshade_frames::trace::{FrameChoice, convert};
 use preshade_lab::measure::{self, Session, Settings, Timed, TimingSettings};
 use preshade_scenes::ShaderForm;
 use preshade_scenes::capture::{self, Choice, check};
@@ -52,7 +52,7 @@ fn capture(name: &str, frames: usize) -> (TempDir, Capture) {
     let folder = tempfile::tempdir_in(env!("CARGO_TARGET_TMPDIR")).unwrap();
     let out = folder.path().join("frame");
     prepare(&out).unwrap();
-    let wanted = Wanted {
+    let wanted = FrameChoice {
         frames,
         from: None,
         by: None,

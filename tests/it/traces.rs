@@ -5,11 +5,13 @@ use std::path::{Path, PathBuf};
 
 use preshade_frames::browser::prepare;
 use preshade_frames::folder::{Capture, file_of};
-use preshade_frames::trace::{FramesBy, TRACE, TraceError, TraceSummary, Version, Wanted, convert};
+use preshade_frames::trace::{
+    FrameChoice, FramesBy, TRACE, TraceError, TraceSummary, Version, convert,
+};
 use serde_json::Value;
 use shader_text::limits::Limits;
 
-const LAST: Wanted = Wanted {
+const LAST: FrameChoice = FrameChoice {
     frames: 1,
     from: None,
     by: None,
@@ -41,7 +43,7 @@ fn changed(name: &str, test: &str, change: impl FnOnce(String) -> Vec<u8>) -> Pa
 fn converted(
     trace: &Path,
     test: &str,
-    wanted: &Wanted,
+    wanted: &FrameChoice,
 ) -> Result<(TraceSummary, Value), TraceError> {
     let out = Path::new(env!("CARGO_TARGET_TMPDIR"))
         .join("folders")
@@ -141,7 +143,7 @@ fn the_last_frame_has_what_it_reads_and_no_more() {
 
 #[test]
 fn any_frames_can_be_written() {
-    let wanted = Wanted {
+    let wanted = FrameChoice {
         frames: 2,
         from: Some(0),
         by: None,
@@ -154,7 +156,7 @@ fn any_frames_can_be_written() {
     let canvases = [0, 1].map(|f| json["frames"][f]["canvas"].as_u64().unwrap());
     assert_ne!(canvases[0], canvases[1]);
 
-    let beyond = Wanted {
+    let beyond = FrameChoice {
         from: Some(2),
         ..wanted
     };
@@ -163,7 +165,7 @@ fn any_frames_can_be_written() {
         error.to_string().contains("holds 3 whole frames"),
         "{error}"
     );
-    let presents = Wanted {
+    let presents = FrameChoice {
         by: Some(FramesBy::Present),
         ..LAST
     };
@@ -194,7 +196,7 @@ fn a_trace_that_was_cut_short_is_whole_up_to_the_last_full_frame() {
         let result = converted(
             &cut,
             "cut-early",
-            &Wanted {
+            &FrameChoice {
                 by: Some(FramesBy::Present),
                 ..LAST
             },
@@ -393,7 +395,7 @@ fn a_failed_conversion_keeps_the_earlier_capture() {
     };
     converted(&recorded("30"), "kept", &LAST).unwrap();
     let before = written();
-    let too_many = Wanted {
+    let too_many = FrameChoice {
         from: Some(2),
         frames: 9,
         ..LAST

@@ -18,7 +18,7 @@ use super::functions::Meaning;
 use super::layout::Rules;
 use super::operations::Subgroup;
 use super::textures::TextureFunction;
-use super::ty::{Leaf, Step, Ty};
+use super::ty::{Step, Ty, ValueLeaf};
 
 /// A local variable, by its index in [`Stage::locals`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -170,7 +170,7 @@ impl Node {
     }
 
     /// The part of it at a leaf's path.
-    pub(super) fn leaf(&self, leaf: &Leaf) -> Self {
+    pub(super) fn leaf(&self, leaf: &ValueLeaf) -> Self {
         let steps = leaf.path.iter();
         steps.fold(self.clone(), |node, step| match step {
             Step::Index(n) => node.nth(*n),

@@ -393,7 +393,7 @@ impl Structs {
 
 /// A scalar or vector in a value.
 #[derive(Clone, Debug)]
-pub(super) struct Leaf {
+pub(super) struct ValueLeaf {
     /// The path to it, outermost step first.
     pub path: Vec<Step>,
     pub ty: Ty,
@@ -406,7 +406,7 @@ pub(super) enum Step {
     Member(String),
 }
 
-impl Leaf {
+impl ValueLeaf {
     /// The path as text: `[1].color`.
     pub(super) fn ending(&self) -> String {
         let step = |step: &Step| match step {
@@ -419,7 +419,7 @@ impl Leaf {
 
 impl Structs {
     /// Lists the scalars and vectors of a value.
-    pub(super) fn leaf_paths(&self, ty: &Ty) -> Vec<Leaf> {
+    pub(super) fn leaf_paths(&self, ty: &Ty) -> Vec<ValueLeaf> {
         let below = |of: &Ty, step: Step| {
             let leaves = self.leaf_paths(of).into_iter();
             leaves.map(move |mut leaf| {
@@ -440,7 +440,7 @@ impl Structs {
                     .flat_map(|m| below(&m.ty, Step::Member(m.name.clone())))
                     .collect()
             }
-            other => vec![Leaf {
+            other => vec![ValueLeaf {
                 path: Vec::new(),
                 ty: other.clone(),
             }],

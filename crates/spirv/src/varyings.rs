@@ -16,7 +16,7 @@ use crate::words::{
 pub(super) const MOST_LEAVES: u32 = 64;
 
 /// A scalar or vector of an input or output.
-struct Leaf {
+struct VaryingLeaf {
     /// Indices from the variable to this part.
     path: Vec<u32>,
     ty: Word,
@@ -32,7 +32,7 @@ struct Leaf {
 struct Compound {
     id: Word,
     class: StorageClass,
-    leaves: Vec<Leaf>,
+    leaves: Vec<VaryingLeaf>,
     /// A built-in that is unsigned in WGSL: `SampleMask` (an array of one number), `ViewIndex` or
     /// `DrawIndex`.
     unsigned: Option<BuiltIn>,
@@ -48,7 +48,7 @@ pub(super) fn open(module: &mut Builder) -> Result<(), Word> {
     if compounds.is_empty() {
         return Ok(());
     }
-    let mut made: HashMap<Word, Vec<(Word, Leaf)>> = HashMap::new();
+    let mut made: HashMap<Word, Vec<(Word, VaryingLeaf)>> = HashMap::new();
     let mut classes: BTreeMap<Word, StorageClass> = BTreeMap::new();
     for compound in compounds {
         let mut leaves = Vec::new();
@@ -148,7 +148,7 @@ fn copy(
     module: &mut Builder,
     block: &mut Vec<Instruction>,
     (whole, leaf): (Word, Word),
-    of: &Leaf,
+    of: &VaryingLeaf,
     class: StorageClass,
 ) {
     let pointer = module.type_pointer(None, StorageClass::Private, of.ty);
@@ -329,7 +329,7 @@ impl Types {
         location: &mut u32,
         (path, name): (&mut Vec<u32>, &str),
         decorations: &[Operand],
-        out: &mut Vec<Leaf>,
+        out: &mut Vec<VaryingLeaf>,
     ) {
         let Some(i) = self.globals.get(&ty) else {
             return;
@@ -369,7 +369,7 @@ impl Types {
                 }
             }
             _ => {
-                out.push(Leaf {
+                out.push(VaryingLeaf {
                     path: path.clone(),
                     ty,
                     own: ty,

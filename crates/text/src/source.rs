@@ -31,7 +31,7 @@ pub struct SourceMap {
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 pub struct Searched {
     pub folders: Vec<String>,
-    pub wanted: Wanted,
+    pub wanted: SearchTarget,
     /// The matches in order, one word each.
     pub found: Vec<String>,
 }
@@ -39,7 +39,7 @@ pub struct Searched {
 /// The target of a search.
 #[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
-pub enum Wanted {
+pub enum SearchTarget {
     /// Files at any depth that define a module (naga_oil's `#define_import_path`).
     Modules,
     /// Folders of a package of this name.

@@ -82,14 +82,14 @@ impl Pair<'_> {
             let results = original.iter().zip(&variant);
             for (ready, (original, variant)) in ready.iter().zip(results) {
                 match self.judged(ready, *place, original, variant) {
-                    Judged::Same => {
+                    PointVerdict::Same => {
                         agreed += 1;
                         let is_kept = !original.discarded;
                         compared += u64::from(is_whole(colors, ready.colors, is_kept));
                     }
-                    Judged::Unsure => unsure += 1,
-                    Judged::Strange(why) => return Verdict::NotEvaluable { why },
-                    Judged::Differs(found) => return Verdict::Counterexample(found),
+                    PointVerdict::Unsure => unsure += 1,
+                    PointVerdict::Strange(why) => return Verdict::NotEvaluable { why },
+                    PointVerdict::Differs(found) => return Verdict::Counterexample(found),
                 }
             }
         }
@@ -145,7 +145,13 @@ impl Pair<'_> {
     }
 
     /// Judges the results of one input.
-    fn judged(&self, ready: &Ready, place: TestPoint, original: &Ran, variant: &Ran) -> Judged {
+    fn judged(
+        &self,
+        ready: &Ready,
+        place: TestPoint,
+        original: &Ran,
+        variant: &Ran,
+    ) -> PointVerdict {
         let (inputs, attached) = (&ready.inputs, &ready.attached);
         let (rule, _) = self.rule(place, ready.colors, Some(inputs));
         let allowed = environment::ranging(inputs, attached)
@@ -153,24 +159,24 @@ impl Pair<'_> {
             .ok();
         // An adapter that violates WGSL's accuracies proves nothing.
         if let Some(strange) = allowed.as_ref().and_then(|a| outside(a, original)) {
-            return Judged::Strange(format!(
+            return PointVerdict::Strange(format!(
                 "what the adapter gives of the original is not what WGSL allows: {strange} (inputs \
                  of seed {})",
                 inputs.seed
             ));
         }
         let Some(found) = compare::difference(rule, original, variant) else {
-            return Judged::Same;
+            return PointVerdict::Same;
         };
         match &allowed {
             // An intermediate value is NaN, or a rounding decides: the permitted range is unknown.
-            None => return Judged::Unsure,
-            Some(allowed) if is_allowed(allowed, &found, variant) => return Judged::Unsure,
+            None => return PointVerdict::Unsure,
+            Some(allowed) if is_allowed(allowed, &found, variant) => return PointVerdict::Unsure,
             Some(_) => {}
         }
         let world = environment::concrete(inputs, attached, Texels::Plain);
         let first = self.first_diverging(&world, place);
-        Judged::Differs(Box::new(Counterexample {
+        PointVerdict::Differs(Box::new(Counterexample {
             seed: inputs.seed,
             inputs: self.inputs_as_text(inputs, place),
             output: found.output,
@@ -181,7 +187,7 @@ impl Pair<'_> {
     }
 }
 
-enum Judged {
+enum PointVerdict {
     Same,
     /// They differ, within the original's permitted range.
     Unsure,

@@ -18,7 +18,7 @@ pub use names::is_axis;
 
 /// The user's statements about uniforms, by their paths ([`parts`]).
 #[derive(Clone, Debug, Default)]
-pub(crate) struct Said {
+pub(crate) struct StatedUniforms {
     /// Paths of uniforms that follow the viewer.
     pub follow: Vec<String>,
     /// Paths of uniforms that do not, whatever their names suggest.
@@ -27,7 +27,7 @@ pub(crate) struct Said {
 
 /// The uniforms that the stages of a program read and that follow the viewer: variables, or members
 /// as `VARIABLE.MEMBER`. `verify` takes these from the light and all others from the camera.
-pub(crate) fn view_dependent(program: &Program, said: &Said) -> Vec<String> {
+pub(crate) fn view_dependent(program: &Program, said: &StatedUniforms) -> Vec<String> {
     let graph = Graph::build(program);
     let points = program.module().entry_points.iter();
     let stage = |of: ShaderStage| points.clone().position(|point| point.stage == of);
@@ -39,7 +39,7 @@ pub(crate) fn view_dependent(program: &Program, said: &Said) -> Vec<String> {
 pub(crate) fn of_stages(
     graph: &Graph<'_>,
     (vertex, fragment): (Option<usize>, Option<usize>),
-    said: &Said,
+    said: &StatedUniforms,
 ) -> Vec<String> {
     let module = graph.module();
     let all = paths(module);

@@ -50,7 +50,7 @@
 
 use crate::analysis::implicit_inputs::PassEffect;
 use crate::analysis::opaque::Opaque;
-use crate::analysis::view::{self, Said};
+use crate::analysis::view::{self, StatedUniforms};
 use crate::rebuild::depth_only::{self, Placed, VertexStage};
 use crate::rebuild::depth_pass;
 use crate::rebuild::place::PositionInvariance;
@@ -86,7 +86,7 @@ mod viewer_uniforms;
 mod world_position;
 
 use coverage::{Dropped, Stays};
-use extend::{Direction, Extended, Face, Failed, Normal, Shows, Velocity, Wanted};
+use extend::{Direction, Extended, ExtraPicture, Face, Failed, Normal, Shows, Velocity};
 use names::refusal;
 use params::list;
 pub use params::{Asked, Axes, ClipY, ColourTarget, OutputsParams, Precision, Viewer};
@@ -299,7 +299,7 @@ fn insert(
 }
 
 /// Adds the targets of the pass, and marks its bindings.
-fn add_targets(next: &mut Plan, extended: &Extended, wanted: &[Wanted]) {
+fn add_targets(next: &mut Plan, extended: &Extended, wanted: &[ExtraPicture]) {
     let Some(pass) = next.passes.iter_mut().find(is_own) else {
         return;
     };
@@ -320,7 +320,7 @@ fn add_targets(next: &mut Plan, extended: &Extended, wanted: &[Wanted]) {
 }
 
 /// The value of a picture where no surface is.
-fn clear_value(wanted: &Wanted) -> ClearValue {
+fn clear_value(wanted: &ExtraPicture) -> ClearValue {
     let clear = match &wanted.shows {
         Shows::Distance(distance) => distance.clear_value(),
         _ => 0.0,
@@ -331,9 +331,9 @@ fn clear_value(wanted: &Wanted) -> ClearValue {
 /// The pictures that the words of `write` name in this material, without depths.
 fn wanted(
     opaque: &Opaque<'_>,
-    (params, said): (&OutputsParams, &Said),
+    (params, said): (&OutputsParams, &StatedUniforms),
     asked: &[Asked],
-) -> Result<Vec<Wanted>, Vec<Refusal>> {
+) -> Result<Vec<ExtraPicture>, Vec<Refusal>> {
     let (mut found, mut refusals) = (Vec::new(), Vec::new());
     for asked in asked {
         let (name, shows) = match asked {
@@ -353,7 +353,7 @@ fn wanted(
             ),
         };
         match shows {
-            Ok(shows) => found.push(Wanted {
+            Ok(shows) => found.push(ExtraPicture {
                 name,
                 shows,
                 full: params.precision == Precision::Full,
@@ -365,7 +365,7 @@ fn wanted(
         return Err(refusals);
     }
     if found.is_empty() && params.colour_target == ColourTarget::Bound {
-        found.push(Wanted {
+        found.push(ExtraPicture {
             name: "colour".to_owned(),
             shows: Shows::Nothing,
             full: false,
@@ -374,7 +374,11 @@ fn wanted(
     Ok(found)
 }
 
-fn normal(opaque: &Opaque<'_>, params: &OutputsParams, said: &Said) -> Result<Shows, Box<Refusal>> {
+fn normal(
+    opaque: &Opaque<'_>,
+    params: &OutputsParams,
+    said: &StatedUniforms,
+) -> Result<Shows, Box<Refusal>> {
     let normal = match params.faces {
         Some(axes) => Normal::Face(Face {
             from: distance::surface(opaque, params, said)?,
@@ -462,7 +466,10 @@ fn check_limits(pass: &GpuPass, author: &GpuPass) -> Result<(), Box<Refusal>> {
 }
 
 /// The material without code that depends on the viewer; `None`: nothing does.
-fn without_viewer(opaque: &Opaque<'_>, said: &Said) -> Result<Option<Dropped>, Box<Refusal>> {
+fn without_viewer(
+    opaque: &Opaque<'_>,
+    said: &StatedUniforms,
+) -> Result<Option<Dropped>, Box<Refusal>> {
     let stages = (Some(opaque.vertex), opaque.fragment);
     let follows = view::of_stages(&opaque.graph, stages, said);
     coverage::dropped(opaque, &follows).map_err(|why| match why {

@@ -61,7 +61,7 @@ use shader_text::refusals::RefusalInfo;
 
 mod values;
 
-use values::{Class, Judged, NotOncePerDraw, StoredValues, Terms};
+use values::{Class, NotOncePerDraw, StoredValues, Terms, Verdicts};
 
 pub struct Preamble;
 
@@ -462,7 +462,7 @@ fn free_name(module: &Module) -> String {
 }
 
 /// The refusal if nothing pays, with the one parameter that would help.
-fn nothing(values: &Values<'_, '_>, judged: &Judged, params: &PreambleParams) -> Box<Refusal> {
+fn nothing(values: &Values<'_, '_>, judged: &Verdicts, params: &PreambleParams) -> Box<Refusal> {
     let pays = |params: &PreambleParams| values::choose(values, judged, &params.terms()).is_some();
     let rounding = PreambleParams {
         allow: Allow::Rounding,
@@ -489,7 +489,7 @@ fn nothing(values: &Values<'_, '_>, judged: &Judged, params: &PreambleParams) ->
 
 /// Why a value that only the draw decides is not moved; `None`: something else decides it, or it is
 /// not worth a word.
-fn why(judged: &Judged, weakest: Class, id: ValueId) -> Option<String> {
+fn why(judged: &Verdicts, weakest: Class, id: ValueId) -> Option<String> {
     match judged.verdicts[id] {
         Ok(class) if class <= weakest => Some("it saves too little".to_owned()),
         Ok(_) => {

@@ -19,7 +19,7 @@ use schemars::JsonSchema;
 use serde::{Deserialize, Serialize};
 
 use crate::analysis::implicit_inputs::PassEffect;
-use crate::analysis::view::{self, Said};
+use crate::analysis::view::{self, StatedUniforms};
 use crate::rebuild::depth_only::{self, VertexStage};
 use crate::rebuild::depth_pass;
 use crate::rebuild::place::PositionInvariance;
@@ -113,7 +113,7 @@ impl Pass for Shadow {
             pass.view_dependent = next
                 .programs
                 .get(Role::Shadow.name())
-                .map(|program| view::view_dependent(program, &Said::default()))
+                .map(|program| view::view_dependent(program, &StatedUniforms::default()))
                 .unwrap_or_default();
         }
         let what = "depth-only vertex and fragment stage for a light's view".to_owned();

@@ -78,13 +78,13 @@ pub(super) fn hashed(folder: &Path, file: &File) -> (String, String) {
 }
 
 /// Messages of the last build.
-pub(super) struct Kept {
+pub(super) struct LastMessages {
     pub warnings: Vec<String>,
     pub included: Vec<PathBuf>,
 }
 
 /// Messages of the last build, if it had the same inputs and its files still exist.
-pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<Kept> {
+pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<LastMessages> {
     let stamp = read(folder)?;
     let is_there = |path: &Path, wanted: &String| {
         let bytes = std::fs::read(path);
@@ -95,7 +95,7 @@ pub(super) fn still_holds(folder: &Path, key: &str, out: &Path) -> Option<Kept> 
         && !stamp.absent.iter().any(|p| p.exists())
         && stamp.searched.iter().all(front::still_finds)
         && stamp.files.iter().all(|(p, h)| is_there(&out.join(p), h));
-    holds.then(|| Kept {
+    holds.then(|| LastMessages {
         warnings: stamp.warnings,
         included: stamp.included.into_iter().map(|(path, _)| path).collect(),
     })

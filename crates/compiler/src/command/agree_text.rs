@@ -43,7 +43,7 @@ pub struct Waiver {
 
 /// A finding, and the caller's judgement of it.
 #[derive(Serialize)]
-struct Judged {
+struct JudgedFinding {
     #[serde(flatten)]
     finding: Finding,
     /// Whether it makes the exit status 1.
@@ -60,7 +60,7 @@ pub struct Pair<D = Undrawn> {
     agreement: Agreement,
     /// The findings of the agreement, judged.
     #[serde(rename = "judged")]
-    findings: Vec<Judged>,
+    findings: Vec<JudgedFinding>,
     /// How the programs were read, a sentence each.
     notes: Vec<String>,
     /// Static costs of the first and the second program.
@@ -114,7 +114,7 @@ impl<D: Drawn> Pair<D> {
         let relation = agreement.relation;
         let differing = drawn.iter().filter_map(|drawn| drawn.differs(relation));
         findings.extend(differing.map(|words| Finding::general(Class::Drawn, "the scene", words)));
-        let judged = findings.into_iter().map(|finding| Judged {
+        let judged = findings.into_iter().map(|finding| JudgedFinding {
             finding,
             breaks: false,
             waived: None,
@@ -173,7 +173,7 @@ impl<D: Drawn> Pair<D> {
             Outcome::NotEvaluated { why } => format!("not evaluated: {why}"),
             Outcome::Differs => {
                 let names: Vec<&str> = of_it().map(|j| j.finding.class.name()).collect();
-                let is_small = |j: &Judged| !j.breaks && is_small(j.finding.class);
+                let is_small = |j: &JudgedFinding| !j.breaks && is_small(j.finding.class);
                 if of_it().all(is_small) {
                     return "agrees but for rounding, or infinite and huge numbers".to_owned();
                 }
@@ -327,7 +327,7 @@ impl<D: Drawn> Report<D> {
             "| shader | result | vertex ops | fragment ops |\n|---|---|--:|--:|"
         );
         for pair in &self.pairs {
-            let is_note = |j: &&Judged| j.finding.class == Class::Variant && !j.breaks;
+            let is_note = |j: &&JudgedFinding| j.finding.class == Class::Variant && !j.breaks;
             let result = match &pair.findings[..] {
                 all if all.iter().all(|j| is_note(&j)) => {
                     let mut words: Vec<String> = pair
@@ -435,7 +435,7 @@ fn cell(text: &str) -> String {
     text.replace('|', "\\|").replace('\n', " ")
 }
 
-fn write_judged(out: &mut String, judged: &Judged, relation: Relation, verbose: bool) {
+fn write_judged(out: &mut String, judged: &JudgedFinding, relation: Relation, verbose: bool) {
     let finding = &judged.finding;
     let level = match (&judged.waived, judged.breaks) {
         (Some(_), _) => "waived",

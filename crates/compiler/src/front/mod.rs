@@ -28,7 +28,7 @@ use naga_edit::declared::Declared;
 use naga_edit::link::Linked;
 use preshade_plan::program::Program;
 #[cfg(any(feature = "naga-oil", feature = "wesl"))]
-use shader_text::source::Wanted;
+use shader_text::source::SearchTarget;
 use shader_text::source::{Language, Searched, SourceMap};
 
 use self::dialect::{CompiledFrom, Dialect};
@@ -230,9 +230,9 @@ pub(crate) fn still_finds(searched: &Searched) -> bool {
     } = searched;
     match wanted {
         #[cfg(feature = "naga-oil")]
-        Wanted::Modules => naga_oil::found(folders) == *found,
+        SearchTarget::Modules => naga_oil::found(folders) == *found,
         #[cfg(feature = "wesl")]
-        Wanted::Package(name) => wesl::found(folders, name) == *found,
+        SearchTarget::Package(name) => wesl::found(folders, name) == *found,
         #[cfg(not(all(feature = "naga-oil", feature = "wesl")))]
         _ => {
             let _ = (folders, found);

@@ -21,7 +21,7 @@ use naga_oil::compose::{
     ShaderDefValue, get_preprocessor_data,
 };
 use preshade_plan::program::Program;
-use shader_text::source::{Language, Searched, Wanted};
+use shader_text::source::{Language, SearchTarget, Searched};
 
 use super::Source;
 use super::dialect::{
@@ -121,7 +121,7 @@ fn compose(source: &Source, options: &Options) -> Result<(Module, CompiledFrom),
     let all = named(&folders, options);
     let searched = Searched {
         folders: folders.iter().map(|f| f.display().to_string()).collect(),
-        wanted: Wanted::Modules,
+        wanted: SearchTarget::Modules,
         found: fingerprints(&all),
     };
     let told = shader_text::tokens::without_comments(&source.text);

@@ -13,7 +13,7 @@ use std::cell::RefCell;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::{Path, PathBuf};
 
-use shader_text::source::{Searched, Wanted};
+use shader_text::source::{SearchTarget, Searched};
 use wesl::syntax::PathOrigin;
 use wesl::{
     CompileOptions, Diagnostic, EscapeMangler, ImportError, ModulePath, ResolveError, Resolver,
@@ -87,7 +87,7 @@ pub(super) fn compile(source: &Source, options: &Options) -> Result<Compiled, Er
             .into_iter()
             .map(|(name, found)| Searched {
                 folders: folders.clone(),
-                wanted: Wanted::Package(name),
+                wanted: SearchTarget::Package(name),
                 found,
             })
             .collect(),

@@ -10,7 +10,7 @@ use super::compiled::{self, Compiled, ComputeKey};
 use super::frame_draw_table::{Arguments, DrawTable};
 use super::gpu::Gpu;
 use super::inputs::{SceneInputs, immediate_size};
-use super::layout::{self, Made};
+use super::layout::{self, RendererGeometry};
 use super::limits::rows;
 use super::shader::Variant;
 use super::subdivided::Meshes;
@@ -89,24 +89,26 @@ pub(super) fn prepare(
                     .map_err(failed)?;
                 let (made, workgroups) = match (&subdivided, &pass.geometry) {
                     (Some(subdivided), _) => (
-                        Made::Subdivided(subdivided, &drawn),
+                        RendererGeometry::Subdivided(subdivided, &drawn),
                         Workgroups::Of(subdivided.mesh.workgroups(pass.workgroup)),
                     ),
                     (None, Geometry::FullScreen) => (
-                        Made::Drawn(&drawn),
+                        RendererGeometry::Drawn(&drawn),
                         Workgroups::Of(scene.size.map(|s| s.div_ceil(pass.workgroup.max(1)))),
                     ),
                     (None, Geometry::Instances) => (
-                        Made::Drawn(&drawn),
+                        RendererGeometry::Drawn(&drawn),
                         Workgroups::Of(rows(bound.instances, pass.workgroup)),
                     ),
                     (None, Geometry::Vertices) => (
-                        Made::Drawn(&drawn),
+                        RendererGeometry::Drawn(&drawn),
                         Workgroups::Of(rows(bound.vertex_count * bound.instances, pass.workgroup)),
                     ),
-                    (None, Geometry::Draw) => (Made::Drawn(&drawn), Workgroups::Of([1, 1])),
+                    (None, Geometry::Draw) => {
+                        (RendererGeometry::Drawn(&drawn), Workgroups::Of([1, 1]))
+                    }
                     (None, Geometry::Indirect { buffer }) => (
-                        Made::Drawn(&drawn),
+                        RendererGeometry::Drawn(&drawn),
                         Workgroups::Indirect(table.arguments(buffer, &drawn).map_err(failed)?),
                     ),
                     (None, _) => return Err(failed("it computes no geometry".to_owned())),

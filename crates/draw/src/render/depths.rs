@@ -18,7 +18,7 @@ enum Source {
 }
 
 /// A position in one layer of a mip level.
-pub struct Place<'t> {
+pub struct TexelPosition<'t> {
     pub texture: &'t wgpu::Texture,
     pub level: u32,
     pub layer: u32,
@@ -97,8 +97,8 @@ pub fn draw(gpu: &Gpu, image: &Image, texture: &wgpu::Texture, first: u32) -> Re
 pub fn copy(
     gpu: &Gpu,
     encoder: &mut wgpu::CommandEncoder,
-    from: &Place<'_>,
-    to: &Place<'_>,
+    from: &TexelPosition<'_>,
+    to: &TexelPosition<'_>,
     [width, height]: [u32; 2],
 ) {
     let source = match from.texture.sample_count() {

@@ -13,7 +13,7 @@ use super::bounded::Guard;
 use super::frame_draw_table::{Arguments, DrawTable};
 use super::gpu::Gpu;
 use super::inputs::{self, SceneInputs};
-use super::layout::Made;
+use super::layout::RendererGeometry;
 use super::picture::{ColorImage, DepthImage};
 use super::pipeline::{Build, PipelineKey, blank_fragment};
 use super::shader::{PlannedPass, Variant};
@@ -816,8 +816,8 @@ impl FrameBuilder<'_, '_> {
             .of(gpu, bindings, (index, bound, previous))
             .map_err(|message| found.failed(message))?;
         let made = match &subdivided {
-            Some(subdivided) => Made::Subdivided(subdivided, &drawn),
-            None => Made::Drawn(&drawn),
+            Some(subdivided) => RendererGeometry::Subdivided(subdivided, &drawn),
+            None => RendererGeometry::Drawn(&drawn),
         };
         let build = Build {
             gpu,

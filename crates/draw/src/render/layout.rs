@@ -54,14 +54,14 @@ pub(super) type Groups<'a> = BTreeMap<u32, Vec<Bound<'a>>>;
 
 /// Geometry that the renderer made for a pass.
 #[derive(Clone, Copy)]
-pub(super) enum Made<'a> {
+pub(super) enum RendererGeometry<'a> {
     /// Subdivided triangles, and the draw's entry in the draw table.
     Subdivided(&'a Subdivided, &'a Drawn),
     /// The draw's entry in the draw table.
     Drawn(&'a Drawn),
 }
 
-impl<'a> Made<'a> {
+impl<'a> RendererGeometry<'a> {
     /// The uniform buffer for a source outside of the author's program.
     fn host(self, source: &BindingSource) -> Option<&'a wgpu::Buffer> {
         match self {
@@ -109,7 +109,7 @@ pub(super) fn fill<'a>(
     bindings: &'a [BindingUse],
     [draw, previous]: [&'a DrawInputs; 2],
     targets: &'a Targets,
-    made: Made<'a>,
+    made: RendererGeometry<'a>,
     limits: &wgpu::Limits,
 ) -> Result<Groups<'a>, String> {
     let mut groups = Groups::new();

@@ -10,7 +10,7 @@ use preshade_plan::state::ColorTarget;
 use super::compiled::{self, Compiled, RenderKey, VertexLayout};
 use super::gpu::Gpu;
 use super::inputs::{self, DrawInputs};
-use super::layout::{self, Groups, Made};
+use super::layout::{self, Groups, RendererGeometry};
 use super::shader::ShaderStageRef;
 use super::targets::Targets;
 use super::{Error, state};
@@ -38,7 +38,7 @@ pub(super) struct Build<'b> {
     pub draw: &'b DrawInputs,
     /// The draw in the previous frame.
     pub previous: &'b DrawInputs,
-    pub made: Made<'b>,
+    pub made: RendererGeometry<'b>,
 }
 
 impl Build<'_> {

@@ -17,7 +17,7 @@ use preshade_plan::plan::{BindingKind, BindingLayout, BindingSource, BindingUse,
 use preshade_plan::state::CompareFunction;
 
 use super::globals::{self, Global, globals};
-use super::layout::{self, Leaf, Segment};
+use super::layout::{self, Segment, VariableLeaf};
 use super::semantic::{Semantic, SemanticValue, normalise};
 use super::{
     Draw, Filter, Frame, Image, Material, Sampler, Scene, SceneError, Value, material, range,
@@ -371,7 +371,7 @@ pub(crate) fn immediates(
     let mut bytes: Vec<Option<(u8, &str)>> = Vec::new();
     for variable in globals::immediates(&material.program) {
         let mut gaps: Vec<Range<usize>> = Vec::new();
-        let mut observe = |leaf: &Leaf<'_>, _: ValueOrigin, _: &[f64; 16]| {
+        let mut observe = |leaf: &VariableLeaf<'_>, _: ValueOrigin, _: &[f64; 16]| {
             gaps.extend(is_padding(leaf).then(|| leaf.bytes.clone()));
         };
         let of = (scene, material, &streams);
@@ -490,9 +490,9 @@ fn runtime_length(
 
 /// Callback for each scalar, vector and matrix that the scene does not set, with origin and
 /// numbers.
-type Observer<'o> = &'o mut dyn FnMut(&Leaf<'_>, ValueOrigin, &[f64; 16]);
+type Observer<'o> = &'o mut dyn FnMut(&VariableLeaf<'_>, ValueOrigin, &[f64; 16]);
 
-fn ignore(_: &Leaf<'_>, _: ValueOrigin, _: &[f64; 16]) {}
+fn ignore(_: &VariableLeaf<'_>, _: ValueOrigin, _: &[f64; 16]) {}
 
 fn authored(pass: &GpuPass) -> impl Iterator<Item = &BindingUse> {
     pass.bindings
@@ -558,11 +558,11 @@ pub fn filled<'n>(
 ) -> Result<Data, SceneError> {
     let (name, ty) = variable(material, binding)?;
     let nothing = std::collections::BTreeMap::new();
-    let given = layout::Given {
+    let given = layout::SceneValues {
         draw: &nothing,
         material: &nothing,
     };
-    let mut leaf = |leaf: &Leaf<'_>| {
+    let mut leaf = |leaf: &VariableLeaf<'_>| {
         let whole = leaf.indexed();
         let path = whole.strip_prefix(name).unwrap_or(&whole);
         let count = (leaf.columns * leaf.rows) as usize;
@@ -593,14 +593,14 @@ fn packed(
     observe: Observer<'_>,
 ) -> Result<Packed, SceneError> {
     let module = material.program.module();
-    let given = layout::Given {
+    let given = layout::SceneValues {
         draw: &draw.values,
         material: &material.values,
     };
     let dynamic = runtime_length(material, streams, draw, name, ty)?;
     let mut rate = Rate::Draw;
     let mut invented: Vec<Range<usize>> = Vec::new();
-    let mut leaf = |leaf: &Leaf<'_>| -> Result<[f64; 16], SceneError> {
+    let mut leaf = |leaf: &VariableLeaf<'_>| -> Result<[f64; 16], SceneError> {
         if leaf.semantic.is_none()
             && let Some(numbers) = streams.element(name, ty, leaf)
         {
@@ -664,7 +664,7 @@ fn packed(
 }
 
 /// A known value cut to a leaf's shape. `None` if only one of them is a matrix.
-fn fit(known: SemanticValue, leaf: &Leaf<'_>) -> Option<[f64; 16]> {
+fn fit(known: SemanticValue, leaf: &VariableLeaf<'_>) -> Option<[f64; 16]> {
     let mut out = [0.0; 16];
     match known {
         SemanticValue::Matrix(m) if leaf.columns > 1 => {
@@ -704,7 +704,7 @@ fn hash01(name: &str, index: usize, component: usize) -> f64 {
 const PADDING: [&str; 5] = ["pad", "unused", "reserved", "dummy", "filler"];
 
 /// Whether a member is padding, by its name in the author's text or from our front end.
-fn is_padding(leaf: &Leaf<'_>) -> bool {
+fn is_padding(leaf: &VariableLeaf<'_>) -> bool {
     let own = leaf.name();
     let name = normalise(own);
     PADDING.iter().any(|p| name.starts_with(p))
@@ -715,7 +715,7 @@ fn is_padding(leaf: &Leaf<'_>) -> bool {
 
 /// A value for a member with an unknown name: identity matrices, unit directions, positions around
 /// the origin, colours, counts of 1, and otherwise numbers in 0.25..0.75.
-fn plausible(leaf: &Leaf<'_>) -> [f64; 16] {
+fn plausible(leaf: &VariableLeaf<'_>) -> [f64; 16] {
     let name = normalise(leaf.name());
     let index = leaf.index.unwrap_or(0);
     let mut out = [0.0; 16];
@@ -776,7 +776,7 @@ fn plausible(leaf: &Leaf<'_>) -> [f64; 16] {
 /// conventional meaning, or the type has no numbers.
 pub fn made_up(path: &str, ty: &TypeInner) -> Option<Vec<f64>> {
     let (columns, rows, scalar) = layout::leaf_shape(ty)?;
-    let leaf = Leaf {
+    let leaf = VariableLeaf {
         path: &[Segment::Name(path.rsplit('.').next()?)],
         index: None,
         columns,

@@ -10,7 +10,7 @@ use naga_edit::interface::wgsl_type;
 use super::{SceneError, Semantic, Value};
 
 /// A scalar, vector or matrix inside a variable.
-pub(crate) struct Leaf<'a> {
+pub(crate) struct VariableLeaf<'a> {
     /// The path without indices: `variable.member.member`.
     pub path: &'a [Segment<'a>],
     /// Index in the innermost enclosing array.
@@ -35,7 +35,7 @@ fn counted(numbers: usize) -> String {
     }
 }
 
-impl Leaf<'_> {
+impl VariableLeaf<'_> {
     /// Name of the member or variable.
     pub fn name(&self) -> &str {
         self.path
@@ -49,7 +49,7 @@ impl Leaf<'_> {
     }
 }
 
-impl Leaf<'_> {
+impl VariableLeaf<'_> {
     /// The path in the users' syntax.
     pub fn text(&self) -> String {
         join(self.path, false)
@@ -178,7 +178,7 @@ fn column_stride(rows: u32, scalar: naga::Scalar) -> usize {
 
 /// The scene's values, by path.
 #[derive(Clone, Copy)]
-pub(crate) struct Given<'a> {
+pub(crate) struct SceneValues<'a> {
     /// Values of the draw. They take precedence over the material's, for whole variables and for
     /// parts.
     pub draw: &'a BTreeMap<String, Value>,
@@ -192,8 +192,8 @@ pub(crate) fn pack<'a>(
     name: &'a str,
     ty: Handle<Type>,
     dynamic: usize,
-    given: Given<'a>,
-    leaf: &'a mut dyn FnMut(&Leaf<'_>) -> Result<[f64; 16], SceneError>,
+    given: SceneValues<'a>,
+    leaf: &'a mut dyn FnMut(&VariableLeaf<'_>) -> Result<[f64; 16], SceneError>,
 ) -> Result<Vec<u8>, SceneError> {
     let size = size_of(module, ty, dynamic).next_multiple_of(16).max(16);
     let mut packer = Packer {
@@ -219,8 +219,8 @@ struct Packer<'a> {
     path: Vec<Segment<'a>>,
     semantic: Option<Semantic>,
     dynamic: usize,
-    given: Given<'a>,
-    leaf: &'a mut dyn FnMut(&Leaf<'_>) -> Result<[f64; 16], SceneError>,
+    given: SceneValues<'a>,
+    leaf: &'a mut dyn FnMut(&VariableLeaf<'_>) -> Result<[f64; 16], SceneError>,
 }
 
 impl<'a> Packer<'a> {
@@ -321,7 +321,7 @@ impl<'a> Packer<'a> {
                     Segment::Index(i) => Some(*i),
                     Segment::Name(_) => None,
                 });
-                let numbers = (self.leaf)(&Leaf {
+                let numbers = (self.leaf)(&VariableLeaf {
                     path: &self.path,
                     index,
                     columns,

@@ -6,17 +6,17 @@ use std::rc::Rc;
 use wgpu_core::device::trace::DataKind;
 use wgpu_core::id::{Marker, PointerId, markers};
 
-use super::{Made, Refusal, refusal};
+use super::{OrRefusal, Refusal, refusal};
 use crate::file::{DataName, DrawCommand, GroupLayout, View};
 
 /// Commands, and the reasons why others were left out.
 #[derive(Clone, Debug)]
-pub(super) struct Kept<C> {
+pub(super) struct Usable<C> {
     pub commands: Vec<C>,
     pub refused: Vec<Refusal>,
 }
 
-impl<C> Default for Kept<C> {
+impl<C> Default for Usable<C> {
     fn default() -> Self {
         Self {
             commands: Vec::new(),
@@ -28,7 +28,7 @@ impl<C> Default for Kept<C> {
 /// Objects by address, or why they were left out.
 pub(super) struct Map<M, T> {
     what: &'static str,
-    made: BTreeMap<usize, Made<T>>,
+    made: BTreeMap<usize, OrRefusal<T>>,
     marker: std::marker::PhantomData<fn(M)>,
 }
 
@@ -47,11 +47,11 @@ impl<M: Marker, T: Clone> Map<M, T> {
         }
     }
 
-    pub fn set(&mut self, id: PointerId<M>, made: Made<T>) {
+    pub fn set(&mut self, id: PointerId<M>, made: OrRefusal<T>) {
         self.made.insert(address(id), made);
     }
 
-    pub fn get(&self, id: PointerId<M>) -> Made<T> {
+    pub fn get(&self, id: PointerId<M>) -> OrRefusal<T> {
         let made = self.made.get(&address(id)).cloned();
         made.unwrap_or_else(|| Err(refusal(self.what, "the trace does not tell how it is made")))
     }
@@ -64,7 +64,7 @@ pub(super) struct Module {
     pub kind: DataKind,
     pub label: String,
     /// Number in the file's list, once it was read.
-    pub number: Option<Made<usize>>,
+    pub number: Option<OrRefusal<usize>>,
 }
 
 /// The surface of a window.
@@ -89,7 +89,7 @@ pub(super) struct Ids {
     pub modules: Map<markers::ShaderModule, Module>,
     pub render_pipelines: Map<markers::RenderPipeline, usize>,
     pub compute_pipelines: Map<markers::ComputePipeline, usize>,
-    pub bundles: Map<markers::RenderBundle, Rc<Kept<DrawCommand>>>,
+    pub bundles: Map<markers::RenderBundle, Rc<Usable<DrawCommand>>>,
     pub surfaces: Map<markers::Surface, Surface>,
 }
 

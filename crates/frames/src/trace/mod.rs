@@ -116,7 +116,7 @@ pub enum TraceError {
 }
 
 /// An object of the trace, or why it was left out.
-type Made<T> = Result<T, Refusal>;
+type OrRefusal<T> = Result<T, Refusal>;
 
 /// The name of a part that was left out, and why.
 type Refusal = Rc<(String, String)>;
@@ -136,7 +136,7 @@ pub enum FramesBy {
 
 /// Which frames of a trace to write.
 #[derive(Clone, Copy, Debug)]
-pub struct Wanted {
+pub struct FrameChoice {
     /// How many consecutive frames.
     pub frames: usize,
     /// The first one, from 0. `None`: the last `frames` of the trace.
@@ -169,7 +169,7 @@ pub struct TraceSummary {
 pub fn convert(
     trace: &Path,
     out: &Path,
-    wanted: &Wanted,
+    wanted: &FrameChoice,
     limits: &Limits,
 ) -> Result<TraceSummary, TraceError> {
     let path = trace.join(TRACE);
@@ -263,7 +263,7 @@ fn backend(init: &str) -> String {
 }
 
 /// The ends of all frames in the trace, and the event that ends them.
-fn frames(all: &[Mark], wanted: &Wanted) -> Result<(FramesBy, Vec<Mark>), TraceError> {
+fn frames(all: &[Mark], wanted: &FrameChoice) -> Result<(FramesBy, Vec<Mark>), TraceError> {
     let of = |by: FramesBy| -> Vec<Mark> { all.iter().copied().filter(|m| m.by == by).collect() };
     let by = wanted.by.unwrap_or(match of(FramesBy::Present).is_empty() {
         true => FramesBy::Submit,
@@ -285,7 +285,7 @@ fn frames(all: &[Mark], wanted: &Wanted) -> Result<(FramesBy, Vec<Mark>), TraceE
 }
 
 /// The frames to write, as a half-open range.
-fn window(count: usize, wanted: &Wanted) -> Result<(usize, usize), TraceError> {
+fn window(count: usize, wanted: &FrameChoice) -> Result<(usize, usize), TraceError> {
     match wanted.from {
         None => Ok((count.saturating_sub(wanted.frames), count)),
         Some(from) if from.saturating_add(wanted.frames) <= count => {

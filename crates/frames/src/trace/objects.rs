@@ -8,7 +8,7 @@ use wgpu_core::resource::{
 };
 
 use super::paths::stripped;
-use super::{Made, refusal};
+use super::{OrRefusal, refusal};
 use crate::file::{
     AttributeFormat, BindGroupLayout, Blend, BlendComponent, Buffer, BufferLayout, BufferType,
     ColorTarget, Cull, DepthStencil, Extent, IndexFormat, LayoutEntry, Multisample, Primitive,
@@ -62,7 +62,7 @@ pub(super) fn view(of: &TextureViewDescriptor<'_>) -> ViewDescriptor {
     }
 }
 
-pub(super) fn sampler(of: &SamplerDescriptor<'_>) -> Made<Sampler> {
+pub(super) fn sampler(of: &SamplerDescriptor<'_>) -> OrRefusal<Sampler> {
     if of.address_modes.contains(&wgpu::AddressMode::ClampToBorder) {
         return Err(refusal("a sampler", "WebGPU has no border colour"));
     }
@@ -81,14 +81,14 @@ pub(super) fn sampler(of: &SamplerDescriptor<'_>) -> Made<Sampler> {
     })
 }
 
-pub(super) fn group_layout(of: &BindGroupLayoutDescriptor<'_>) -> Made<BindGroupLayout> {
+pub(super) fn group_layout(of: &BindGroupLayoutDescriptor<'_>) -> OrRefusal<BindGroupLayout> {
     let entries = of.entries.iter().map(layout_entry);
     Ok(BindGroupLayout {
-        entries: entries.collect::<Made<Vec<_>>>()?,
+        entries: entries.collect::<OrRefusal<Vec<_>>>()?,
     })
 }
 
-fn layout_entry(of: &wgpu::BindGroupLayoutEntry) -> Made<LayoutEntry> {
+fn layout_entry(of: &wgpu::BindGroupLayoutEntry) -> OrRefusal<LayoutEntry> {
     const WHAT: &str = "a bind group layout";
     let mut entry = LayoutEntry {
         binding: of.binding,
@@ -189,7 +189,7 @@ pub(super) fn vertex_buffer(of: &CoreVertexBuffer<'_>) -> VertexBufferLayout {
     }
 }
 
-pub(super) fn primitive(of: &wgpu::PrimitiveState) -> Made<Primitive> {
+pub(super) fn primitive(of: &wgpu::PrimitiveState) -> OrRefusal<Primitive> {
     const WHAT: &str = "a render pipeline";
     if of.polygon_mode != wgpu::PolygonMode::Fill {
         return Err(refusal(

@@ -9,9 +9,9 @@ use wgpu_core::command::{
     RenderCommand,
 };
 
-use super::ids::{Ids, Kept};
+use super::ids::{Ids, Usable};
 use super::objects::index_format;
-use super::{Made, Refusal, refusal};
+use super::{OrRefusal, Refusal, refusal};
 use crate::file::{Color, ComputeCommand, DrawCommand};
 
 /// Bound objects that were refused: the next draws or dispatches cannot be written.
@@ -42,7 +42,7 @@ impl Missing {
 /// State of a pass or bundle that is being converted.
 struct Pass<'i, C> {
     ids: &'i Ids,
-    kept: Kept<C>,
+    kept: Usable<C>,
     missing: Missing,
     offsets: std::vec::IntoIter<u32>,
 }
@@ -53,10 +53,10 @@ type CorePass<C> = BasePass<C, Infallible>;
 pub(super) fn drawn(
     ids: &Ids,
     pass: &CorePass<RenderCommand<PointerReferences>>,
-) -> Kept<DrawCommand> {
+) -> Usable<DrawCommand> {
     let mut made = Pass {
         ids,
-        kept: Kept::default(),
+        kept: Usable::default(),
         missing: Missing::default(),
         offsets: pass.dynamic_offsets.clone().into_iter(),
     };
@@ -76,7 +76,7 @@ impl<C> Pass<'_, C> {
     }
 
     /// Adds a draw or dispatch, unless an object that it needs was refused.
-    fn act(&mut self, made: Made<C>) {
+    fn act(&mut self, made: OrRefusal<C>) {
         match (self.missing.first(), made) {
             (Some(missing), _) => self.kept.refused.push(missing.clone()),
             (None, Err(why)) => self.kept.refused.push(why),
@@ -84,7 +84,7 @@ impl<C> Pass<'_, C> {
         }
     }
 
-    fn pipeline(&mut self, made: Made<usize>, command: impl FnOnce(usize) -> C) {
+    fn pipeline(&mut self, made: OrRefusal<usize>, command: impl FnOnce(usize) -> C) {
         self.missing.pipeline = made.as_ref().err().cloned();
         if let Ok(pipeline) = made {
             self.push(command(pipeline));
@@ -95,7 +95,7 @@ impl<C> Pass<'_, C> {
         &mut self,
         index: u32,
         offsets: usize,
-        made: Option<Made<usize>>,
+        made: Option<OrRefusal<usize>>,
         command: impl FnOnce(Option<usize>, Vec<u32>) -> C,
     ) {
         let dynamic_offsets = self.offsets.by_ref().take(offsets).collect();
@@ -298,7 +298,7 @@ fn indirect(
     offset: u64,
     index: u64,
     family: DrawCommandFamily,
-) -> Made<DrawCommand> {
+) -> OrRefusal<DrawCommand> {
     match family {
         DrawCommandFamily::Draw => Ok(DrawCommand::DrawIndirect {
             buffer,
@@ -316,11 +316,11 @@ fn indirect(
 pub(super) fn computed(
     ids: &Ids,
     pass: &CorePass<CoreComputeCommand<PointerReferences>>,
-) -> Kept<ComputeCommand> {
+) -> Usable<ComputeCommand> {
     use CoreComputeCommand as C;
     let mut made = Pass {
         ids,
-        kept: Kept::default(),
+        kept: Usable::default(),
         missing: Missing::default(),
         offsets: pass.dynamic_offsets.clone().into_iter(),
     };

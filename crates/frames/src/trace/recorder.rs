@@ -14,7 +14,7 @@ use wgpu_core::pipeline::RenderPipelineVertexProcessor;
 use super::data::Store;
 use super::ids::{Ids, Module, Surface};
 use super::version::Version;
-use super::{FramesBy, Made, Refusal, TraceError, objects, passes, refusal, shaders};
+use super::{FramesBy, OrRefusal, Refusal, TraceError, objects, passes, refusal, shaders};
 use crate::file::{
     AlphaMode, BindGroup, BufferRange, CaptureFile, Command, ComputePipeline, Extent,
     FragmentState, GroupEntry, GroupLayout, LayoutChoice, Origin, PipelineLayout, RenderPipeline,
@@ -248,7 +248,7 @@ impl Recorder {
         });
     }
 
-    pub(super) fn step(&mut self, made: Made<Command>) {
+    pub(super) fn step(&mut self, made: OrRefusal<Command>) {
         let (command, refused) = match made {
             Ok(command) => (Some(command), Vec::new()),
             Err(why) => (None, vec![why]),
@@ -259,7 +259,7 @@ impl Recorder {
     pub(super) fn place(
         &self,
         of: &wgpu::TexelCopyTextureInfoBase<PointerId<markers::Texture>>,
-    ) -> Made<TexelPlace> {
+    ) -> OrRefusal<TexelPlace> {
         Ok(TexelPlace {
             texture: self.ids.textures.get(of.texture)?,
             mip_level: of.mip_level,
@@ -272,7 +272,7 @@ impl Recorder {
         &mut self,
         groups: impl Iterator<Item = Option<PointerId<markers::BindGroupLayout>>>,
         immediates: u32,
-    ) -> Made<usize> {
+    ) -> OrRefusal<usize> {
         const WHAT: &str = "a pipeline layout";
         if immediates > 0 {
             return Err(refusal(WHAT, "it has immediate data (push constants)"));
@@ -282,12 +282,12 @@ impl Recorder {
             _ => Err(refusal(WHAT, "it has the derived layout of a pipeline")),
         };
         let groups = groups.map(|g| g.map(group).transpose());
-        let bind_group_layouts = groups.collect::<Made<Vec<_>>>()?;
+        let bind_group_layouts = groups.collect::<OrRefusal<Vec<_>>>()?;
         let made = PipelineLayout { bind_group_layouts };
         Ok(push(&mut self.file.pipeline_layouts, made))
     }
 
-    fn group(&mut self, of: &TraceBindGroupDescriptor<'_>) -> Made<usize> {
+    fn group(&mut self, of: &TraceBindGroupDescriptor<'_>) -> OrRefusal<usize> {
         const WHAT: &str = "a bind group";
         let layout = self.ids.group_layouts.get(of.layout)?;
         let mut entries = Vec::new();
@@ -352,7 +352,10 @@ impl Recorder {
     }
 
     /// The number of a shader. Reads its text when a pipeline first needs it.
-    fn shader(&mut self, id: PointerId<markers::ShaderModule>) -> Result<Made<usize>, TraceError> {
+    fn shader(
+        &mut self,
+        id: PointerId<markers::ShaderModule>,
+    ) -> Result<OrRefusal<usize>, TraceError> {
         let mut module = match self.ids.modules.get(id) {
             Ok(module) => module,
             Err(why) => return Ok(Err(why)),
@@ -378,7 +381,7 @@ impl Recorder {
         Ok(made)
     }
 
-    fn layout(&self, id: Option<PointerId<markers::PipelineLayout>>) -> Made<LayoutChoice> {
+    fn layout(&self, id: Option<PointerId<markers::PipelineLayout>>) -> OrRefusal<LayoutChoice> {
         id.map_or(Ok(LayoutChoice::Auto), |id| {
             self.ids.pipeline_layouts.get(id).map(LayoutChoice::Number)
         })
@@ -387,7 +390,7 @@ impl Recorder {
     fn compute_pipeline(
         &mut self,
         of: &TraceComputePipelineDescriptor<'_>,
-    ) -> Result<Made<usize>, TraceError> {
+    ) -> Result<OrRefusal<usize>, TraceError> {
         let module = self.shader(of.stage.module)?;
         let layout = self.layout(of.layout);
         Ok(module.and_then(|module| {
@@ -403,7 +406,7 @@ impl Recorder {
     fn render_pipeline(
         &mut self,
         of: TraceGeneralRenderPipelineDescriptor<'_>,
-    ) -> Result<Made<usize>, TraceError> {
+    ) -> Result<OrRefusal<usize>, TraceError> {
         const WHAT: &str = "a render pipeline";
         let RenderPipelineVertexProcessor::Vertex(vertex) = &of.vertex else {
             return Ok(Err(refusal(WHAT, "it has a mesh shader")));
@@ -415,35 +418,34 @@ impl Recorder {
         let pixels = of.fragment.as_ref();
         let pixels = pixels.map(|f| self.shader(f.stage.module)).transpose()?;
         let layout = self.layout(of.layout);
-        let made = module.and_then(|module| {
-            let fragment =
-                of.fragment
-                    .as_ref()
-                    .zip(pixels)
-                    .map(|(f, pixels)| -> Made<FragmentState> {
+        let made =
+            module.and_then(|module| {
+                let fragment = of.fragment.as_ref().zip(pixels).map(
+                    |(f, pixels)| -> OrRefusal<FragmentState> {
                         let targets = f.targets.iter().map(|t| t.as_ref().map(objects::target));
                         Ok(FragmentState {
                             stage: objects::stage(&f.stage, pixels?),
                             targets: targets.collect(),
                         })
-                    });
-            let buffers = vertex.buffers.iter();
-            Ok(RenderPipeline {
-                label: objects::label(of.label.as_deref()),
-                layout: layout?,
-                vertex: VertexState {
-                    stage: objects::stage(&vertex.stage, module),
-                    buffers: buffers
-                        .map(|b| b.as_ref().map(objects::vertex_buffer))
-                        .collect(),
-                },
-                fragment: fragment.transpose()?,
-                primitive: objects::primitive(&of.primitive)?,
-                clip_space: None,
-                depth_stencil: of.depth_stencil.as_ref().map(objects::depth_stencil),
-                multisample: objects::multisample(&of.multisample),
-            })
-        });
+                    },
+                );
+                let buffers = vertex.buffers.iter();
+                Ok(RenderPipeline {
+                    label: objects::label(of.label.as_deref()),
+                    layout: layout?,
+                    vertex: VertexState {
+                        stage: objects::stage(&vertex.stage, module),
+                        buffers: buffers
+                            .map(|b| b.as_ref().map(objects::vertex_buffer))
+                            .collect(),
+                    },
+                    fragment: fragment.transpose()?,
+                    primitive: objects::primitive(&of.primitive)?,
+                    clip_space: None,
+                    depth_stencil: of.depth_stencil.as_ref().map(objects::depth_stencil),
+                    multisample: objects::multisample(&of.multisample),
+                })
+            });
         Ok(made.map(|made| push(&mut self.file.render_pipelines, made)))
     }
 }

@@ -4,7 +4,7 @@ use naga::valid::{Capabilities, ValidationFlags, Validator};
 use wgpu_core::device::trace::{Data, DataKind};
 
 use super::version::{self, Version};
-use super::{Made, paths, refusal};
+use super::{OrRefusal, paths, refusal};
 use crate::file::ShaderLanguage;
 
 const WHAT: &str = "a shader";
@@ -25,7 +25,7 @@ pub(super) fn read(
     bytes: &[u8],
     kind: DataKind,
     version: Version,
-) -> Made<(ShaderLanguage, Vec<u8>)> {
+) -> OrRefusal<(ShaderLanguage, Vec<u8>)> {
     let text = || std::str::from_utf8(bytes).map_err(|_| refusal(WHAT, "it is not UTF-8 text"));
     match kind {
         DataKind::Wgsl => {

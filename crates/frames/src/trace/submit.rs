@@ -7,7 +7,7 @@ use wgpu_core::command::{
 use wgpu_core::id::{PointerId, markers};
 
 use super::recorder::{Recorder, Step};
-use super::{FramesBy, Made, objects, passes, refusal};
+use super::{FramesBy, OrRefusal, objects, passes, refusal};
 use crate::file::{
     BufferPlace, Color, ColorAttachment, Command, DepthAttachment, Load, RenderPassDescriptor,
     Store, TexelLayout,
@@ -91,10 +91,10 @@ impl Recorder {
         }
     }
 
-    fn copy(&mut self, command: CoreCommand<PointerReferences>) -> Made<Command> {
+    fn copy(&mut self, command: CoreCommand<PointerReferences>) -> OrRefusal<Command> {
         let buffer = |id| self.ids.buffers.get(id);
         let place =
-            |of: &wgpu::TexelCopyBufferInfoBase<PointerId<markers::Buffer>>| -> Made<BufferPlace> {
+            |of: &wgpu::TexelCopyBufferInfoBase<PointerId<markers::Buffer>>| -> OrRefusal<BufferPlace> {
                 Ok(BufferPlace {
                     buffer: self.ids.buffers.get(of.buffer)?,
                     layout: TexelLayout {
@@ -150,8 +150,8 @@ impl Recorder {
         label: String,
         colors: &[Option<RenderPassColorAttachment<View>>],
         depth: Option<ResolvedRenderPassDepthStencilAttachment<View>>,
-    ) -> Made<RenderPassDescriptor> {
-        let color = |a: &RenderPassColorAttachment<View>| -> Made<ColorAttachment> {
+    ) -> OrRefusal<RenderPassDescriptor> {
+        let color = |a: &RenderPassColorAttachment<View>| -> OrRefusal<ColorAttachment> {
             let resolve = a.resolve_target.map(|r| self.ids.views.get(r));
             let (load_op, clear) = load(a.load_op);
             Ok(ColorAttachment {
@@ -164,7 +164,7 @@ impl Recorder {
             })
         };
         let colors = colors.iter().map(|a| a.as_ref().map(color).transpose());
-        let depth = depth.map(|d| -> Made<DepthAttachment> {
+        let depth = depth.map(|d| -> OrRefusal<DepthAttachment> {
             let (depth_load_op, depth_store_op, depth_clear_value) = channel(&d.depth);
             let (stencil_load_op, stencil_store_op, stencil_clear) = channel(&d.stencil);
             Ok(DepthAttachment {
@@ -181,7 +181,7 @@ impl Recorder {
         });
         Ok(RenderPassDescriptor {
             label,
-            color_attachments: colors.collect::<Made<Vec<_>>>()?,
+            color_attachments: colors.collect::<OrRefusal<Vec<_>>>()?,
             depth_stencil_attachment: depth.transpose()?,
         })
     }

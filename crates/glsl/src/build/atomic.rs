@@ -14,7 +14,7 @@ use crate::tree::Node;
 use shader_text::error::Error;
 
 /// A part of a variable: the indices from the whole to it. All elements of an array count as one.
-pub(super) type Part = (Handle<GlobalVariable>, Vec<u32>);
+pub(super) type PartOfVariable = (Handle<GlobalVariable>, Vec<u32>);
 
 impl<'s> Body<'_, 's> {
     pub(super) fn atomic(
@@ -41,8 +41,9 @@ impl<'s> Body<'_, 's> {
         };
         let part = part_of(&self.writer.function.expressions, pointer);
         let globals = &self.builder.module.global_variables;
-        let is_storage =
-            |(global, _): &Part| matches!(globals[*global].space, AddressSpace::Storage { .. });
+        let is_storage = |(global, _): &PartOfVariable| {
+            matches!(globals[*global].space, AddressSpace::Storage { .. })
+        };
         let part = part.filter(is_storage).ok_or_else(refusal)?;
         self.builder.atomics.push(part);
         let comparison = false;
@@ -150,7 +151,7 @@ fn has_atomic(types: &UniqueArena<Type>, ty: Handle<Type>, or_is: bool) -> bool 
     }
 }
 
-fn part_of(expressions: &Arena<Expression>, pointer: Value) -> Option<Part> {
+fn part_of(expressions: &Arena<Expression>, pointer: Value) -> Option<PartOfVariable> {
     let (base, index) = match expressions[pointer] {
         Expression::GlobalVariable(global) => return Some((global, Vec::new())),
         Expression::AccessIndex { base, index } => (base, index),

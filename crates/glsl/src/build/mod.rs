@@ -71,7 +71,7 @@ pub(super) struct Builder<'s> {
     functions: HashMap<FunctionId, Handle<IrFunction>>,
     comparing: Comparing,
     /// The parts of storage blocks that are targets of atomic functions.
-    atomics: Vec<atomic::Part>,
+    atomics: Vec<atomic::PartOfVariable>,
     /// The images that are targets of atomic functions.
     atomic_images: Vec<Handle<GlobalVariable>>,
 }

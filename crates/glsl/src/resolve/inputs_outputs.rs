@@ -9,7 +9,7 @@ use crate::errors::unsupported;
 use crate::interface::{flat, index};
 use crate::stage::Variable;
 use crate::tree::{GlobalId, GlobalKind, Kind, Node, Statement};
-use crate::ty::{Component, Leaf, Ty};
+use crate::ty::{Component, Ty, ValueLeaf};
 use shader_text::error::Error;
 
 /// A location without an interpolation.
@@ -100,7 +100,7 @@ impl Resolver<'_, '_> {
         variable: &Variable,
         location: u32,
         is_output: bool,
-        leaves: &[Leaf],
+        leaves: &[ValueLeaf],
     ) -> Result<Node, Error> {
         let mut declared = Vec::new();
         for (leaf, i) in leaves.iter().zip(0..) {

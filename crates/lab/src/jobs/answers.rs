@@ -26,13 +26,13 @@ pub struct Subject<'a> {
 }
 
 /// For each variant, the result of each adapter, by [`super::adapter_id`].
-pub type Variants<'a> = BTreeMap<&'a str, BTreeMap<&'a str, Said<'a>>>;
+pub type Variants<'a> = BTreeMap<&'a str, BTreeMap<&'a str, AdapterResult<'a>>>;
 
 pub type Rows<'a> = BTreeMap<Subject<'a>, Variants<'a>>;
 
 /// The result of one adapter for a variant.
 #[derive(Clone, Debug, Default)]
-pub struct Said<'a> {
+pub struct AdapterResult<'a> {
     /// The report of its job on pictures, or why there is none.
     picture: Option<Drawn<'a>>,
     /// The report of a timing job, which compares pictures too. One that is broken comes first.
@@ -76,7 +76,7 @@ fn is_broken(variant: &VariantReport) -> bool {
     matches!(variant.verdict, Verdict::Broken { .. })
 }
 
-impl<'a> Said<'a> {
+impl<'a> AdapterResult<'a> {
     /// The report of its pictures, or why there is none. A contract that any job breaks is broken.
     fn drawn(&self) -> Option<Drawn<'a>> {
         match (self.picture, self.timed) {
@@ -159,7 +159,7 @@ impl Results {
             let row = rows.entry(Subject::of(merged)).or_default();
             let row = row.entry(merged.job.variant.as_str()).or_default();
             for (id, answer) in &merged.answers {
-                let said: &mut Said<'_> = row.entry(id).or_default();
+                let said: &mut AdapterResult<'_> = row.entry(id).or_default();
                 said.add(merged.job.kind, answer);
             }
         }
@@ -182,7 +182,7 @@ impl Results {
     }
 }
 
-impl<'a> Said<'a> {
+impl<'a> AdapterResult<'a> {
     fn add(&mut self, kind: Kind, answer: &'a Answer) {
         let runs = match (answer, kind) {
             (Answer::Failed { reason, why }, Kind::Picture) => {

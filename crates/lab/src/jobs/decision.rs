@@ -8,7 +8,7 @@ use preshade_plan::contract::Contract;
 use serde::Serialize;
 
 use super::answers::{Standing, Subject, Variants, geometric_mean};
-use super::{Results, Said};
+use super::{AdapterResult, Results};
 use crate::measure::Estimate;
 
 #[derive(Clone, Debug, PartialEq, Serialize)]
@@ -152,7 +152,7 @@ pub fn decide(
             variant: (*variant).to_owned(),
             contract: said
                 .values()
-                .find_map(Said::report)
+                .find_map(AdapterResult::report)
                 .map(|r| r.contract.clone()),
             holds,
             drawn: holds + standing(Standing::Broken),
@@ -198,12 +198,15 @@ fn arguments(subject: &Subject<'_>) -> Vec<String> {
 }
 
 /// Geometric mean of the speedups over adapters. One without a time counts as 1.
-fn over<'s, 'a: 's>(adapters: &BTreeSet<&str>, said: impl Fn(&str) -> Option<&'s Said<'a>>) -> f64 {
-    let speedup = |id: &&str| said(id).and_then(Said::speedup).unwrap_or(1.0);
+fn over<'s, 'a: 's>(
+    adapters: &BTreeSet<&str>,
+    said: impl Fn(&str) -> Option<&'s AdapterResult<'a>>,
+) -> f64 {
+    let speedup = |id: &&str| said(id).and_then(AdapterResult::speedup).unwrap_or(1.0);
     geometric_mean(adapters.iter().map(speedup)).unwrap_or(1.0)
 }
 
-fn on_adapter(adapter: String, said: &Said<'_>) -> OnAdapter {
+fn on_adapter(adapter: String, said: &AdapterResult<'_>) -> OnAdapter {
     let (standing, why) = said.standing();
     OnAdapter {
         adapter,
@@ -320,10 +323,10 @@ pub fn frontier(
         fate: FleetFate::Frontier,
     }];
     for (variant, said) in row {
-        let reports = said.values().filter_map(Said::report);
+        let reports = said.values().filter_map(AdapterResult::report);
         let errors = reports.filter_map(|r| Some(metric.of(r.error.as_ref()?)));
         let error = errors.max_by(f64::total_cmp);
-        let speedups: Vec<f64> = said.values().filter_map(Said::speedup).collect();
+        let speedups: Vec<f64> = said.values().filter_map(AdapterResult::speedup).collect();
         let least = speedups.iter().copied().min_by(f64::total_cmp);
         let most = speedups.iter().copied().max_by(f64::total_cmp);
         let range = least.zip(most).map(|(least, most)| [least, most]);
@@ -394,18 +397,23 @@ pub fn frontier(
 #[allow(clippy::unwrap_used)]
 mod tests {
     use super::*;
-    use crate::jobs::made_up::{Made, results};
+    use crate::jobs::made_up::{ModelResult, results};
 
     const ADAPTERS: [&str; 8] = ["a", "b", "c", "d", "e", "f", "g", "h"];
 
     /// A variant that holds on all eight adapters, with a speedup on each.
-    fn on_all(variant: &'static str, speedups: [f64; 8]) -> Vec<Made> {
+    fn on_all(variant: &'static str, speedups: [f64; 8]) -> Vec<ModelResult> {
         let each = ADAPTERS.into_iter().zip(speedups);
-        each.flat_map(|(a, s)| [Made::Picture(a, variant, true), Made::Time(a, variant, s)])
-            .collect()
+        each.flat_map(|(a, s)| {
+            [
+                ModelResult::Picture(a, variant, true),
+                ModelResult::Time(a, variant, s),
+            ]
+        })
+        .collect()
     }
 
-    fn decided(made: &[Made]) -> Result<FleetDecision, NoTimes> {
+    fn decided(made: &[ModelResult]) -> Result<FleetDecision, NoTimes> {
         let results = results(made);
         let rows = results.rows();
         let (subject, row) = rows.iter().next().unwrap();
@@ -463,7 +471,7 @@ mod tests {
         let mut made = on_all("prepass", [2.0; 8]);
         made.extend(on_all("discard", SIX));
         // By its timing job: the picture job came through.
-        made.push(Made::Broken("h", "prepass"));
+        made.push(ModelResult::Broken("h", "prepass"));
         let decision = decided(&made).unwrap();
         assert_eq!(decision.choice.as_deref(), Some("discard"));
         let of_broken = Some("prepass");
@@ -477,16 +485,16 @@ mod tests {
     #[test]
     fn what_was_not_timed_does_not_pay_and_without_any_time_there_is_no_decision() {
         let mut made = on_all("prepass", SIX);
-        made.retain(|m| !matches!(m, Made::Time("a" | "b" | "c", ..)));
+        made.retain(|m| !matches!(m, ModelResult::Time("a" | "b" | "c", ..)));
         // They timed something else.
-        made.extend(["a", "b", "c"].map(|a| Made::Time(a, "discard", 1.0)));
+        made.extend(["a", "b", "c"].map(|a| ModelResult::Time(a, "discard", 1.0)));
         let decision = decided(&made).unwrap();
         let prepass = &decision.variants[0];
         assert_eq!((prepass.pays, decision.adapters.len()), (3, 8));
         assert_eq!(decision.choice, None);
-        made.retain(|m| !matches!(m, Made::Time(..)));
+        made.retain(|m| !matches!(m, ModelResult::Time(..)));
         assert_eq!(decided(&made), Err(NoTimes { why: None }));
-        made.push(Made::LostTime("a", "prepass"));
+        made.push(ModelResult::LostTime("a", "prepass"));
         let why = decided(&made).unwrap_err().why;
         assert_eq!(why.as_deref(), Some("the adapter was lost"));
     }
@@ -496,9 +504,9 @@ mod tests {
         let mut made = on_all("exact", [1.1; 8]);
         made.extend(on_all("slow", [1.05; 8]));
         made.extend(on_all("rough", [2.0, 2.0, 2.0, 2.0, 1.5, 1.5, 1.5, 1.5]));
-        made.push(Made::Error("c", "rough", 0.01));
-        made.push(Made::Error("d", "rough", 0.03));
-        made.push(Made::Broken("e", "wrong"));
+        made.push(ModelResult::Error("c", "rough", 0.01));
+        made.push(ModelResult::Error("d", "rough", 0.03));
+        made.push(ModelResult::Broken("e", "wrong"));
         let results = results(&made);
         let rows = results.rows();
         let (subject, row) = rows.iter().next().unwrap();

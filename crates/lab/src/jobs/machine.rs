@@ -113,7 +113,7 @@ pub fn fleet(results: &Results, machines: &[Machine]) -> Vec<FleetAdapter> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::jobs::made_up::{Made, adapter, results};
+    use crate::jobs::made_up::{ModelResult, adapter, results};
 
     #[test]
     fn a_fleet_is_what_ran_and_what_machines_have() {
@@ -127,9 +127,9 @@ mod tests {
             cards: vec![card("a", "0"), card("a", "1"), card("idle", "2")],
         }];
         let made = [
-            Made::Picture("a", "x", true),
-            Made::Time("a", "x", 2.0),
-            Made::Lost("b", "x"),
+            ModelResult::Picture("a", "x", true),
+            ModelResult::Time("a", "x", 2.0),
+            ModelResult::Lost("b", "x"),
         ];
         let told = |machines: &[Machine]| -> Vec<String> {
             let all = fleet(&results(&made), machines);

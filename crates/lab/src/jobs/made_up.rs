@@ -12,7 +12,7 @@ use preshade_draw::render::AdapterReport;
 
 /// A made-up result of an adapter for a variant.
 #[derive(Clone, Copy, Debug)]
-pub(crate) enum Made {
+pub(crate) enum ModelResult {
     /// Pictures; the flag: the contract holds.
     Picture(&'static str, &'static str, bool),
     /// Pictures that hold, with a mean FLIP.
@@ -34,26 +34,26 @@ pub(crate) fn adapter(name: &str) -> AdapterReport {
     .unwrap()
 }
 
-/// The merge of all. Of several [`Made::Picture`] and [`Made::Error`] of one job the last counts.
-pub(crate) fn results(made: &[Made]) -> Results {
+/// The merge of all. Of several [`ModelResult::Picture`] and [`ModelResult::Error`] of one job the last counts.
+pub(crate) fn results(made: &[ModelResult]) -> Results {
     let all: BTreeMap<_, _> = made.iter().map(|m| outcome(*m)).collect();
     Results::merge(all.into_values(), false).unwrap()
 }
 
-fn outcome(made: Made) -> ((String, String, String), Outcome) {
+fn outcome(made: ModelResult) -> ((String, String, String), Outcome) {
     let (name, variant, kind, run) = match made {
-        Made::Picture(a, v, _) | Made::Error(a, v, _) | Made::Lost(a, v) => {
+        ModelResult::Picture(a, v, _) | ModelResult::Error(a, v, _) | ModelResult::Lost(a, v) => {
             (a, v, Kind::Picture, "")
         }
-        Made::Time(a, v, _) | Made::LostTime(a, v) => (a, v, Kind::Time, "1"),
-        Made::Broken(a, v) => (a, v, Kind::Time, "2"),
+        ModelResult::Time(a, v, _) | ModelResult::LostTime(a, v) => (a, v, Kind::Time, "1"),
+        ModelResult::Broken(a, v) => (a, v, Kind::Time, "2"),
     };
     let (holds, flip, speedup) = match made {
-        Made::Picture(_, _, holds) => (holds, 0.0, None),
-        Made::Error(_, _, flip) => (true, flip, None),
-        Made::Time(_, _, speedup) => (true, 0.0, Some(speedup)),
-        Made::Broken(..) => (false, 0.0, Some(3.0)),
-        Made::Lost(..) | Made::LostTime(..) => (false, 0.0, None),
+        ModelResult::Picture(_, _, holds) => (holds, 0.0, None),
+        ModelResult::Error(_, _, flip) => (true, flip, None),
+        ModelResult::Time(_, _, speedup) => (true, 0.0, Some(speedup)),
+        ModelResult::Broken(..) => (false, 0.0, Some(3.0)),
+        ModelResult::Lost(..) | ModelResult::LostTime(..) => (false, 0.0, None),
     };
     let failed = JobResult::Failed {
         reason: Reason::DeviceLost,
@@ -86,7 +86,7 @@ fn outcome(made: Made) -> ((String, String, String), Outcome) {
             load: None,
         }),
         result: match made {
-            Made::Lost(..) | Made::LostTime(..) => failed,
+            ModelResult::Lost(..) | ModelResult::LostTime(..) => failed,
             _ => measured(name, variant, (holds, flip, speedup)),
         },
     };

@@ -14,7 +14,7 @@ mod merge;
 mod partition;
 mod regrets;
 
-pub use answers::{Rows, Said, Standing, Subject, Variants};
+pub use answers::{AdapterResult, Rows, Standing, Subject, Variants};
 pub use machine::{FleetAdapter, MACHINE_SCHEMA, Machine, MachineCard, fleet};
 pub use merge::{Answer, Measured, MergeError, Merged, Results, SCHEMA};
 pub use partition::Partition;

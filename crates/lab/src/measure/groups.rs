@@ -54,14 +54,14 @@ pub fn grouped(scene: &Scene, params: &SpecializeParams, most: usize) -> Result<
             continue;
         }
         let mut groups: BTreeMap<String, Group> = BTreeMap::new();
-        let mut seen: Vec<(BTreeMap<Place, Assumed>, Wanted)> = Vec::new();
+        let mut seen: Vec<(BTreeMap<Place, Assumed>, NeededVersion)> = Vec::new();
         for draw in draws {
             let values = looked.telling(draw)?;
             let known = seen.iter().find(|(v, _)| *v == values);
             let wanted = match known {
                 Some((_, wanted)) => wanted.clone(),
                 None => {
-                    let wanted = Wanted::of(plan, &values, params);
+                    let wanted = NeededVersion::of(plan, &values, params);
                     seen.push((values, wanted.clone()));
                     wanted
                 }
@@ -146,13 +146,13 @@ struct Group {
 
 /// The version that a draw needs.
 #[derive(Clone)]
-struct Wanted {
+struct NeededVersion {
     /// The same for the same version; empty for the author's own.
     hash: String,
     saved: f64,
 }
 
-impl Wanted {
+impl NeededVersion {
     fn of(plan: &Plan, values: &BTreeMap<Place, Assumed>, params: &SpecializeParams) -> Self {
         let facts = as_facts(plan, values);
         match Specialized::new(plan, &facts, params) {

@@ -4,11 +4,11 @@ use std::collections::BTreeMap;
 
 use super::frontier;
 use super::grid::{Csv, number, quoted};
-use crate::jobs::{Results, Said, Standing};
+use crate::jobs::{AdapterResult, Results, Standing};
 use crate::measure::Estimate;
 
 /// On how many adapters a variant holds and pays, in words.
-pub(crate) fn holds_and_pays(row: &BTreeMap<&str, Said<'_>>) -> String {
+pub(crate) fn holds_and_pays(row: &BTreeMap<&str, AdapterResult<'_>>) -> String {
     let drawn = || {
         let standings = row.values().map(|s| s.standing().0);
         standings.filter(|s| ![Standing::NoPicture, Standing::DoesNotApply].contains(s))

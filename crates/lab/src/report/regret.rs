@@ -2,7 +2,7 @@
 
 use super::grid::{Csv, quoted};
 use crate::search::plan::reasons::ratio;
-use crate::search::plan::regret::{Judged, RegretReport};
+use crate::search::plan::regret::{PlanRegret, RegretReport};
 
 impl RegretReport {
     /// Each view as a line for a spreadsheet.
@@ -13,7 +13,7 @@ impl RegretReport {
         );
         for scene in &self.scenes {
             for view in &scene.views {
-                let judged = |j: &Judged| {
+                let judged = |j: &PlanRegret| {
                     let plan = quoted(&scene.plans[j.plan]);
                     format!("{plan},{},{}", j.regret(), j.speedup.median)
                 };
@@ -91,7 +91,8 @@ impl RegretReport {
         lines.push(String::new());
         for scene in &self.scenes {
             for view in &scene.views {
-                let line = |j: &Judged| format!("{} {}", scene.plans[j.plan], ratio(&j.speedup));
+                let line =
+                    |j: &PlanRegret| format!("{} {}", scene.plans[j.plan], ratio(&j.speedup));
                 lines.push(format!(
                     "{}: {}: {}; regret {}; policy {}, regret {}; best {}",
                     scene.scene,

@@ -8,7 +8,7 @@ use preshade_frames::folder::Capture;
 use preshade_frames::pass::{self, PassDraw};
 
 /// Texture, mip level, layer, and whether the stencil is meant.
-type Part = (usize, u32, u32, bool);
+type Subresource = (usize, u32, u32, bool);
 
 /// An unknown depth or stencil that draws of a frame test or read.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -79,7 +79,7 @@ pub fn unknown_depths(capture: &Capture) -> Result<Vec<UnknownDepth>, Error> {
     Ok(found)
 }
 
-fn at_start(file: &CaptureFile) -> BTreeSet<Part> {
+fn at_start(file: &CaptureFile) -> BTreeSet<Subresource> {
     let mut unknown = BTreeSet::new();
     for entry in file.unknown.iter().filter(|entry| !entry.as_captured) {
         let Some((index, of)) = entry
@@ -114,7 +114,7 @@ fn parts(
     levels: std::ops::Range<u32>,
     layers: std::ops::Range<u32>,
     is_stencil: bool,
-) -> impl Iterator<Item = Part> {
+) -> impl Iterator<Item = Subresource> {
     levels.flat_map(move |level| {
         layers
             .clone()
@@ -123,7 +123,7 @@ fn parts(
 }
 
 /// Updates the unknown parts after a command, or for a pass before its draws.
-fn write(file: &CaptureFile, command: &Command, unknown: &mut BTreeSet<Part>) {
+fn write(file: &CaptureFile, command: &Command, unknown: &mut BTreeSet<Subresource>) {
     if unknown.is_empty() {
         return;
     }
@@ -172,7 +172,7 @@ fn write(file: &CaptureFile, command: &Command, unknown: &mut BTreeSet<Part>) {
     }
 }
 
-fn copied(place: &TexelPlace, size: Extent, is_stencil: bool) -> impl Iterator<Item = Part> {
+fn copied(place: &TexelPlace, size: Extent, is_stencil: bool) -> impl Iterator<Item = Subresource> {
     let ([_, _, layer], level) = (place.origin.0, place.mip_level);
     let layers = layer..layer.saturating_add(size.0[2]);
     parts(place.texture, level..level + 1, layers, is_stencil)
@@ -183,7 +183,7 @@ fn transfer(
     destination: &TexelPlace,
     size: Extent,
     is_stencil: bool,
-    unknown: &mut BTreeSet<Part>,
+    unknown: &mut BTreeSet<Subresource>,
 ) {
     let to = copied(destination, size, is_stencil);
     for (from, to) in copied(source, size, is_stencil).zip(to) {

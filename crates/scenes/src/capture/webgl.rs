@@ -36,7 +36,7 @@ struct Source<'d> {
 }
 
 /// The resource of one of the program's bindings in a draw.
-pub(super) enum Given<'n> {
+pub(super) enum BoundResource<'n> {
     /// Data for the uniforms outside of blocks.
     Loose(Data),
     Block(&'n BufferRange),
@@ -49,7 +49,7 @@ pub(super) fn given<'n>(
     material: &Material,
     used: &BindingUse,
     named: &'n Named,
-) -> Result<Given<'n>, Left> {
+) -> Result<BoundResource<'n>, Left> {
     let declared = material.program.declared();
     let is = |b: naga::ResourceBinding| (b.group, b.binding) == (used.group, used.binding);
     let texture = |path: Option<&str>| {
@@ -59,21 +59,21 @@ pub(super) fn given<'n>(
     };
     match used.kind {
         BindingKind::Uniform if declared.loose.is_some_and(is) => {
-            loose(material, used, named).map(Given::Loose)
+            loose(material, used, named).map(BoundResource::Loose)
         }
         BindingKind::Uniform => {
             let block = declared.blocks.iter().find(|b| is(b.binding));
             let name = block.map_or(used.name.as_str(), |b| &b.name);
             let range = named.blocks.get(name).ok_or_else(|| missing(name))?;
-            Ok(Given::Block(range))
+            Ok(BoundResource::Block(range))
         }
         BindingKind::Texture | BindingKind::DepthTexture => {
             let pair = declared.samplers.iter().find(|s| is(s.texture));
-            texture(pair.map(|p| p.path.as_str())).map(Given::Texture)
+            texture(pair.map(|p| p.path.as_str())).map(BoundResource::Texture)
         }
         BindingKind::Sampler | BindingKind::ComparisonSampler => {
             let pair = declared.samplers.iter().find(|s| is(s.sampler));
-            texture(pair.map(|p| p.path.as_str())).map(Given::Sampler)
+            texture(pair.map(|p| p.path.as_str())).map(BoundResource::Sampler)
         }
         _ => Err(missing(&used.name)),
     }
@@ -105,16 +105,16 @@ impl Maker<'_> {
         let uses = self.bindings(material);
         for used in uses.iter() {
             match given(&self.materials[material], used, named)? {
-                Given::Loose(data) => bound.0.push(buffer(used, data)),
-                Given::Block(range) => {
+                BoundResource::Loose(data) => bound.0.push(buffer(used, data)),
+                BoundResource::Block(range) => {
                     let data = self.part((range.buffer, range.offset, range.size))?;
                     bound.0.push(buffer(used, texels::padded(data)));
                 }
-                Given::Texture(found) => {
+                BoundResource::Texture(found) => {
                     let place = (used.group, used.binding);
                     bound.1.push(self.texture(&found.texture, place, used)?);
                 }
-                Given::Sampler(found) => {
+                BoundResource::Sampler(found) => {
                     let of = sampler_of(self.capture, found, "a draw")?;
                     bound.2.push(SamplerBinding {
                         group: used.group,

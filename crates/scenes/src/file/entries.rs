@@ -161,7 +161,7 @@ pub(super) struct MeshEntry {
     pub wire_sphere: Option<WireSphere>,
     pub vertices: Option<Vertices>,
     pub gltf: Option<Spanned<Gltf>>,
-    pub merge: Option<Vec<Spanned<Part>>>,
+    pub merge: Option<Vec<Spanned<MergedMesh>>>,
     pub skin: Option<Skin>,
     pub morph: Option<Morph>,
 }
@@ -169,7 +169,7 @@ pub(super) struct MeshEntry {
 /// A mesh placed in a merged one.
 #[derive(Clone, Debug, Deserialize)]
 #[serde(deny_unknown_fields)]
-pub(super) struct Part {
+pub(super) struct MergedMesh {
     pub mesh: Spanned<String>,
     #[serde(default)]
     pub translate: [f32; 3],

@@ -9,7 +9,7 @@ use toml::Spanned;
 use super::place::Folder;
 use super::size::{self, SCENE_BYTES};
 use crate::asset::mesh::Rigged;
-use crate::file::entries::{Field, FieldOrder, MeshEntry, Part, transform};
+use crate::file::entries::{Field, FieldOrder, MergedMesh, MeshEntry, transform};
 use crate::file::text::SceneText;
 use crate::file::variables::Variables;
 use crate::mesh;
@@ -320,7 +320,7 @@ impl SceneMeshes<'_> {
 
     fn part(
         &self,
-        part: &Part,
+        part: &MergedMesh,
         done: &BTreeMap<String, Rigged>,
         out: &mut Vec<Mesh>,
     ) -> Result<(), SceneError> {

@@ -20,7 +20,7 @@ impl Writer<'_> {
             _ => None,
         });
         if let Some((at, mask)) = mask.next_back() {
-            let mut given = Given::of(&instruction, at, mask);
+            let mut given = OptionalOperands::of(&instruction, at, mask);
             // These flags only affect how memory is read and how texels are converted.
             given.drop_words(
                 ImageOperands::NON_PRIVATE_TEXEL
@@ -145,11 +145,11 @@ impl Writer<'_> {
 }
 
 /// Optional image operands of an instruction, with their ids.
-struct Given {
+struct OptionalOperands {
     all: Vec<(ImageOperands, Vec<Word>)>,
 }
 
-impl Given {
+impl OptionalOperands {
     fn of(instruction: &Instruction, at: usize, mask: ImageOperands) -> Self {
         let mut rest = instruction.operands[at + 1..]
             .iter()

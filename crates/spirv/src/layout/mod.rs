@@ -151,7 +151,7 @@ pub(super) fn fit(module: &mut Builder) -> Result<Vec<(String, String)>, Unfit> 
 
 /// How a struct's member stores its matrices.
 #[derive(Clone, Copy)]
-struct Held {
+struct MatrixStorage {
     is_row_major: bool,
     stride: u32,
 }
@@ -198,13 +198,13 @@ impl Layouts {
         name.unwrap_or_else(|| format!("_{id}"))
     }
 
-    fn member(&self, of: Word, member: u32) -> Option<Held> {
+    fn member(&self, of: Word, member: u32) -> Option<MatrixStorage> {
         let all = self.members.get(&(of, member))?;
         let find = |kind: Decoration| {
             let mut all = all.iter();
             all.find(|i| i.operands.get(2) == Some(&Operand::Decoration(kind)))
         };
-        Some(Held {
+        Some(MatrixStorage {
             is_row_major: find(Decoration::RowMajor).is_some(),
             stride: find(Decoration::MatrixStride)?
                 .operands
@@ -303,7 +303,7 @@ impl Layouts {
         &mut self,
         module: &mut Builder,
         ty: Word,
-        held: Option<Held>,
+        held: Option<MatrixStorage>,
     ) -> Result<Rc<Memory>, Unfit> {
         let Some(i) = self.globals.get(&ty).cloned() else {
             return Ok(Rc::new(Memory::Same(ty)));
@@ -344,7 +344,7 @@ impl Layouts {
                 })
             }
             Op::TypeMatrix => {
-                let Some(Held {
+                let Some(MatrixStorage {
                     is_row_major,
                     stride,
                 }) = held

@@ -9,7 +9,7 @@ use super::matching::{By, Matcher};
 use preshade_plan::mapping;
 
 /// A data part of the first program.
-pub(super) struct Leaf {
+pub(super) struct BufferLeaf {
     pub(super) global: Handle<GlobalVariable>,
     pub(super) steps: Vec<usize>,
     pub(super) ty: Handle<Type>,
@@ -17,14 +17,14 @@ pub(super) struct Leaf {
 }
 
 /// Members at any depth outside of arrays, and whole buffers, of the first program.
-pub(super) fn leaves(module: &Module) -> Vec<Leaf> {
-    fn open(module: &Module, leaf: Leaf, all: &mut Vec<Leaf>) {
+pub(super) fn leaves(module: &Module) -> Vec<BufferLeaf> {
+    fn open(module: &Module, leaf: BufferLeaf, all: &mut Vec<BufferLeaf>) {
         for (i, (name, ty)) in mapping::members(module, leaf.ty).into_iter().enumerate() {
             let steps = [&leaf.steps[..], &[i]].concat();
             let global = leaf.global;
             open(
                 module,
-                Leaf {
+                BufferLeaf {
                     global,
                     steps,
                     ty,
@@ -39,7 +39,7 @@ pub(super) fn leaves(module: &Module) -> Vec<Leaf> {
     for (global, variable) in module.global_variables.iter() {
         if naga_interp::place(variable).is_some() && variable.space != AddressSpace::Handle {
             let name = variable.name.clone().unwrap_or_default();
-            let leaf = Leaf {
+            let leaf = BufferLeaf {
                 global,
                 steps: Vec::new(),
                 ty: variable.ty,
@@ -261,7 +261,7 @@ impl Matcher<'_> {
     fn is_where_it_was(
         &self,
         (global, steps): (Handle<GlobalVariable>, &[usize]),
-        leaf: &Leaf,
+        leaf: &BufferLeaf,
     ) -> bool {
         let (theirs, ours) = (
             &self.theirs.global_variables[global],
@@ -292,7 +292,7 @@ impl Matcher<'_> {
             .filter(|leaf| self.is_where_it_was((global, steps), leaf))
             .filter_map(|leaf| Some((leaf, cast((self.theirs, ty), (self.ours, leaf.ty))?)))
             .collect();
-        let is_same_path = |leaf: &Leaf| {
+        let is_same_path = |leaf: &BufferLeaf| {
             let ours = mapping::name_of(self.ours, leaf.global, &leaf.steps);
             let words = |p: &mapping::Path| {
                 let all = std::iter::once(&p.variable).chain(&p.members);

@@ -12,7 +12,7 @@ use naga::{
 use serde::Serialize;
 
 use super::attributes::Attributes;
-use super::buffers::{self, Leaf, leaves};
+use super::buffers::{self, BufferLeaf, leaves};
 use super::fed::{Cast, Rule, cast, plain};
 use super::products::{self, Product};
 use super::sampled::sampled;
@@ -106,7 +106,7 @@ pub(super) struct Matcher<'a> {
     pub(super) maps: &'a [Mapping],
     pub(super) products: Vec<Product>,
     /// Named parts of our buffers.
-    pub(super) leaves: Vec<Leaf>,
+    pub(super) leaves: Vec<BufferLeaf>,
     pub(super) bindings: BTreeMap<Handle<GlobalVariable>, ResourceBinding>,
     pub(super) rules: Vec<Rule>,
     partners: Vec<Partner>,
@@ -581,7 +581,7 @@ impl Matcher<'_> {
             if self.theirs.global_variables[global].space == AddressSpace::Handle {
                 continue;
             }
-            let fits = |leaf: &&Leaf| {
+            let fits = |leaf: &&BufferLeaf| {
                 cast((self.theirs, ty), (self.ours, leaf.ty)) == Some(Cast::Same)
                     && !self.has_partner(&(leaf.global, leaf.steps.clone()))
             };

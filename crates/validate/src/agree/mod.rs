@@ -298,7 +298,7 @@ pub enum Outcome {
 
 /// A promise and its result.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize, schemars::JsonSchema)]
-pub struct Held {
+pub struct PromiseResult {
     /// The promise.
     pub promise: String,
     /// The result.
@@ -310,7 +310,7 @@ pub struct Agreement {
     pub relation: Relation,
     /// Which resource and attribute is which.
     pub partners: Vec<Partner>,
-    pub promises: Vec<Held>,
+    pub promises: Vec<PromiseResult>,
     /// Worst first.
     pub findings: Vec<Finding>,
     /// Assumptions, and differences that no input shows, a sentence each.
@@ -486,8 +486,9 @@ impl Agreement {
     /// Whether every promise was proved or tried, and none is broken.
     pub fn holds(&self) -> bool {
         let mut promises = self.promises.iter();
-        let is_held =
-            |h: &Held| !matches!(h.outcome, Outcome::Differs | Outcome::NotEvaluated { .. });
+        let is_held = |h: &PromiseResult| {
+            !matches!(h.outcome, Outcome::Differs | Outcome::NotEvaluated { .. })
+        };
         let is_note = |f: &Finding| f.class == Class::Variant;
         self.findings.iter().all(is_note) && promises.all(is_held)
     }
@@ -505,7 +506,7 @@ impl Agreement {
     /// Whether no promise that defines the relation was proved or tried. For normals and
     /// velocities, only the promises about them count.
     pub fn is_nothing(&self) -> bool {
-        let own = |h: &&Held| match self.relation {
+        let own = |h: &&PromiseResult| match self.relation {
             Relation::Normal => h.promise == "normals",
             Relation::Velocity => h.promise.starts_with("velocity"),
             _ => true,

@@ -8,7 +8,7 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::sync::Arc;
 
 use super::budget::Draw;
-use super::buffers::{self, Leaf};
+use super::buffers::{self, BufferLeaf};
 use super::fed::{self, Rule, part, part_mut};
 use super::quote::digits;
 use super::trial::{Two, What};
@@ -146,7 +146,7 @@ impl Two<'_> {
     fn still(&self, promise: &str, previous: &[&Rule], sliced: &[Sliced; 2]) -> Vec<Finding> {
         let read = read_by(sliced[1].stages(self.second));
         let second = self.second.vertex.module();
-        let is_read = |module: &naga::Module, leaf: &Leaf| {
+        let is_read = |module: &naga::Module, leaf: &BufferLeaf| {
             let at = naga_interp::place(&module.global_variables[leaf.global]);
             let mut read = read.iter();
             std::ptr::eq(module, second)

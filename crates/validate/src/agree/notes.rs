@@ -11,14 +11,14 @@ use super::matching::By;
 use super::quote::written;
 use super::trial::{Two, What};
 use super::wording::Sliced;
-use super::{Class, Finding, Held, Outcome, Relation};
+use super::{Class, Finding, Outcome, PromiseResult, Relation};
 use crate::stage::Stage;
 use naga_edit::declared::Precision;
 use naga_operands::calls;
 
 /// A pre-pass's depths are compared with the main pass's, and a GPU may round two positions
 /// differently.
-pub(super) fn variant(two: &Two<'_>, promises: &[Held]) -> Option<Finding> {
+pub(super) fn variant(two: &Two<'_>, promises: &[PromiseResult]) -> Option<Finding> {
     let [first, second] = two.relation.names();
     if !matches!(
         two.relation,

@@ -13,7 +13,7 @@ use super::matching::Matching;
 use super::promise_inputs::{ClassExamples, Seen, State, is_plain};
 use super::ties::Ties;
 use super::wording::{self, Example, Sliced};
-use super::{Class, Finding, Held, Outcome, Relation, normals, quote, reads};
+use super::{Class, Finding, Outcome, PromiseResult, Relation, normals, quote, reads};
 use crate::compare::{Colors, Stores};
 use crate::compared_numbers::Numbers;
 use crate::environment::{self, PassStages, TestPoint};
@@ -95,7 +95,7 @@ pub(super) enum What {
 
 impl<'a> Two<'a> {
     /// Checks the promises of the relation.
-    pub(super) fn check_promises(&self) -> (Vec<Held>, Vec<Finding>) {
+    pub(super) fn check_promises(&self) -> (Vec<PromiseResult>, Vec<Finding>) {
         let (mut held, mut findings) = (Vec::new(), Vec::new());
         let promises = self.promises();
         let count = promises.len() as u64;
@@ -110,7 +110,7 @@ impl<'a> Two<'a> {
                 Ok(what) => self.of_normal(what).promise(promise, what),
                 Err(why) => (Outcome::NotEvaluated { why }, Vec::new()),
             };
-            held.push(Held {
+            held.push(PromiseResult {
                 promise: promise.to_owned(),
                 outcome,
             });

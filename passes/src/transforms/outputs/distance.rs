@@ -7,7 +7,7 @@ use super::names::{self, refusal};
 use super::world_position::{self, NoWorld};
 use super::{OutputsParams, calls, refusals};
 use crate::analysis::opaque::Opaque;
-use crate::analysis::view::{self, Said};
+use crate::analysis::view::{self, StatedUniforms};
 use preshade_plan::pass::Refusal;
 use preshade_plan::program::Program;
 
@@ -15,7 +15,7 @@ use preshade_plan::program::Program;
 pub(crate) fn distance(
     opaque: &Opaque<'_>,
     params: &OutputsParams,
-    said: &Said,
+    said: &StatedUniforms,
 ) -> Result<Shows, Box<Refusal>> {
     let program = opaque.program;
     let light = params.light.as_deref();
@@ -30,7 +30,7 @@ pub(crate) fn distance(
 pub(crate) fn surface(
     opaque: &Opaque<'_>,
     params: &OutputsParams,
-    said: &Said,
+    said: &StatedUniforms,
 ) -> Result<Surface, Box<Refusal>> {
     if let Some(name) = &params.position {
         let value = calls::single(opaque, names::value(opaque, name)?)?;

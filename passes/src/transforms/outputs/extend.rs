@@ -28,7 +28,7 @@ mod vertex;
 pub mod without_jitter;
 
 #[derive(Clone, Debug)]
-pub(crate) struct Wanted {
+pub(crate) struct ExtraPicture {
     pub name: String,
     pub shows: Shows,
     /// Whether its target holds floats of 32 bits, in place of 16.
@@ -190,7 +190,7 @@ struct Varyings {
 /// [`Failed`].
 pub(crate) fn extend(
     opaque: &Opaque<'_>,
-    wanted: &[Wanted],
+    wanted: &[ExtraPicture],
     group: Option<u32>,
 ) -> Result<Extended, Failed> {
     let mut extending = Extending {

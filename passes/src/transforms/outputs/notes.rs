@@ -1,6 +1,6 @@
 //! Notes about the pictures for a host's author.
 
-use super::extend::{Normal, Shows, Wanted};
+use super::extend::{ExtraPicture, Normal, Shows};
 use super::{OutputsParams, distance};
 use crate::analysis::opaque::Opaque;
 use naga_edit::interface;
@@ -10,7 +10,11 @@ use preshade_dataflow::slice::{self, Criterion, OutputFilter};
 const PLACES: [&str; 5] = ["instance", "transform", "model", "matrix", "object"];
 
 /// The notes on all pictures, a sentence each.
-pub(crate) fn notes(opaque: &Opaque<'_>, params: &OutputsParams, wanted: &[Wanted]) -> Vec<String> {
+pub(crate) fn notes(
+    opaque: &Opaque<'_>,
+    params: &OutputsParams,
+    wanted: &[ExtraPicture],
+) -> Vec<String> {
     let mut found = Vec::new();
     if wanted.is_empty() {
         found.push(
@@ -50,7 +54,7 @@ pub(crate) fn notes(opaque: &Opaque<'_>, params: &OutputsParams, wanted: &[Wante
 
 /// The attributes that look like transforms of instances and count as unchanged. No state of a
 /// material shows which attributes belong to instances.
-fn unchanged(opaque: &Opaque<'_>, wanted: &[Wanted]) -> Option<String> {
+fn unchanged(opaque: &Opaque<'_>, wanted: &[ExtraPicture]) -> Option<String> {
     let velocity = wanted.iter().find_map(|w| match &w.shows {
         Shows::Velocity(velocity) => Some(velocity),
         _ => None,

@@ -8,7 +8,7 @@ use super::names::refusal;
 use super::remap::{self, Unmapped};
 use super::{OutputsParams, refusals};
 use crate::analysis::opaque::Opaque;
-use crate::analysis::view::{self, Said};
+use crate::analysis::view::{self, StatedUniforms};
 use crate::rebuild::place;
 use preshade_plan::mapping::Mapping;
 use preshade_plan::pass::Refusal;
@@ -22,7 +22,7 @@ pub(crate) type Sources = BTreeMap<(u32, u32), BindingSource>;
 pub(crate) fn apply(
     plan: &mut Plan,
     author: &Opaque<'_>,
-    (params, said): (&OutputsParams, &Said),
+    (params, said): (&OutputsParams, &StatedUniforms),
 ) -> Result<Sources, Box<Refusal>> {
     let mappings = params.mappings();
     let mappings = mappings.map_err(|e| refusal(&refusals::OTHER_VIEW, e.to_string()))?;
@@ -149,7 +149,7 @@ fn renamed(
     program: &Program,
     author: &Program,
     plain: &[Mapping],
-    said: &Said,
+    said: &StatedUniforms,
 ) -> Result<Program, Box<Refusal>> {
     let Some(block) = Block::of(program) else {
         return Ok(program.clone());
@@ -198,7 +198,7 @@ fn check_partners(
     program: &Program,
     block: &Block,
     pairs: &[(String, &str)],
-    said: &Said,
+    said: &StatedUniforms,
 ) -> Result<(), Box<Refusal>> {
     let start = format!("{}.", block.name);
     let follows = view::view_dependent(program, said).into_iter();

@@ -4,12 +4,12 @@ use naga::Module;
 
 use super::names::refusal;
 use super::{list, refusals};
-use crate::analysis::view::{self, Said};
+use crate::analysis::view::{self, StatedUniforms};
 use preshade_plan::pass::{Misnamed, Refusal};
 
 /// The uniforms that the words of `viewer` name. A minus sign in front marks a uniform that stays.
-pub(crate) fn parse(module: &Module, viewer: Option<&str>) -> Result<Said, Box<Refusal>> {
-    let mut said = Said::default();
+pub(crate) fn parse(module: &Module, viewer: Option<&str>) -> Result<StatedUniforms, Box<Refusal>> {
+    let mut said = StatedUniforms::default();
     for word in list(viewer) {
         let (name, found) = match word.strip_prefix('-') {
             Some(name) => (name.trim(), &mut said.stay),

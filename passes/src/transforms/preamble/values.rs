@@ -104,7 +104,7 @@ impl std::fmt::Display for NotOncePerDraw {
 
 /// The verdicts on a stage's values.
 #[derive(Clone, Debug)]
-pub struct Judged {
+pub struct Verdicts {
     pub verdicts: Vec<Result<Class, NotOncePerDraw>>,
     roundings: Roundings,
     most: f64,
@@ -117,7 +117,7 @@ pub(crate) fn judge(
     known: &[SourceRange],
     most: f64,
     is_steady: &dyn Fn(&ResourceBinding) -> bool,
-) -> Judged {
+) -> Verdicts {
     let unsteady = contraction::unsteady(values);
     let is_of_draw = |id: ValueId| values.values[id].fact.rate == Rate::Draw;
     let may = |id: ValueId| is_of_draw(id) && unsteady[id];
@@ -152,7 +152,7 @@ pub(crate) fn judge(
             }
         })
         .collect();
-    Judged {
+    Verdicts {
         verdicts,
         roundings,
         most,
@@ -288,7 +288,7 @@ pub(crate) struct StoredValues {
 /// The choice that saves an invocation most; `None` if none saves enough.
 pub(crate) fn choose(
     values: &Values<'_, '_>,
-    judged: &Judged,
+    judged: &Verdicts,
     terms: &Terms,
 ) -> Option<StoredValues> {
     let before = cut::uncut(values)?;
@@ -317,7 +317,7 @@ pub(crate) fn choose(
 /// The values of a cut; `None` if there is none, or if they round too far.
 fn choice(
     values: &Values<'_, '_>,
-    judged: &Judged,
+    judged: &Verdicts,
     cut: &Cut,
     anew: &[ValueId],
     [before, after]: [f64; 2],
@@ -377,7 +377,7 @@ fn rows(values: &Values<'_, '_>, stored: &[ValueId]) -> u32 {
 
 /// The cost for an invocation of reading a value; `None`: its class is weaker than `weakest`, or it
 /// must not move.
-fn price(values: &Values<'_, '_>, judged: &Judged, weakest: Class, id: ValueId) -> Option<f64> {
+fn price(values: &Values<'_, '_>, judged: &Verdicts, weakest: Class, id: ValueId) -> Option<f64> {
     let is_allowed = matches!(judged.verdicts[id], Ok(class) if class <= weakest);
     let width = shape(values, id).filter(|_| is_allowed)?;
     Some(READ * f64::from(width))

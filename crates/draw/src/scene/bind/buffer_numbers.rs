@@ -8,7 +8,7 @@ use super::super::{Draw, Frame, Material, Scene, SceneError, Value};
 use super::streams::Streams;
 use super::{authored, ignore, packed, runtime_length, variable};
 use crate::scene::globals::immediates;
-use crate::scene::layout::{self, Leaf};
+use crate::scene::layout::{self, VariableLeaf};
 use preshade_plan::plan::BindingKind;
 
 /// Every scalar, vector and matrix of a material's buffers and immediate data for one draw in one
@@ -28,7 +28,7 @@ pub fn numbers(
     let streams = Streams::new(scene, material, draw)?;
     let module = material.program.module();
     let nothing = BTreeMap::new();
-    let given = layout::Given {
+    let given = layout::SceneValues {
         draw: &nothing,
         material: &nothing,
     };
@@ -48,7 +48,7 @@ pub fn numbers(
         let of = (scene, material, &streams);
         let bytes = packed(of, (name, ty), draw, frame, &mut ignore)?.data.bytes;
         let dynamic = runtime_length(material, &streams, draw, name, ty)?;
-        let mut keep = |leaf: &Leaf<'_>| {
+        let mut keep = |leaf: &VariableLeaf<'_>| {
             out.insert(leaf.indexed(), Value::Numbers(read(leaf, &bytes)));
             Ok([0.0; 16])
         };
@@ -58,7 +58,7 @@ pub fn numbers(
 }
 
 /// The numbers of a leaf in a variable's bytes.
-fn read(leaf: &Leaf<'_>, bytes: &[u8]) -> Vec<f64> {
+fn read(leaf: &VariableLeaf<'_>, bytes: &[u8]) -> Vec<f64> {
     let (columns, rows) = (leaf.columns as usize, leaf.rows as usize);
     // The last column has no padding after it.
     let width = leaf.width as usize;

@@ -6,7 +6,7 @@ use super::super::{Draw, Frame, Material, Scene, SceneError, Value};
 use super::guessed::ValueOrigin;
 use super::streams::Streams;
 use super::{authored, buffer};
-use crate::scene::layout::Leaf;
+use crate::scene::layout::VariableLeaf;
 use preshade_plan::plan::BindingKind;
 
 /// The uniforms in `names` (variables or members), by path, with their values for one draw in one
@@ -40,7 +40,7 @@ pub(in super::super) fn uniforms(
                     .is_some_and(|rest| rest.is_empty() || rest.starts_with('.'))
             })
         };
-        let mut keep = |leaf: &Leaf<'_>, _: ValueOrigin, numbers: &[f64; 16]| {
+        let mut keep = |leaf: &VariableLeaf<'_>, _: ValueOrigin, numbers: &[f64; 16]| {
             if listed(&leaf.text()) {
                 let count = (leaf.columns * leaf.rows) as usize;
                 let numbers = numbers[..count].to_vec();

@@ -7,7 +7,7 @@ use super::super::globals::immediates;
 use super::super::{Scene, Semantic, Value};
 use super::streams::Streams;
 use super::{authored, buffer, is_padding, packed, variable};
-use crate::scene::layout::Leaf;
+use crate::scene::layout::VariableLeaf;
 use preshade_plan::plan::BindingKind;
 
 /// The origin of a scalar, vector or matrix for which the scene gives no numbers.
@@ -137,7 +137,7 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
             match binding.kind {
                 BindingKind::Uniform | BindingKind::StorageRead | BindingKind::StorageReadWrite => {
                     let mut observe =
-                        |leaf: &Leaf<'_>, origin: ValueOrigin, numbers: &[f64; 16]| {
+                        |leaf: &VariableLeaf<'_>, origin: ValueOrigin, numbers: &[f64; 16]| {
                             if let Some(guess) = of_leaf(scene, leaf, origin, numbers) {
                                 push(leaf.text(), guess);
                             }
@@ -168,11 +168,12 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
             }
         }
         for variable in immediates(&material.program) {
-            let mut observe = |leaf: &Leaf<'_>, origin: ValueOrigin, numbers: &[f64; 16]| {
-                if let Some(guess) = of_leaf(scene, leaf, origin, numbers) {
-                    push(leaf.text(), guess);
-                }
-            };
+            let mut observe =
+                |leaf: &VariableLeaf<'_>, origin: ValueOrigin, numbers: &[f64; 16]| {
+                    if let Some(guess) = of_leaf(scene, leaf, origin, numbers) {
+                        push(leaf.text(), guess);
+                    }
+                };
             let of = (scene, material, &streams);
             let _ = packed(of, variable, draw, frame, &mut observe);
         }
@@ -206,7 +207,7 @@ pub fn guessed(scene: &Scene) -> Vec<Guessed> {
 /// How a part of a buffer was filled. `None` if the scene specifies it, or nothing reads it.
 fn of_leaf(
     scene: &Scene,
-    leaf: &Leaf<'_>,
+    leaf: &VariableLeaf<'_>,
     origin: ValueOrigin,
     numbers: &[f64; 16],
 ) -> Option<Guess> {

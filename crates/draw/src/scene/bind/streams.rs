@@ -5,7 +5,7 @@ use naga::{Binding, Handle, ScalarKind, Type};
 use preshade_plan::plan::GpuPass;
 
 use super::super::globals::{globals, is_read};
-use super::super::layout::{self, Leaf};
+use super::super::layout::{self, VariableLeaf};
 use super::super::semantic::normalise;
 use super::super::{Draw, DrawRange, Material, Mesh, Scene, SceneError, Semantic, Stream, Value};
 use super::{Call, Data, Indices, VertexAttribute, VertexBuffer, hash01, vertex_inputs};
@@ -420,7 +420,7 @@ impl<'a> Streams<'a> {
         &self,
         variable: &str,
         ty: Handle<Type>,
-        leaf: &Leaf<'_>,
+        leaf: &VariableLeaf<'_>,
     ) -> Option<[f64; 16]> {
         layout::runtime_array(self.material.program.module(), ty)?;
         let i = leaf.index?;

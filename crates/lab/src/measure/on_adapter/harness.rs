@@ -32,7 +32,7 @@ pub(crate) const ENTRY: &str = "main";
 
 /// A number of an input, by where the words of one draw have it.
 #[derive(Debug)]
-pub(crate) enum Given {
+pub(crate) enum InputNumber {
     /// An attribute of a corner.
     Attribute(Io, usize),
     /// Inputs of a fragment stage besides its varyings.
@@ -53,7 +53,7 @@ pub(crate) struct Harness {
     /// The stages, which the types of inputs and outputs are of.
     pub source: Module,
     /// The layout of a draw's input words.
-    pub given: Vec<Given>,
+    pub given: Vec<InputNumber>,
     /// Number of input words of a draw.
     pub words_in: u32,
     /// The uniforms and buffers of a draw, with type and first byte in the struct of all, and the
@@ -74,7 +74,7 @@ struct Making {
     made: Module,
     input: Handle<GlobalVariable>,
     output: Handle<GlobalVariable>,
-    given: Vec<Given>,
+    given: Vec<InputNumber>,
     words_in: u32,
     buffers: Vec<((u32, u32), Handle<Type>, u32)>,
     words_of_buffers: u32,
@@ -212,7 +212,7 @@ impl Making {
                     if let TypeInner::Image { .. } = source.types[global.ty].inner {
                         let variables = ["bases", "scales"].map(|n| private(made, n, four, None));
                         ours.textures.insert(handle, variables);
-                        self.given.push(Given::Texture(at));
+                        self.given.push(InputNumber::Texture(at));
                     }
                 }
                 (AddressSpace::Uniform | AddressSpace::Immediate, Some(at))
@@ -241,7 +241,7 @@ impl Making {
         if !self.buffers.is_empty() {
             ours.all_buffers = self.all_buffers();
         }
-        self.given.push(Given::Slopes);
+        self.given.push(InputNumber::Slopes);
         Ok(ours)
     }
 
@@ -313,12 +313,13 @@ impl Making {
         let mut to: Vec<(Handle<GlobalVariable>, Handle<Type>)> = Vec::new();
         for given in &self.given {
             match given {
-                Given::Texture(at) => {
+                InputNumber::Texture(at) => {
                     let variables = textures.get(at).into_iter().flatten();
                     to.extend(variables.map(|v| (*v, four)));
                 }
-                Given::Slopes => to.push((ours.slopes, two)),
-                Given::Attribute(..) | Given::Fragment(_) | Given::Weights(_) => {}
+                InputNumber::Slopes => to.push((ours.slopes, two)),
+                InputNumber::Attribute(..) | InputNumber::Fragment(_) | InputNumber::Weights(_) => {
+                }
             }
         }
         let mut body = Body::new(&mut self.made, "reset");
@@ -469,12 +470,12 @@ struct Writing<'a, 'm> {
     input: Handle<GlobalVariable>,
     base: Handle<Expression>,
     reset: Handle<Function>,
-    given: &'a mut Vec<Given>,
+    given: &'a mut Vec<InputNumber>,
     words_in: &'a mut u32,
 }
 
 impl Writing<'_, '_> {
-    fn read(&mut self, given: Given, ty: Handle<Type>) -> Result<Handle<Expression>, String> {
+    fn read(&mut self, given: InputNumber, ty: Handle<Type>) -> Result<Handle<Expression>, String> {
         self.given.push(given);
         self.body.read((self.input, self.base), ty, self.words_in)
     }
@@ -528,7 +529,7 @@ impl Writing<'_, '_> {
     ) -> Result<Option<Handle<Expression>>, String> {
         self.call(stage, |this, io| {
             let ty = io.ty;
-            this.read(Given::Attribute(io, corner), ty)
+            this.read(InputNumber::Attribute(io, corner), ty)
         })
     }
 
@@ -547,7 +548,7 @@ impl Writing<'_, '_> {
             let own = matches!(io.binding, Some(Binding::BuiltIn(_)));
             if own || at == TestPoint::Anywhere {
                 let ty = io.ty;
-                return this.read(Given::Fragment(io), ty);
+                return this.read(InputNumber::Fragment(io), ty);
             }
             let binding = io.binding.as_ref().ok_or("an input has no binding")?;
             let slot = Slot::of(binding);
@@ -592,7 +593,7 @@ impl Writing<'_, '_> {
         let scalar = Scalar::F32;
         let size = VectorSize::Tri;
         let three = ty(self.body.module, TypeInner::Vector { size, scalar });
-        let weights = self.read(Given::Weights(kind), three)?;
+        let weights = self.read(InputNumber::Weights(kind), three)?;
         let mut sum: Option<Handle<Expression>> = None;
         for (index, corner) in (0..).zip(corners) {
             let weight = self.body.add(Expression::AccessIndex {
@@ -698,15 +699,15 @@ pub(crate) fn words(harness: &Harness, draw: &Draw<'_>) -> Result<Vec<u32>, Stri
     let missing = |what: &str| format!("there are no numbers for {what}");
     for given in &harness.given {
         let value = match given {
-            Given::Attribute(io, corner) => {
+            InputNumber::Attribute(io, corner) => {
                 let corner = match harness.at {
                     TestPoint::Vertex => draw.inputs.corner(),
                     _ => *corner,
                 };
                 draw.inputs.attribute(&harness.source, io, corner)
             }
-            Given::Fragment(io) => draw.inputs.fragment(&harness.source, io),
-            Given::Texture(at) => {
+            InputNumber::Fragment(io) => draw.inputs.fragment(&harness.source, io),
+            InputNumber::Texture(at) => {
                 let [bases, scales] = match draw.attached.get(at) {
                     Some(texel) => [*texel, [0.0; 4]],
                     None => draw.inputs.bases(Some(*at)),
@@ -716,8 +717,8 @@ pub(crate) fn words(harness: &Harness, draw: &Draw<'_>) -> Result<Vec<u32>, Stri
                     Value::vector(&scales),
                 ]))
             }
-            Given::Slopes => Some(Value::vector(&draw.inputs.slopes())),
-            Given::Weights(kind) => Some(Value::vector(&draw.inputs.weights(*kind))),
+            InputNumber::Slopes => Some(Value::vector(&draw.inputs.slopes())),
+            InputNumber::Weights(kind) => Some(Value::vector(&draw.inputs.weights(*kind))),
         };
         let value = value.ok_or_else(|| missing(&format!("{given:?}")))?;
         push(&value, &mut words)?;

@@ -6,7 +6,7 @@ use std::collections::BTreeMap;
 use naga::{AddressSpace, Arena, Expression, Function, GlobalVariable, Handle, Module, Statement};
 
 /// The variable that a call passes for each argument, if it is a texture or a sampler.
-type Given = Vec<Option<Handle<GlobalVariable>>>;
+type PassedTextures = Vec<Option<Handle<GlobalVariable>>>;
 
 /// Functions that a module may have in the end.
 const MOST_FUNCTIONS: usize = 4096;
@@ -14,7 +14,7 @@ const MOST_FUNCTIONS: usize = 4096;
 struct Settling<'m> {
     old: &'m Module,
     functions: Arena<Function>,
-    known: BTreeMap<(Handle<Function>, Given), Handle<Function>>,
+    known: BTreeMap<(Handle<Function>, PassedTextures), Handle<Function>>,
 }
 
 /// The module with functions that read their callers' textures and samplers as variables.
@@ -37,7 +37,7 @@ pub(crate) fn settled(module: &Module) -> Result<Module, String> {
 }
 
 impl Settling<'_> {
-    fn function(&mut self, old: &Function, given: &Given) -> Result<Function, String> {
+    fn function(&mut self, old: &Function, given: &PassedTextures) -> Result<Function, String> {
         let mut new = old.clone();
         let variable = |i: usize| given.get(i).copied().flatten();
         let mut index = 0..;
@@ -71,7 +71,7 @@ impl Settling<'_> {
                 }
                 _ => None,
             };
-            let given: Given = arguments.iter().map(resource).collect();
+            let given: PassedTextures = arguments.iter().map(resource).collect();
             let mut each = given.iter();
             arguments.retain(|_| each.next().is_none_or(Option::is_none));
             match self.called(*function, given) {
@@ -88,7 +88,7 @@ impl Settling<'_> {
     fn called(
         &mut self,
         function: Handle<Function>,
-        given: Given,
+        given: PassedTextures,
     ) -> Result<Handle<Function>, String> {
         let key = (function, given);
         if let Some(known) = self.known.get(&key) {

@@ -3,7 +3,7 @@
 use askama::Template;
 
 use super::{Gallery, PageError, Shell, words};
-use crate::jobs::{Answer, Kind, Reason, Results, Said, Standing};
+use crate::jobs::{AdapterResult, Answer, Kind, Reason, Results, Standing};
 use crate::measure::error::counted;
 use crate::report::control_characters::plain;
 use crate::report::frontier;
@@ -106,7 +106,7 @@ pub fn page(
     Ok(plain(&page.render()?).into_owned())
 }
 
-fn cell<'a>(said: &Said<'a>) -> Cell<'a> {
+fn cell<'a>(said: &AdapterResult<'a>) -> Cell<'a> {
     let (standing, why) = said.standing();
     let times = said.times.iter().map(|time| match time {
         Ok(speedup) => frontier::speedup(*speedup),

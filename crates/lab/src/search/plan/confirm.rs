@@ -3,7 +3,7 @@
 use super::PlanError;
 use super::assign::Considered;
 use super::choose::WORTHWHILE;
-use super::policy::{Held, Policy, Rule};
+use super::policy::{Policy, Rule, RuleRange};
 use super::scene::{Measured, Scouted, Settings};
 use super::stage::{self, Runner};
 use crate::measure::{Estimate, Session, bench};
@@ -101,7 +101,7 @@ pub(super) fn held(
                 .collect::<Vec<_>>(),
         );
     }
-    Policy(vec![Held {
+    Policy(vec![RuleRange {
         orders,
         rule: Rule::One { plan: 0 },
     }])

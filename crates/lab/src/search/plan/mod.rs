@@ -40,7 +40,7 @@ pub use decision::Decision;
 pub use exhaust::{Exhausted, exhaust};
 pub use model::{Model, ModelError, ModelOrigin};
 pub use partial_results::{PlanProgress, SceneSoFar, Unfinished};
-pub use policy::{Held, Hold, Policy, Rule, Switch};
+pub use policy::{Hold, Policy, Rule, RuleRange, Switch};
 pub use regret::RegretReport;
 pub use scene::{Settings, Timed, decide};
 

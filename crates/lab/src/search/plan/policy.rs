@@ -89,7 +89,7 @@ impl Rule {
 
 /// A rule, and the draw orders it holds for.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
-pub struct Held {
+pub struct RuleRange {
     /// Orders, as the scene lists them.
     pub orders: Vec<DrawOrder>,
     #[serde(flatten)]
@@ -100,7 +100,7 @@ pub struct Held {
 /// order, and so its rule.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(transparent)]
-pub struct Policy(pub Vec<Held>);
+pub struct Policy(pub Vec<RuleRange>);
 
 impl Policy {
     /// The rule of an order. `None`: it has none.
@@ -148,7 +148,7 @@ pub(crate) fn policy(table: &Table, measures: &[Measure], hold: Hold) -> Policy 
     let all: Vec<usize> = (0..table.views()).collect();
     let joint = rule(table, measures, &all, hold);
     let same = |orders| {
-        Policy(vec![Held {
+        Policy(vec![RuleRange {
             orders,
             rule: joint,
         }])
@@ -180,7 +180,7 @@ pub(crate) fn policy(table: &Table, measures: &[Measure], hold: Hold) -> Policy 
         };
         match policy.0.iter_mut().find(|held| held.rule == rule) {
             Some(held) => held.orders.push(*order),
-            None => policy.0.push(Held {
+            None => policy.0.push(RuleRange {
                 orders: vec![*order],
                 rule,
             }),

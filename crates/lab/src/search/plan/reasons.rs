@@ -212,7 +212,7 @@ mod tests {
     use crate::measure::{Clock, View};
     use crate::search::plan::decision::{PlanView, SCHEMA, ViewReport};
     use crate::search::plan::model::Model;
-    use crate::search::plan::policy::{Held, Policy, Rule};
+    use crate::search::plan::policy::{Policy, Rule, RuleRange};
     use preshade_draw::scene::DrawOrder;
 
     fn about(median: f64) -> Estimate {
@@ -250,7 +250,7 @@ mod tests {
             command: String::new(),
             adapter: adapter(""),
             clock: Some(Clock::WallClock),
-            policy: Policy(vec![Held {
+            policy: Policy(vec![RuleRange {
                 orders: vec![DrawOrder::AsGiven],
                 rule: Rule::One { plan: drawn },
             }]),

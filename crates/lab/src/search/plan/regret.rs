@@ -109,15 +109,15 @@ pub struct ViewRegret {
     /// The plan with the least median time, of those that were measured.
     pub best: usize,
     /// Chosen for this view alone.
-    pub alone: Judged,
+    pub alone: PlanRegret,
     /// Chosen by the scene's policy.
-    pub policy: Judged,
+    pub policy: PlanRegret,
     /// By plan: predicted and measured milliseconds; `None` of one that is out.
     pub plans: Vec<Option<[f64; 2]>>,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
-pub struct Judged {
+pub struct PlanRegret {
     pub plan: usize,
     /// Its time over the best plan's.
     pub over_best: Estimate,
@@ -125,7 +125,7 @@ pub struct Judged {
     pub speedup: Estimate,
 }
 
-impl Judged {
+impl PlanRegret {
     /// Time over the best plan's, less 1. 0 if the interval includes it.
     pub fn regret(&self) -> f64 {
         match self.over_best.low > 1.0 {
@@ -140,8 +140,8 @@ impl Judged {
 }
 
 impl ExhaustedView {
-    fn judged(&self, plan: usize, best: usize) -> Judged {
-        Judged {
+    fn judged(&self, plan: usize, best: usize) -> PlanRegret {
+        PlanRegret {
             plan,
             over_best: self.ratio(plan, best, Rounds::Judging).unwrap_or(EVEN),
             speedup: self.ratio(0, plan, Rounds::Judging).unwrap_or(EVEN),
@@ -298,7 +298,7 @@ pub(crate) fn evaluate(
     }
 }
 
-type Judge = fn(&ViewRegret) -> &Judged;
+type Judge = fn(&ViewRegret) -> &PlanRegret;
 
 const CHOICES: [(&str, Judge); 2] = [("one view", |v| &v.alone), ("policy", |v| &v.policy)];
 
@@ -315,14 +315,14 @@ fn summarised(
     (choice, judge): (&str, Judge),
     (scenes, which): (&str, Half),
 ) -> Option<Summary> {
-    let of = |s: &SceneRegret| -> Vec<(f64, Judged, String)> {
+    let of = |s: &SceneRegret| -> Vec<(f64, PlanRegret, String)> {
         let each = s.views.iter().map(|v| {
             let judged = *judge(v);
             (judged.regret(), judged, format!("{}: {}", s.scene, v.view))
         });
         each.collect()
     };
-    let mut all: Vec<(f64, Judged, String)> =
+    let mut all: Vec<(f64, PlanRegret, String)> =
         rows.iter().filter(|s| which(s)).flat_map(of).collect();
     all.sort_by(|a, b| a.0.total_cmp(&b.0));
     let (worst, _, worst_at) = all.last()?.clone();

@@ -2,7 +2,7 @@
 
 use super::Replay;
 use crate::capture::Error;
-use preshade_draw::render::depths::{self, Place};
+use preshade_draw::render::depths::{self, TexelPosition};
 use preshade_draw::scene::Image;
 use preshade_frames::file::{Extent, TexelPlace};
 
@@ -58,7 +58,7 @@ impl Replay<'_> {
         }
         let of = |texture, at: &TexelPlace| {
             let [x, y, layer] = at.origin.0;
-            Place {
+            TexelPosition {
                 texture,
                 level: at.mip_level,
                 layer,

@@ -25,17 +25,17 @@ pub(super) struct Objects {
     modules: BTreeMap<usize, wgpu::ShaderModule>,
     group_layouts: BTreeMap<usize, wgpu::BindGroupLayout>,
     pipeline_layouts: BTreeMap<usize, wgpu::PipelineLayout>,
-    groups: BTreeMap<usize, Made<wgpu::BindGroup>>,
-    render_pipelines: BTreeMap<usize, Made<wgpu::RenderPipeline>>,
-    compute_pipelines: BTreeMap<usize, Made<wgpu::ComputePipeline>>,
+    groups: BTreeMap<usize, Created<wgpu::BindGroup>>,
+    render_pipelines: BTreeMap<usize, Created<wgpu::RenderPipeline>>,
+    compute_pipelines: BTreeMap<usize, Created<wgpu::ComputePipeline>>,
 }
 
 /// An object, or why it could not be created.
-type Made<T> = Result<T, String>;
+type Created<T> = Result<T, String>;
 
 /// Separates failures of a single object from a lost device or a broken capture, which end the
 /// replay.
-fn refused<T>(made: Result<T, Error>) -> Result<Made<T>, Error> {
+fn refused<T>(made: Result<T, Error>) -> Result<Created<T>, Error> {
     match made {
         Ok(made) => Ok(Ok(made)),
         Err(Error::Render(error @ preshade_draw::render::Error::Refused { .. })) => {
@@ -295,7 +295,7 @@ impl Replay<'_> {
         &mut self,
         index: usize,
         place: &str,
-    ) -> Result<Made<wgpu::BindGroup>, Error> {
+    ) -> Result<Created<wgpu::BindGroup>, Error> {
         if let Some(known) = self.objects.groups.get(&index) {
             return Ok(known.clone());
         }
@@ -375,7 +375,7 @@ impl Replay<'_> {
         &mut self,
         index: usize,
         place: &str,
-    ) -> Result<Made<wgpu::RenderPipeline>, Error> {
+    ) -> Result<Created<wgpu::RenderPipeline>, Error> {
         if let Some(known) = self.objects.render_pipelines.get(&index) {
             return Ok(known.clone());
         }
@@ -478,7 +478,7 @@ impl Replay<'_> {
         &mut self,
         index: usize,
         place: &str,
-    ) -> Result<Made<wgpu::ComputePipeline>, Error> {
+    ) -> Result<Created<wgpu::ComputePipeline>, Error> {
         if let Some(known) = self.objects.compute_pipelines.get(&index) {
             return Ok(known.clone());
         }
@@ -515,7 +515,7 @@ fn named(constants: &[(String, f64)]) -> Vec<(&str, f64)> {
 }
 
 /// The layout of a pipeline, which must exist.
-fn derived<T>(made: Made<T>, label: &str) -> Result<T, Error> {
+fn derived<T>(made: Created<T>, label: &str) -> Result<T, Error> {
     made.map_err(|why| {
         Error::Render(preshade_draw::render::Error::Refused {
             what: label.to_owned(),

@@ -13,7 +13,7 @@ use super::{Replay, ending};
 use crate::capture::Error;
 use crate::capture::material;
 use crate::capture::reader::{Left, Reader};
-use crate::capture::webgl::{self, Given};
+use crate::capture::webgl::{self, BoundResource};
 use preshade_draw::render::binding_type;
 use preshade_draw::scene::Material;
 use preshade_draw::scene::bind::{Data, Indices, VertexBuffer};
@@ -250,7 +250,7 @@ impl Replay<'_> {
             if !matches!(used.kind, BindingKind::Texture | BindingKind::Sampler) {
                 continue;
             }
-            if let Given::Texture(of) | Given::Sampler(of) =
+            if let BoundResource::Texture(of) | BoundResource::Sampler(of) =
                 webgl::given(&program.material, used, named)?
                 && self
                     .texture(of.texture.texture, place)?
@@ -334,15 +334,17 @@ impl Replay<'_> {
         let mut groups: BTreeMap<u32, Vec<(u32, Held)>> = BTreeMap::new();
         for used in &program.bindings {
             let held = match webgl::given(&program.material, used, named)? {
-                Given::Loose(data) => Held::Buffer(self.held(&data, wgpu::BufferUsages::UNIFORM)?),
-                Given::Block(range) => {
+                BoundResource::Loose(data) => {
+                    Held::Buffer(self.held(&data, wgpu::BufferUsages::UNIFORM)?)
+                }
+                BoundResource::Block(range) => {
                     let bytes = self.contents.buffer(self.capture, range.buffer)?;
                     let data = Data::new(cut(&bytes, range.offset, range.size).to_vec());
                     let data = crate::capture::texels::padded(data);
                     Held::Buffer(self.held(&data, wgpu::BufferUsages::UNIFORM)?)
                 }
-                Given::Texture(found) => Held::View(self.sampled_view(found, place)?),
-                Given::Sampler(found) => {
+                BoundResource::Texture(found) => Held::View(self.sampled_view(found, place)?),
+                BoundResource::Sampler(found) => {
                     let of = webgl::sampler_of(self.capture, found, place)?;
                     Held::Sampler(self.sampler_like(&of, place)?)
                 }

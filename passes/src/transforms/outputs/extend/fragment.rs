@@ -9,8 +9,8 @@ use naga_edit::interface;
 use super::capture::Captured;
 use super::vertex::{self, member};
 use super::{
-    Direction, Distance, Extending, Face, Failed, Member, Normal, Shows, Surface, Varying,
-    Varyings, Wanted, buffer, returned,
+    Direction, Distance, Extending, ExtraPicture, Face, Failed, Member, Normal, Shows, Surface,
+    Varying, Varyings, buffer, returned,
 };
 use crate::rebuild::color::{empty_fragment, location};
 use crate::rebuild::place;
@@ -96,7 +96,7 @@ impl Extending<'_, '_> {
     /// Extends the fragment stage, or makes one. Returns its name and the targets' formats.
     pub(super) fn fragment_stage(
         &mut self,
-        wanted: &[Wanted],
+        wanted: &[ExtraPicture],
         varyings: &Varyings,
     ) -> Result<(String, Vec<&'static str>), Failed> {
         let entry = self.opaque.fragment.unwrap_or_else(|| {
@@ -178,7 +178,7 @@ impl Extending<'_, '_> {
     fn ready(
         &mut self,
         entry: usize,
-        wanted: &Wanted,
+        wanted: &ExtraPicture,
         varyings: &Varyings,
     ) -> Result<(Ready, Handle<Type>, &'static str), Failed> {
         let missing = || Failed::Built(format!("`{}` has no varying", wanted.name));

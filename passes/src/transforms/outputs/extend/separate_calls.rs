@@ -3,7 +3,7 @@
 
 use std::collections::BTreeSet;
 
-use super::{Distance, Extending, Face, Failed, Normal, Shows, Surface, Wanted};
+use super::{Distance, Extending, ExtraPicture, Face, Failed, Normal, Shows, Surface};
 use crate::analysis::values::{ContextId, Values};
 use crate::rebuild::isolate::isolate;
 use crate::transforms::outputs::authored::{Authored, AuthoredPlace, calls_of};
@@ -11,7 +11,10 @@ use preshade_dataflow::graph::FunctionId;
 
 impl Extending<'_, '_> {
     /// The wanted values, in functions that only their own calls run.
-    pub(super) fn separate(&mut self, wanted: &[Wanted]) -> Result<Vec<Wanted>, Failed> {
+    pub(super) fn separate(
+        &mut self,
+        wanted: &[ExtraPicture],
+    ) -> Result<Vec<ExtraPicture>, Failed> {
         let mut wanted = wanted.to_vec();
         let mut fragment: Vec<&mut Authored> = Vec::new();
         let mut vertex: Vec<&mut Authored> = Vec::new();

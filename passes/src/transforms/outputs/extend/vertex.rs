@@ -9,8 +9,8 @@ use naga_edit::interface;
 
 use super::capture::Captured;
 use super::{
-    Extending, Failed, Normal, Shows, Surface, Varying, Varyings, Wanted, is_position, returned,
-    varying,
+    Extending, ExtraPicture, Failed, Normal, Shows, Surface, Varying, Varyings, is_position,
+    returned, varying,
 };
 use crate::rebuild::place;
 use crate::rebuild::prologue::Ahead;
@@ -26,19 +26,19 @@ enum Carried {
     /// A value of the prologue.
     Value(Handle<Expression>),
     /// A position in the world.
-    World(Kept),
+    World(WorldPosition),
 }
 
 /// A position in the world: a vector and the matrices that turn it, outermost first.
 #[derive(Clone, Debug)]
-struct Kept {
+struct WorldPosition {
     vector: Captured,
     matrices: Vec<Captured>,
     /// Whether the fourth component is 1.
     is_point: bool,
 }
 
-impl Kept {
+impl WorldPosition {
     fn read(&self, writer: &mut FunctionWriter) -> Handle<Expression> {
         let mut value = self.vector.read(writer);
         for matrix in self.matrices.iter().rev() {
@@ -54,7 +54,7 @@ impl Kept {
 }
 
 impl Extending<'_, '_> {
-    pub(super) fn vertex_stage(&mut self, wanted: &[Wanted]) -> Result<Varyings, Failed> {
+    pub(super) fn vertex_stage(&mut self, wanted: &[ExtraPicture]) -> Result<Varyings, Failed> {
         let mut varyings = Varyings::default();
         let kept = self.world(wanted)?;
         let mut next = self.free_location();
@@ -66,7 +66,7 @@ impl Extending<'_, '_> {
             Shows::Velocity(velocity) => Some(velocity),
             _ => None,
         });
-        let is_face = |w: &Wanted| matches!(w.shows, Shows::Direction(Normal::Face(_), _));
+        let is_face = |w: &ExtraPicture| matches!(w.shows, Shows::Direction(Normal::Face(_), _));
         let positions = velocity.map(|v| self.positions(v)).transpose()?;
         let ty = self.vec3();
         let mut clip = |name| Varying {
@@ -112,7 +112,7 @@ impl Extending<'_, '_> {
     }
 
     /// Keeps the position in the world, if a picture needs it.
-    fn world(&mut self, wanted: &[Wanted]) -> Result<Option<Kept>, Failed> {
+    fn world(&mut self, wanted: &[ExtraPicture]) -> Result<Option<WorldPosition>, Failed> {
         let world = wanted.iter().find_map(|w| match w.shows.surface()? {
             Surface::World(world) => Some(world),
             Surface::Value(_) => None,
@@ -120,7 +120,7 @@ impl Extending<'_, '_> {
         let Some(world) = world else { return Ok(None) };
         let vertex = self.opaque.vertex;
         let matrices = world.matrices.iter().map(|m| self.keep(vertex, m));
-        Ok(Some(Kept {
+        Ok(Some(WorldPosition {
             is_point: world.is_point,
             matrices: matrices.collect::<Result<_, _>>()?,
             vector: self.keep(vertex, &world.vector)?,
@@ -132,7 +132,7 @@ impl Extending<'_, '_> {
         &mut self,
         all: &[Option<&Varying>; 4],
         positions: Option<(Option<Ahead>, Ahead)>,
-        kept: Option<Kept>,
+        kept: Option<WorldPosition>,
     ) -> Result<(), Failed> {
         let missing = || Failed::Built("a vertex stage without a position".to_owned());
         let entry = self.opaque.vertex;
