@@ -98,7 +98,7 @@ gains:
 # Times frozen hand-written shaders beside those that preshade generates from the same entry points.
 bench:
 	scripts/setup.sh vulkan
-	cargo run --release -p preshade-cli -- bench
+	cargo run --release -p xtask -- bench
 
 # Checks advisories, licences and sources of all dependencies, the oldest promised compiler, and the public
 # API against the last release. `test` leaves this out because the tools take minutes to build.

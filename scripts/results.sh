@@ -1,10 +1,12 @@
 #!/usr/bin/env bash
 # Makes the files of docs/results on your adapter: results.sh NAME DIR [PRESHADE]
-# writes DIR/NAME-shrine.json and the others. Takes some minutes on a GPU; nothing else may draw.
+# writes DIR/NAME-shrine.json and the others. Takes some minutes on a GPU; nothing else may draw. The program xtask
+# must be beside PRESHADE: cargo build --release -p preshade-cli -p xtask
 # NAME-regret.json is apart, because it takes ten: results.sh NAME DIR PRESHADE regret
 set -uo pipefail
 cd "$(dirname "$0")/.."
 name=$1 dir=$2 preshade=${3:-target/release/preshade}
+xtask=$(dirname "$preshade")/xtask
 scenes=fixtures/scenes
 full=(--size 1920x1080)
 failed=0
@@ -41,9 +43,9 @@ verify cobbles cobbles skip-taps:threshold=0 skip-taps:threshold=0.01,budget=0.0
     skip-taps:threshold=0.05,budget=0.02 -- --seconds 1
 verify museum museum specialize specialize:fold=rounding specialize,depth-prepass -- \
     --frames 2 --seconds 0.3 --time headline
-record bench bench --layers 2,4,16
-record bench-hoist bench --layers 2 --grids 16,64,128,256
-record bench-grass bench --layers 2 --grids 16 --grass 50000,200000,400000
+preshade=$xtask record bench bench --layers 2,4,16
+preshade=$xtask record bench-hoist bench --layers 2 --grids 16,64,128,256
+preshade=$xtask record bench-grass bench --layers 2 --grids 16 --grass 50000,200000,400000
 
 v=visibility-buffer:budget=0.05
 for scene in city crowd; do

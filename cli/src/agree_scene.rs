@@ -4,14 +4,13 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use preshade_draw::scene::Scene;
-use preshade_lab::measure::{Beside, Look, TimingSettings};
+use preshade_lab::measure::{Beside, Look, TimingSettings, parse_seconds};
 use preshade_plan::plan::Plan;
 use preshade_scenes::StandIn;
 use preshade_scenes::Variables;
 use preshade_validate::agree::{Partner, Relation};
 
 use crate::input::ShaderArgs;
-use crate::verify::parse_seconds;
 use crate::view::ViewArgs;
 use crate::{Failure, output, worker};
 use preshade_lab::report::picture::file_name;

@@ -8,6 +8,7 @@ use std::time::Duration;
 
 use preshade_draw::render::{self};
 use preshade_draw::scene::DrawOrder;
+use preshade_lab::measure::parse_seconds;
 use preshade_lab::measure::record::Report;
 use preshade_lab::search::explore::{self, Journal, Settings};
 use preshade_lab::verify::grouped;
@@ -20,9 +21,7 @@ use shader_text::limits::Limits;
 
 use crate::input::ShaderArgs;
 use crate::variants::VariantArgs;
-use crate::verify::{
-    FormArg, OrderArg, check_budget, check_folder, command, parse_seconds, recipes,
-};
+use crate::verify::{FormArg, OrderArg, check_budget, check_folder, command, recipes};
 use crate::view::ViewArgs;
 use crate::{Ending, Failure, Table, evaluate, flags, guesses, materials, output, results, worker};
 

@@ -23,7 +23,6 @@ mod agree;
 mod agree_inputs;
 mod agree_revisions;
 mod agree_scene;
-mod bench;
 mod bounded;
 #[cfg(feature = "capture")]
 mod capture;
@@ -161,8 +160,6 @@ enum Command {
     Capture(capture::CaptureArgs),
     /// Lists the adapters of this machine.
     Adapters(adapters::AdaptersArgs),
-    /// Compares frozen hand-written shaders with preshade's variants of the same entry points.
-    Bench(bench::BenchArgs),
     /// Prints a completion script for a shell.
     Completions(completions::CompletionsArgs),
     /// Prints the manual pages.
@@ -196,7 +193,6 @@ impl Command {
             #[cfg(feature = "capture")]
             Self::Capture(a) => capture::run(a),
             Self::Adapters(a) => adapters::run(a),
-            Self::Bench(a) => bench::run(a),
             Self::Completions(a) => completions::run(a, Cli::command()),
             Self::Man(a) => man::run(a, Cli::command()),
         }

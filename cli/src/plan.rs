@@ -10,7 +10,7 @@ use preshade_compiler::emit;
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::Gpu;
 use preshade_draw::scene::{DrawOrder, Rows, Scene};
-use preshade_lab::measure::{self, Session, TimingSettings, Variant};
+use preshade_lab::measure::{self, Session, TimingSettings, Variant, parse_seconds};
 use preshade_lab::report;
 use preshade_lab::report::html::plan::Redrawn;
 use preshade_lab::search::plan as decide;
@@ -32,7 +32,7 @@ use crate::materials::{self, Job};
 use crate::output::{self, ProgressLine};
 use crate::rewrite::check_name;
 use crate::scenes::{KeptScenes, reopened};
-use crate::verify::{OrderArg, check_budget, check_folder, parse_frames, parse_seconds};
+use crate::verify::{OrderArg, check_budget, check_folder, parse_frames};
 use crate::view::ViewArgs;
 use crate::{Ending, Failure, Table, guesses, results, worker};
 

@@ -2,11 +2,11 @@
 
 use std::time::Duration;
 
-use preshade_lab::measure::{TimingSettings, profile};
+use preshade_lab::measure::{TimingSettings, parse_seconds, profile};
 use preshade_lab::report;
 
 use crate::input::ShaderArgs;
-use crate::verify::{command, parse_seconds};
+use crate::verify::command;
 use crate::view::ViewArgs;
 use crate::{Ending, Failure, Table, guesses, output, worker};
 

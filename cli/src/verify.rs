@@ -11,7 +11,7 @@ use preshade_draw::render::Gpu;
 use preshade_draw::scene::{DrawOrder, Scene};
 use preshade_lab::measure::crossover::{Point, Series};
 use preshade_lab::measure::record::{Pictures, Report};
-use preshade_lab::measure::{self, Settings, Timed, TimingSettings};
+use preshade_lab::measure::{self, Settings, Timed, TimingSettings, parse_seconds};
 use preshade_lab::search::candidates;
 use preshade_lab::verify::{Answer, News, Request, grouped};
 use preshade_lab::{isolated, report};
@@ -159,14 +159,6 @@ pub fn parse_frames(text: &str) -> Result<usize, String> {
     match text.trim().parse::<usize>() {
         Ok(n @ 1..) => Ok(n),
         _ => Err("expected a whole number from 1".to_owned()),
-    }
-}
-
-/// Reads a number of seconds.
-pub fn parse_seconds(text: &str) -> Result<f64, String> {
-    match text.trim().parse::<f64>() {
-        Ok(n) if (0.0..=3600.0).contains(&n) => Ok(n),
-        _ => Err("expected a number of seconds from 0 to 3600".to_owned()),
     }
 }
 

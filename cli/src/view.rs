@@ -2,6 +2,7 @@
 
 use preshade_draw::render::Gpu;
 use preshade_draw::scene::Scene;
+use preshade_lab::measure::parse_size;
 
 use crate::{Failure, output};
 
@@ -61,15 +62,4 @@ impl ViewArgs {
     pub fn is_given(&self) -> bool {
         self.size.is_some() || !self.camera.is_empty()
     }
-}
-
-pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
-    let (w, h) = text
-        .split_once(['x', 'X'])
-        .ok_or("expected WxH, 1920x1080 say")?;
-    let side = |s: &str| match s.trim().parse::<u32>() {
-        Ok(n @ 1..=8192) => Ok(n),
-        _ => Err(format!("`{s}` is not a number from 1 to 8192")),
-    };
-    Ok([side(w)?, side(h)?])
 }

@@ -11,7 +11,7 @@ import { Preshade } from '../index.js';
 import { withThree } from '../three-prefix.js';
 
 const VERSION = JSON.parse(readFileSync(new URL('../package.json', import.meta.url))).version;
-const NATIVE = ['graph', 'verify', 'plan', 'explore', 'capture', 'adapters', 'bench', 'completions', 'man'];
+const NATIVE = ['graph', 'verify', 'plan', 'explore', 'capture', 'adapters', 'completions', 'man'];
 
 const HELP = `\
 Writes faster variants of a material's shaders. This is the compiler as WebAssembly, without a GPU.

@@ -325,7 +325,7 @@ fn told_of_report(report: &Report) -> String {
 fn told_of_bench(bench: &Bench) -> String {
     let [width, height] = bench.resolution;
     let mut out = format!(
-        "`preshade bench --grass`, {width}x{height}: the hand-written reference, which has a field \
+        "`xtask bench --grass`, {width}x{height}: the hand-written reference, which has a field \
          of grass of its own, beside what is generated from its forward entry points, in one \
          process.\n\n"
     );

@@ -75,7 +75,7 @@ pub use outputs::OutputsReport;
 pub use ranges::ranges;
 pub use rasterizer::rasterizer;
 pub use session::Session;
-pub use settings::{Settings, Timed};
+pub use settings::{Settings, Timed, parse_seconds, parse_size};
 pub use shading::{
     CountProgram, Counter, Discarded, Shading, ShadingSummary, facts, facts_for_choice,
 };

@@ -1,4 +1,4 @@
-//! The views to time, and how long.
+//! The views to time, and how long; reads a resolution and a time from text.
 
 use super::{TimingSettings, View};
 
@@ -34,5 +34,31 @@ impl Timed {
             Self::FirstFrames => view.frame == 0,
             Self::Everything => true,
         }
+    }
+}
+
+/// Reads a resolution: `1920x1080`.
+///
+/// # Errors
+/// It is no such text, or a side is not from 1 to 8192.
+pub fn parse_size(text: &str) -> Result<[u32; 2], String> {
+    let (w, h) = text
+        .split_once(['x', 'X'])
+        .ok_or("expected WxH, 1920x1080 say")?;
+    let side = |s: &str| match s.trim().parse::<u32>() {
+        Ok(n @ 1..=8192) => Ok(n),
+        _ => Err(format!("`{s}` is not a number from 1 to 8192")),
+    };
+    Ok([side(w)?, side(h)?])
+}
+
+/// Reads a number of seconds.
+///
+/// # Errors
+/// It is no number from 0 to 3600.
+pub fn parse_seconds(text: &str) -> Result<f64, String> {
+    match text.trim().parse::<f64>() {
+        Ok(n) if (0.0..=3600.0).contains(&n) => Ok(n),
+        _ => Err("expected a number of seconds from 0 to 3600".to_owned()),
     }
 }

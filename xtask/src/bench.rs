@@ -1,15 +1,18 @@
-//! `preshade bench`: the yardstick. Times the frozen hand-written shaders of `fixtures/handwritten`
+//! `xtask bench`: the yardstick. Times the frozen hand-written shaders of `fixtures/handwritten`
 //! against generated ones from the same forward entry points, A B B A in one process.
 
 use std::collections::BTreeMap;
+use std::io::Write;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
 
-use preshade_compiler::front::{self, Source};
+use preshade_compiler::front::{self, Parsed, Source};
 use preshade_compiler::recipe::Recipe;
 use preshade_draw::render::{AdapterChoice, Gpu};
 use preshade_draw::scene::{Material, Mesh, Scene, Value};
-use preshade_lab::measure::{self, Estimate, Session, TimingSettings, handmade};
+use preshade_lab::measure::{
+    self, Estimate, Session, TimingSettings, handmade, parse_seconds, parse_size,
+};
 use preshade_plan::pass::Facts;
 use preshade_plan::plan::{
     Attachment, BindingKind, BindingSource, BindingUse, Draws, Phase, Plan, Role,
@@ -20,18 +23,17 @@ use preshade_scenes::ShaderForm;
 use serde::Serialize;
 use shader_text::options::Options;
 
-use crate::verify::parse_seconds;
-use crate::view::parse_size;
-use crate::{Ending, Failure, Format, output};
+use crate::Failure;
 
 mod grass;
 mod museum;
 
+/// Compares frozen hand-written shaders with preshade's variants of the same entry points.
 #[derive(clap::Args)]
 #[command(after_help = "\
 Examples, from the root of the repository:
-  preshade bench
-  preshade bench --layers 4 --size 320x180 --seconds 0.2 --format json")]
+  cargo run --release -p xtask -- bench
+  cargo run --release -p xtask -- bench --layers 4 --size 320x180 --seconds 0.2 --format json")]
 pub struct BenchArgs {
     /// The hand-written reference.
     #[arg(
@@ -60,11 +62,19 @@ pub struct BenchArgs {
     #[arg(long, value_name = "SECONDS", default_value_t = 1.5, value_parser = parse_seconds)]
     seconds: f64,
     /// Part of an adapter's name, driver or backend.
-    #[arg(long, value_name = "TEXT")]
+    #[arg(long, env = "PRESHADE_ADAPTER", value_name = "TEXT")]
     adapter: Option<String>,
     /// Output form.
     #[arg(long, value_enum, default_value_t = Format::Human)]
     format: Format,
+}
+
+#[derive(Clone, Copy, clap::ValueEnum)]
+enum Format {
+    /// For people.
+    Human,
+    /// For programs.
+    Json,
 }
 
 #[derive(Serialize)]
@@ -108,7 +118,7 @@ const HOISTED: [(&str, &str); 1] = [(
 
 const ORDERS: [(&str, u32); 3] = [("back to front", 0), ("shuffled", 2), ("front to back", 1)];
 
-pub fn run(args: &BenchArgs) -> Result<Ending, Failure> {
+pub fn run(args: &BenchArgs) -> Result<(), Failure> {
     let gpu = Gpu::new(
         &args
             .adapter
@@ -120,8 +130,7 @@ pub fn run(args: &BenchArgs) -> Result<Ending, Failure> {
     } else {
         [1920, 1080]
     });
-    let text = std::fs::read_to_string(&args.reference)
-        .map_err(|e| Failure(format!("error: {}: {e}", args.reference.display())))?;
+    let text = read(&args.reference)?;
     let timing = TimingSettings {
         budget: Duration::from_secs_f64(args.seconds),
         ..TimingSettings::default()
@@ -206,11 +215,25 @@ pub fn run(args: &BenchArgs) -> Result<Ending, Failure> {
         adapter: gpu.adapter().clone(),
         rows,
     };
-    match args.format {
-        Format::Json => output::json(&report)?,
-        Format::Human => output::data(&table(&report))?,
-    }
-    Ok(Ending::Fine)
+    let text = match args.format {
+        Format::Json => serde_json::to_string_pretty(&report)?,
+        Format::Human => table(&report),
+    };
+    Ok(writeln!(std::io::stdout(), "{text}")?)
+}
+
+fn read(path: &Path) -> Result<String, Failure> {
+    Ok(std::fs::read_to_string(path).map_err(|e| format!("{}: {e}", path.display()))?)
+}
+
+/// The frozen shaders, with these entry points.
+fn parse(text: &str, [vertex, fragment]: [&str; 2]) -> Result<Parsed, Failure> {
+    let options = Options {
+        vertex: Some(vertex.to_owned()),
+        fragment: Some(fragment.to_owned()),
+        ..Options::default()
+    };
+    Ok(front::parse(&[Source::new("bounds.wgsl", text)], &options)?)
 }
 
 /// The scene: layers of noise over each other.
@@ -233,22 +256,19 @@ fn compare(
     timing: &TimingSettings,
 ) -> Result<Vec<BenchRow>, Failure> {
     let session = Session::new(gpu, scene, ShaderForm::Text)?;
-    let forward = session
-        .originals()
-        .first()
-        .ok_or_else(|| Failure("error: no plan".to_owned()))?;
+    let forward = session.originals().first().ok_or("no plan")?;
     let mut rows = Vec::new();
     for (form, recipe) in forms {
-        output::message(&format!(
+        eprintln!(
             "{} instances of {} quads, {}: {form}",
             stack.layers,
             stack.grid * stack.grid,
             stack.order
-        ));
+        );
         let hand = handwritten(forward, form)?;
         let generated = Recipe::parse([recipe])?
             .apply(forward, facts)
-            .map_err(|r| Failure(format!("error: {r}")))?;
+            .map_err(|refusal| refusal.to_string())?;
         let prepare = |plan: &Plan| session.prepare(std::slice::from_ref(plan));
         let (original, hand, generated) =
             (prepare(forward)?, prepare(&hand)?, prepare(&generated)?);
@@ -314,14 +334,7 @@ fn table(report: &Yardstick) -> String {
 
 /// The layers of noise as a scene: no vertex data, one instance a layer.
 fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
-    let source = Source::new("bounds.wgsl", text);
-    let options = Options {
-        vertex: Some("vs".to_owned()),
-        fragment: Some("fs".to_owned()),
-        ..Options::default()
-    };
-    let parsed = front::parse(&[source], &options)
-        .map_err(|e| Failure(e.render(shader_text::error::Color::Never)))?;
+    let parsed = parse(text, ["vs", "fs"])?;
     let numbers = |n: f64| Value::Numbers(vec![n]);
     let values = BTreeMap::from([
         ("p.n".to_owned(), numbers(f64::from(stack.grid))),
@@ -353,14 +366,8 @@ fn scene(text: &str, size: [u32; 2], stack: &Stack) -> Result<Scene, Failure> {
 /// A hand-written form as a plan: the frozen entry points, and the state that goes with them.
 fn handwritten(forward: &Plan, form: &str) -> Result<Plan, Failure> {
     let mut plan = forward.clone();
-    let program = plan
-        .programs
-        .get("main")
-        .cloned()
-        .ok_or_else(|| Failure("error: no program".to_owned()))?;
-    let Some(main) = plan.passes.first_mut() else {
-        return Err(Failure("error: no pass".to_owned()));
-    };
+    let program = plan.programs.get("main").cloned().ok_or("no program")?;
+    let main = plan.passes.first_mut().ok_or("no pass")?;
     let mut prepass = main.clone();
     prepass.role = Role::Prepass;
     prepass.phase = Phase::Depth;

@@ -32,15 +32,12 @@ pub fn scene(path: &Path, size: [u32; 2], kind: &str) -> Result<(Scene, Facts), 
 /// The hand-written version as a plan, with the state of the original material.
 pub fn handwritten(scene: &Scene, folder: &Path, kind: &str) -> Result<Plan, Failure> {
     let path = folder.join(format!("museum-{kind}.wgsl"));
-    let text = std::fs::read_to_string(&path)
-        .map_err(|e| Failure(format!("error: {}: {e}", path.display())))?;
-    let source = Source::new(path.display().to_string(), text);
-    let parsed = front::parse(&[source], &Options::default())
-        .map_err(|e| Failure(e.render(shader_text::error::Color::Never)))?;
+    let source = Source::new(path.display().to_string(), super::read(&path)?);
+    let parsed = front::parse(&[source], &Options::default())?;
     let material = scene
         .materials
         .first()
-        .ok_or_else(|| Failure("error: the museum has no material".to_owned()))?;
+        .ok_or("the museum has no material")?;
     Ok(Plan::original(
         &material.name,
         parsed.program,

@@ -69,14 +69,7 @@ fn instances(count: u32) -> Vec<f64> {
 
 /// The field as a scene: no vertex data, one instance two cards.
 pub fn scene(text: &str, size: [u32; 2], count: u32) -> Result<Scene, Failure> {
-    let source = Source::new("bounds.wgsl", text);
-    let options = Options {
-        vertex: Some("gvs".to_owned()),
-        fragment: Some("gfs".to_owned()),
-        ..Options::default()
-    };
-    let parsed = front::parse(&[source], &options)
-        .map_err(|e| Failure(e.render(shader_text::error::Color::Never)))?;
+    let parsed = super::parse(text, ["gvs", "gfs"])?;
     let mut state = MaterialState::default();
     state.primitive.cull = CullMode::None;
     let numbers = |n: f64| Value::Numbers(vec![n]);
@@ -118,14 +111,9 @@ fn binding(binding: u32, kind: BindingKind, source: BindingSource) -> BindingUse
 
 /// A hand-written form as a plan: the frozen entry points, and the state that goes with them.
 pub fn handwritten(forward: &Plan, form: &str) -> Result<Plan, Failure> {
-    let missing = |what: &str| Failure(format!("error: the reference has no {what}"));
     let mut plan = forward.clone();
-    let program = plan
-        .programs
-        .get("main")
-        .cloned()
-        .ok_or_else(|| missing("program"))?;
-    let main = plan.passes.pop().ok_or_else(|| missing("pass"))?;
+    let program = plan.programs.get("main").cloned().ok_or("no program")?;
+    let main = plan.passes.pop().ok_or("no pass")?;
     if form == "pre-pass" {
         let mut prepass = GpuPass {
             role: Role::Prepass,
@@ -227,8 +215,7 @@ fn cleared(mut plan: Plan, like: GpuPass) -> Result<Plan, Failure> {
     let wgsl =
         "@vertex fn vs() -> @builtin(position) vec4<f32> { return vec4<f32>(2.0, 2.0, 0.0, 1.0); }
 @fragment fn fs() -> @location(0) vec4<f32> { return vec4<f32>(); }";
-    let parsed = front::parse(&[Source::new("clear.wgsl", wgsl)], &Options::default())
-        .map_err(|e| Failure(e.render(shader_text::error::Color::Never)))?;
+    let parsed = front::parse(&[Source::new("clear.wgsl", wgsl)], &Options::default())?;
     let pass = GpuPass {
         program: "clear".to_owned(),
         bindings: Vec::new(),
