@@ -3,8 +3,8 @@
 //! 1. `listing` reads the words and lists them as text, and `order` checks them;
 //! 2. `prune` selects the stages, and `unsupported` refuses features that cannot be read;
 //! 3. `blocks`, `body`, `combined`, `constants`, `exits`, `instructions`, `interface`, `layout`,
-//!    `members`, `pointers`,
-//! `precise`, `switches` and `varyings` replace constructs that naga's reader lacks or misreads;
+//!    `members`, `pointers`, `precise`, `switches` and `varyings` replace constructs that naga's reader
+//!    lacks or misreads;
 //! 4. `names` makes identifiers, and `loops` and `parameters` normalise the IR.
 #![warn(missing_docs)]
 

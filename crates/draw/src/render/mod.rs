@@ -9,8 +9,7 @@
 //! 3. [`inputs`] uploads the resources of a scene's draws once; every variant shares them;
 //! 4. [`state`], `layout`, `limits` convert a plan's state and bindings to wgpu types;
 //! 5. [`frame`] builds the `targets`, `pipeline`s, `compute` passes, `subdivided` meshes, `drawn`
-//!    ids and bind groups of
-//! a frame once, and encodes them as often as needed;
+//!    ids and bind groups of a frame once, and encodes them as often as needed;
 //! 6. [`readback`] returns colour bytes and full-precision depth as [`picture`]s.
 //!
 //! [`mod@self_test`] runs a plan's self-test as a host does at load, with modules 2 to 5.
