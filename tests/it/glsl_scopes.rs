@@ -23,18 +23,20 @@ fn parsed(vertex: &str, fragment: &str) -> Result<Plan, shader_text::error::Erro
     Ok(parsed.plan("m", &MaterialState::default()))
 }
 
-/// Each has declarations and the body of `main`, or a whole text that begins with `#version`.
+/// The text of a fragment stage from declarations and the body of `main`, or from a whole text that
+/// begins with `#version`.
+fn whole(text: &str) -> String {
+    if text.contains("#version") {
+        return text.to_owned();
+    }
+    let (declared, body) = text.split_once("main:").unwrap();
+    format!(
+        "#version 430\nin vec2 uv; out vec4 c;\nstruct Light {{ vec3 p; float x; }};\n\
+         {declared}\nvoid main() {{ float r = 0.0; {body} c = vec4(r, uv, 1.0); }}\n"
+    )
+}
+
 fn mean_the_same(pairs: &[[&str; 2]]) {
-    let whole = |text: &str| match text.contains("#version") {
-        true => text.to_owned(),
-        false => {
-            let (declared, body) = text.split_once("main:").unwrap();
-            format!(
-                "#version 430\nin vec2 uv; out vec4 c;\nstruct Light {{ vec3 p; float x; }};\n\
-                 {declared}\nvoid main() {{ float r = 0.0; {body} c = vec4(r, uv, 1.0); }}\n"
-            )
-        }
-    };
     for texts in pairs {
         let [text, plain] = texts.map(|t| {
             parsed(VERTEX, &whole(t)).unwrap_or_else(|e| panic!("{t}: {}", e.render(Color::Never)))
@@ -308,4 +310,168 @@ fn statements_and_operators_of_glsl_are_lowered() {
             "main: uint m = uint(uv.x * 9.0); r = float((~m + 1u) & 255u) + 13.0 + 7.0;",
         ],
     ]);
+}
+
+/// GLSL 4.60, 5.1: the operands of an expression, and the indices of a target, from left to right.
+#[test]
+fn operands_are_evaluated_from_left_to_right() {
+    mean_the_same(&[
+        [
+            "main: mat2 m = mat2(uv, uv * 2.0 + 1.0); int k = 0; r = m[k++][k++] + float(k);",
+            "main: r = uv.y + 2.0;",
+        ],
+        [
+            "main: mat2 q = mat2(uv, uv); int k = 0; q[k++][k++] = 9.0; r = q[0][1] - q[1][0] + float(k);",
+            "main: r = 9.0 - uv.x + 2.0;",
+        ],
+        [
+            "struct S { float q[2]; }; main: S s[2]; s[0].q[0] = 1.0; s[0].q[1] = uv.x; s[1].q[0] = uv.y; s[1].q[1] = 2.0; int k = 0; r = s[k++].q[k];",
+            "main: r = uv.x;",
+        ],
+        [
+            "int k = 0; vec4 vv() { k = 2; return vec4(uv, 7.0, 8.0); } main: r = vv()[k];",
+            "main: r = 7.0;",
+        ],
+        [
+            "main: float a[2][2] = float[2][2](float[2](1.0, uv.x), float[2](uv.y, 2.0)); int k = 0; r = a[k++][k++];",
+            "main: r = uv.x;",
+        ],
+        [
+            "const float M[4] = float[4](1.0, 2.0, 3.0, 4.0); main: int k = 1; vec4 w = vec4(M[k++], M[k++], M[k], 0.0); r = w.x * 100.0 + w.y * 10.0 + w.z;",
+            "main: r = 234.0;",
+        ],
+        [
+            "const mat2 M = mat2(1.0, 2.0, 3.0, 4.0); main: int k = 0; r = M[k++][k++];",
+            "main: r = 2.0;",
+        ],
+        [
+            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(uv.x); return mat2(2.0); } main: mat3 o = outerProduct(gv, chv()); r = o[1].x + o[0].z * 10.0;",
+            "main: r = 3.0 + 20.0;",
+        ],
+        [
+            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(uv.x); return mat2(2.0); } main: mat2 o = matrixCompMult(gm, chm()); r = o[0].x + o[1].y * 10.0;",
+            "main: r = 22.0;",
+        ],
+        [
+            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(uv.x); return mat2(2.0); } main: r = reflect(g, ch());",
+            "main: r = 1.0 - 2.0 * 2.0 * 2.0 * 1.0;",
+        ],
+        [
+            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(uv.x); return mat2(2.0); } main: r = faceforward(g, ch(), g);",
+            "main: r = uv.x * 2.0 < 0.0 ? 1.0 : -1.0;",
+        ],
+        [
+            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(uv.x); return mat2(2.0); } main: r = mix(gv, chv(), bvec3(true, false, false)).y;",
+            "main: r = 1.0;",
+        ],
+        [
+            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(uv.x); return mat2(2.0); } struct S { float a; float b; }; S s = S(1.0, 2.0); S chs() { s.a = 5.0; return S(1.0, 2.0); } main: r = s == chs() ? 1.0 : 2.0;",
+            "main: r = 1.0;",
+        ],
+        [
+            "float a[2] = float[2](1.0, 2.0); float[2] cha() { a[1] = 7.0; return float[2](1.0, 2.0); } main: r = a == cha() ? 1.0 : 2.0;",
+            "main: r = 1.0;",
+        ],
+        [
+            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(uv.x); return mat2(2.0); } mat2 other = mat2(2.0); main: r = gm == chm() ? 1.0 : 2.0; r += gm == mat2(uv.x) ? 4.0 : 8.0;",
+            "main: r = 6.0;",
+        ],
+        [
+            "main: float a[2] = float[2](1.0, uv.x * uv.x + 5.0); r = a != (a[1] = 3.0, a) ? 1.0 : 2.0;",
+            "main: r = 1.0;",
+        ],
+        [
+            "int k = 0; float ch() { k = k * 10 + 1; return uv.x; } float[2] ar() { k = k * 10 + 2; return float[2](uv.y, 4.0); } struct S { float a; float q[2]; }; main: S s = S(ch(), ar()); r = s.a + s.q[0] + s.q[1] + float(k);",
+            "main: r = uv.x + uv.y + 4.0 + 12.0;",
+        ],
+        [
+            "struct S { float a; float q[2]; float b; }; main: int k = 0; float z[2] = float[2](uv.x, 1.0); S s = S(float(k), (k++, z), float(k++)); r = s.a + s.b * 10.0 + s.q[0] + float(k) * 100.0;",
+            "main: r = 10.0 + uv.x + 200.0;",
+        ],
+        [
+            "int g; int ff() { g = 5; { int g = 0; g++; } return 1; } main: g = int(uv.x * 9.0); g += ff(); r = float(g);",
+            "main: r = 6.0;",
+        ],
+        [
+            "int g; int ff() { g = 5; int g = 0; g++; return 1; } main: g = int(uv.x * 9.0); g += ff(); r = float(g);",
+            "main: r = 6.0;",
+        ],
+        [
+            "int g; int ff() { for (int g = 0; g < 3; g++) {} g = 5; return 1; } main: g = int(uv.x * 9.0); g += ff(); r = float(g);",
+            "main: r = 6.0;",
+        ],
+    ]);
+}
+
+/// GLSL 4.60, 6.1: a call means a function that the text declares before it.
+#[test]
+fn a_call_sees_what_is_declared_before_it() {
+    mean_the_same(&[
+        [
+            "float g(float x) { return 1.0; } float t() { return g(3); } float g(int x) { return 2.0; } main: r = t() + g(3) * 10.0;",
+            "main: r = 21.0;",
+        ],
+        [
+            "#version 330\nin vec2 uv; out vec4 c; float a(float x) { return cosh(x); } float cosh(float x) { return 2.0; } void main() { c = vec4(a(uv.x), cosh(uv.x), uv.x, 1.0); }",
+            "#version 330\nin vec2 uv; out vec4 c; void main() { c = vec4(cosh(uv.x), 2.0, uv.x, 1.0); }",
+        ],
+    ]);
+}
+
+#[test]
+fn what_glsl_forbids_is_refused_in_its_words() {
+    let wrong = [
+        ("main: int k; k += 1.5;", "int"),
+        ("main: int k; k *= uv.x;", "int"),
+        ("main: int k; k += 1u;", "int"),
+        ("main: ivec2 q; q *= 1.5;", "ivec2"),
+        ("main: float q; q += uv;", "float"),
+        (
+            "float a(float x) { return 1.0; } float a(float x) { return 2.0; } main: r = a(1.0);",
+            "two bodies",
+        ),
+        ("void main() {} main: r = 1.0;", "two bodies"),
+        (
+            "float a(float x); int a(float x) { return 1; } main: r = 1.0;",
+            "another",
+        ),
+        (
+            "float t() { return gg(1.0); } float gg(float x) { return x; } main: r = t();",
+            "before it is declared",
+        ),
+        (
+            "float t() { return gg; } float gg = 1.0; main: r = t();",
+            "not declared before",
+        ),
+        ("void g(const int a) { a = 2; } main: g(1);", "constant"),
+        (
+            "void g(const in float a[2]) { a[1] = 2.0; } main: g(float[2](1.0, 2.0));",
+            "constant",
+        ),
+        ("main: r = uv.x.y;", "components"),
+        ("main: int i = 1; i = i.w;", "components"),
+        ("uniform float f; main: vec4 q = f.rgba;", "components"),
+        ("main: bool b = true; b++;", "next value"),
+    ];
+    for (text, message) in wrong {
+        let Err(error) = parsed(VERTEX, &whole(text)) else {
+            panic!("accepted: {text}");
+        };
+        let told = error.render(Color::Never);
+        let first = told.lines().next().unwrap_or_default();
+        assert!(first.contains(message), "{text}: {told}");
+        let code = error.code();
+        assert!(
+            matches!(code, Code::Parse | Code::Unsupported),
+            "{text}: {told}"
+        );
+    }
+    let right = [
+        "main: uint k = 1u; k += 1; k <<= 2; r = float(k); int n = 1; n <<= 3u; r *= 2; vec2 q = uv; q *= 2; q *= mat2(1.0); r += q.x; r += uv.x.x;",
+        "float gg(float); float t() { return gg(1.0); } float gg(float x) { return x; } main: r = t();",
+    ];
+    for text in right {
+        let parsed = parsed(VERTEX, &whole(text));
+        assert!(parsed.is_ok(), "{text}: {:?}", parsed.err());
+    }
 }

@@ -18,7 +18,7 @@ use super::functions::Meaning;
 use super::layout::Rules;
 use super::operations::Subgroup;
 use super::textures::TextureFunction;
-use super::ty::{Step, Ty, ValueLeaf};
+use super::ty::Ty;
 
 /// A local variable, by its index in [`Stage::locals`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash, PartialOrd, Ord)]
@@ -167,15 +167,6 @@ impl Node {
 
     pub(super) fn field(&self, name: impl Into<String>) -> Self {
         Self::new(Kind::Field(self.clone(), name.into()))
-    }
-
-    /// The part of it at a leaf's path.
-    pub(super) fn leaf(&self, leaf: &ValueLeaf) -> Self {
-        let steps = leaf.path.iter();
-        steps.fold(self.clone(), |node, step| match step {
-            Step::Index(n) => node.nth(*n),
-            Step::Member(name) => node.field(name.as_str()),
-        })
     }
 
     pub(super) fn swizzle(&self, components: impl IntoIterator<Item = u32>) -> Self {

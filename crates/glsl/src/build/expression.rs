@@ -206,13 +206,21 @@ impl<'s> Body<'_, 's> {
     }
 
     fn element(&mut self, base: &'s Node, index: &'s Node, at: Position) -> Result<Value, Error> {
+        // The base is evaluated first, which matters only if it has effects.
+        let first = match base.is_pure() {
+            true => None,
+            false => Some(self.expect(base, at.of_base(index.index().is_some()))?),
+        };
         let index = self.value(index)?;
         let constant = match at {
             // The pointer leads to a variable in any case.
             Position::Target => None,
             _ => self.constant_index(index),
         };
-        let base = self.expect(base, at.of_base(constant.is_some()))?;
+        let base = match first {
+            Some(base) => base,
+            None => self.expect(base, at.of_base(constant.is_some()))?,
+        };
         let element = match constant {
             Some(index) => Expression::AccessIndex { base, index },
             None => Expression::Access { base, index },

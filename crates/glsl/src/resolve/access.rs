@@ -101,6 +101,9 @@ impl Resolver<'_, '_> {
     }
 
     pub(super) fn dot(&mut self, of: &Expr, name: &str, whole: &Expr) -> Result<Ex, Error> {
+        if let ExprData::Variable(instance) = &of.content {
+            self.check_declared(instance.as_str(), of)?;
+        }
         // A member of a block with an instance name.
         if let ExprData::Variable(instance) = &of.content
             && self.lookup(instance.as_str()).is_none()
@@ -151,13 +154,17 @@ impl Resolver<'_, '_> {
                 ex.path = base.path.map(|p| format!("{p}.{name}"));
                 self.with_pair(ex)
             }
-            Ty::Scalar(kind) => {
+            // Since GLSL 4.20.
+            Ty::Scalar(kind) if numbers(name, 1).is_some() => {
                 let base = self.value(base);
-                let n = name.len().min(4) as u8;
-                match n {
+                match name.len() as u8 {
                     1 => base,
-                    _ => base.converted(&Ty::Vector(kind, n)),
+                    n => base.converted(&Ty::Vector(kind, n)),
                 }
+            }
+            Ty::Scalar(_) => {
+                let message = format!("{} has no components `{name}`", check::a(&base.ty));
+                return Err(wrong(message, self.place(whole.span)));
             }
             Ty::Vector(..) => self.components_of(base, of_expr, name, self.place(whole.span))?,
             _ => {

@@ -91,15 +91,9 @@ impl Resolver<'_, '_> {
             _ => false,
         };
         if is_repeated {
-            for value in &mut values {
-                // naga would fold products of a constant.
-                let (before, held) = match value.folds {
-                    Folds::No => self.once(value),
-                    _ => self.hidden(value.clone()),
-                };
-                first.extend(before);
-                *value = held;
-            }
+            // naga would fold products of a constant.
+            let is_moving = |_, v: &Ex| v.folds != Folds::No || !v.node.is_path();
+            first.extend(self.hold_in_order(&mut values, is_moving));
         }
         let nodes: Vec<Node> = values.into_iter().map(|v| v.node).collect();
         let node = match (
@@ -256,6 +250,8 @@ impl Resolver<'_, '_> {
         let signature = Signature {
             parameters: parameters.map(|(i, ty)| (storage(i), ty)).collect(),
             result: helper.result().clone(),
+            declared: 0,
+            has_body: true,
         };
         let id = self.add_helper(helper);
         self.passed(id, &signature, arguments, values, place)

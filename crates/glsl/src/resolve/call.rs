@@ -8,9 +8,9 @@ use super::Resolver;
 use super::effect::Argument;
 use super::expression::Ex;
 use super::overload::{OverloadChoice, choose};
-use crate::errors::unsupported;
+use crate::errors::{unsupported, wrong};
 use crate::functions;
-use crate::stage::{Signature, Storage};
+use crate::stage::{Signature, Storage, start};
 use crate::textures;
 use crate::tree::{FunctionId, Kind, Node};
 use crate::ty::{Component, Length, Ty, spelled};
@@ -82,10 +82,17 @@ impl Resolver<'_, '_> {
     }
 
     fn named(&mut self, name: &str, arguments: &[Expr], whole: &Expr) -> Result<Ex, Error> {
-        if let Some(signatures) = self.stage.signatures.get(name).cloned()
-            && !self.is_own_after_all(name, &signatures, arguments)?
-        {
-            return self.authors(name, &signatures, arguments, whole);
+        let all = self.stage.signatures.get(name).cloned().unwrap_or_default();
+        // A call sees the functions that the text declares before it.
+        let at = start(whole.span);
+        let seen = &all[..all.partition_point(|s| s.declared <= at)];
+        if !seen.is_empty() && !self.is_own_after_all(name, seen, arguments)? {
+            return self.authors(name, seen, arguments, whole);
+        }
+        if !all.is_empty() && !is_own(name) {
+            let message = format!("`{name}` is called before it is declared");
+            return Err(wrong(message, self.place(whole.span))
+                .note("move the function up, or declare it before the call"));
         }
         if let Some(ex) = self.textured(name, arguments, whole)? {
             return Ok(ex);
@@ -102,8 +109,7 @@ impl Resolver<'_, '_> {
         signatures: &[Signature],
         arguments: &[Expr],
     ) -> Result<bool, Error> {
-        let own = functions::named(name).is_some() || textures::named(name).is_some();
-        if !own {
+        if !is_own(name) {
             return Ok(false);
         }
         let mut values = Vec::new();
@@ -128,6 +134,9 @@ impl Resolver<'_, '_> {
         let signature = &signatures[overload];
         self.calls.push((name.to_owned(), overload));
         let id = self.function_id(name, overload);
+        if self.stage.writers.contains(name) {
+            self.writing.insert(id);
+        }
         self.passed(id, signature, arguments, values, place)
     }
 
@@ -145,6 +154,9 @@ impl Resolver<'_, '_> {
             *storage != Storage::In && structs.has_data(to) && !structs.has_samplers(to)
         };
         let outs: Vec<bool> = signature.parameters.iter().map(copies).collect();
+        if outs.contains(&true) {
+            self.writing.insert(id);
+        }
         let call_effects = self.call_effects(arguments, outs.clone());
         let mut direct = Vec::new();
         for (i, (_, to)) in signature.parameters.iter().enumerate() {
@@ -249,4 +261,9 @@ impl Resolver<'_, '_> {
             false => ex,
         }))
     }
+}
+
+/// Whether GLSL has a function of this name.
+fn is_own(name: &str) -> bool {
+    functions::named(name).is_some() || textures::named(name).is_some()
 }

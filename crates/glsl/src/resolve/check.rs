@@ -1,13 +1,14 @@
 //! Checks types and reports errors in GLSL's terms. Types that are unknown here are left to the
 //! validator.
 
-use glsl_lang::ast::BinaryOpData as B;
+use glsl_lang::ast::{BinaryOpData as B, Expr};
 use naga::Span;
 
 use super::Resolver;
 use super::expression::Ex;
 use super::overload::{conversion, is_same};
 use crate::errors::wrong;
+use crate::stage::start;
 use crate::ty::{Component, Ty};
 use shader_text::error::Error;
 
@@ -87,6 +88,18 @@ pub(super) fn fits(op: &B, a: &Ty, b: &Ty) -> bool {
 }
 
 impl Resolver<'_, '_> {
+    /// Checks that the text declares a global variable before it uses it.
+    pub(super) fn check_declared(&self, name: &str, used: &Expr) -> Result<(), Error> {
+        let declared = self.stage.declared.get(name);
+        match declared.is_some_and(|at| *at > start(used.span)) && !self.is_local(name) {
+            true => Err(wrong(
+                format!("`{name}` is not declared before this"),
+                self.place(used.span),
+            )),
+            false => Ok(()),
+        }
+    }
+
     pub(super) fn check_operator(
         &self,
         op: &B,
@@ -146,6 +159,14 @@ impl Resolver<'_, '_> {
         match fits {
             true => Ok(()),
             false => Err(wrong(format!("`{word}` does not accept {}", a(of)), place)),
+        }
+    }
+
+    /// Checks the operand of `++` or `--`.
+    pub(super) fn check_stepped(&self, of: &Ty, place: Option<Span>) -> Result<(), Error> {
+        match is_open(of) || is_number(of) {
+            true => Ok(()),
+            false => Err(wrong(format!("{} has no next value", a(of)), place)),
         }
     }
 

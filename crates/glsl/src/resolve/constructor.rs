@@ -101,7 +101,22 @@ impl Resolver<'_, '_> {
     ) -> Result<Ex, Error> {
         let of = self.stage.structs.get(name).cloned();
         let entries = of.as_ref().map(|of| self.stage.structs.entries(of));
-        let (mut first, mut parts) = (Vec::new(), Vec::new());
+        let lay = self.stage.structs.member_lay(name, MemoryLayout::default());
+        let members: Vec<Ty> = of
+            .iter()
+            .flat_map(|of| &of.members)
+            .map(|m| m.ty.clone())
+            .collect();
+        let values = values.into_iter().zip(&members);
+        let mut values: Vec<Ex> = values.map(|(v, ty)| self.coerce(v, ty)).collect();
+        let structs = &self.stage.structs;
+        let converted: Vec<bool> = members
+            .iter()
+            .map(|ty| structs.is_converted(ty, lay))
+            .collect();
+        let is_moving = |i: usize, v: &Ex| converted[i] && !v.node.is_path();
+        let first = self.hold_in_order(&mut values, is_moving);
+        let mut parts = Vec::new();
         let mut values = values.into_iter();
         for entry in entries.unwrap_or_default() {
             let BlockEntry::Member(member) = entry else {
@@ -111,13 +126,6 @@ impl Resolver<'_, '_> {
             let Some(value) = values.next() else {
                 break;
             };
-            let mut value = self.coerce(value, &member.ty);
-            let lay = self.stage.structs.member_lay(name, MemoryLayout::default());
-            if self.stage.structs.is_converted(&member.ty, lay) {
-                let (before, held) = self.once(&value);
-                first.extend(before);
-                value = held;
-            }
             parts.push(self.packed(&value, &member.ty, lay).ok_or_else(|| {
                 unsupported("a struct of this shape cannot be constructed", place)
             })?);

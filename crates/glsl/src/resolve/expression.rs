@@ -182,6 +182,7 @@ impl Resolver<'_, '_> {
     }
 
     fn variable(&mut self, name: &str, expr: &Expr) -> Result<Ex, Error> {
+        self.check_declared(name, expr)?;
         if let Some(var) = self.lookup(name).cloned() {
             return Ok(self.of_var(&var));
         }
@@ -331,12 +332,7 @@ impl Resolver<'_, '_> {
             }
             _ => (a, b),
         };
-        let ty = match op {
-            B::Or | B::And | B::Equal | B::NonEqual | B::Lt | B::Gt | B::Lte | B::Gte => Ty::BOOL,
-            B::Mult => product(&a.ty, &b.ty),
-            _ if shift => a.ty.clone(),
-            _ => wider(&a.ty, &b.ty),
-        };
+        let ty = result(op, &a.ty, &b.ty);
         let (a, b) = match op {
             B::Mod => (splat(a, &ty), splat(b, &ty)),
             _ => (a, b),
@@ -370,14 +366,16 @@ impl Resolver<'_, '_> {
         if !matches!(a.ty, Ty::Struct(_) | Ty::Array(..) | Ty::Matrix(..)) {
             return None;
         }
-        let ((first, a), (second, b)) = (self.once(a), self.once(b));
-        let leaves = self.stage.structs.leaf_paths(&a.ty);
-        let parts = leaves.iter().map(|leaf| {
-            let [a, b] = [&a, &b].map(|of| of.node.leaf(leaf));
+        let mut both = [a.clone(), b.clone()];
+        let first = self.hold_in_order(&mut both, |_, of| !of.node.is_path());
+        let [a, b] = both.map(|of| self.leaves(of));
+        let parts = a.into_iter().zip(b);
+        let parts = parts.map(|(a, b)| {
+            let [a, b] = [a, b].map(|of| self.value(of).node);
             Node::binary(BinaryOperator::Equal, a, b)
         });
         let whole = parts.reduce(|all, part| Node::binary(BinaryOperator::LogicalAnd, all, part));
-        Some((first.into_iter().chain(second).collect(), whole?))
+        Some((first, whole?))
     }
 
     /// Implicitly converts an expression to `to`.
@@ -541,6 +539,22 @@ pub(super) fn compound(op: &A) -> Option<B> {
         A::Xor => B::BitXor,
         A::Or => B::BitOr,
     })
+}
+
+/// The result type of an operator.
+pub(super) fn result(op: &B, a: &Ty, b: &Ty) -> Ty {
+    let kinds = [a.kind(), b.kind()].into_iter().flatten();
+    let of_kind = |ty: Ty| match kinds.max_by_key(|k| k.power()) {
+        Some(kind) => ty.with_kind(kind),
+        None => ty,
+    };
+    match op {
+        B::Or | B::Xor | B::And => Ty::BOOL,
+        B::Equal | B::NonEqual | B::Lt | B::Gt | B::Lte | B::Gte => Ty::BOOL,
+        B::Mult => of_kind(product(a, b)),
+        B::LShift | B::RShift => a.clone(),
+        _ => of_kind(wider(a, b)),
+    }
 }
 
 fn wider(a: &Ty, b: &Ty) -> Ty {

@@ -166,7 +166,8 @@ impl<'u> Resolver<'_, 'u> {
             true => self.fresh("unnamed"),
             false => author,
         };
-        let storage = self.stage.qualifiers(qualifier.as_ref())?.storage;
+        let qualifiers = self.stage.qualifiers(qualifier.as_ref())?;
+        let storage = qualifiers.storage;
         constant::declare(&mut self.stage.constants, &author, &ty, None, None);
         let name = author.clone();
         let mut add = |name: &str, ty, storage| {
@@ -207,7 +208,8 @@ impl<'u> Resolver<'_, 'u> {
             };
             self.pairs.insert(path, pair);
         }
-        let mut var = Var::plain(node, ty);
+        let fixed = qualifiers.is_const.then_some("a constant");
+        let mut var = Var::plain(node, ty).fixed(fixed);
         var.ex.path = is_split.then(|| format!("${author}"));
         self.bind(&author, var);
         Ok(())

@@ -107,18 +107,19 @@ impl Resolver<'_, '_> {
             let own = self.fresh(&format!("{name}{}", flat(&leaf.ending())));
             let at = location.saturating_add(i);
             let kind = self.port(variable, at, &leaf.ty, is_output, &own)?;
-            declared.push((self.declare(Some(own), kind, variable.place), leaf));
+            declared.push(self.declare(Some(own), kind, variable.place));
         }
         let node = self.variable_of(name, &variable.ty);
-        for (own, leaf) in declared {
-            let part = node.leaf(leaf);
+        let parts = self.leaves(Ex::new(node.clone(), variable.ty.clone()));
+        for (own, part) in declared.into_iter().zip(parts) {
             match is_output {
                 false => self
                     .prologue
-                    .push(Statement::evaluate(Node::assign(&part, own))),
-                true => self
-                    .epilogue
-                    .push(Statement::evaluate(Node::assign(&own, part))),
+                    .push(Statement::evaluate(Node::assign(&part.node, own))),
+                true => self.epilogue.push(Statement::evaluate(Node::assign(
+                    &own,
+                    self.value(part).node,
+                ))),
             }
         }
         Ok(node)

@@ -97,6 +97,8 @@ pub(super) struct Resolver<'a, 'u> {
     pairs: HashMap<String, Pair>,
     /// Functions by name and index of the signature.
     functions: HashMap<(String, usize), FunctionId>,
+    /// Functions whose calls change variables, images or atomic counters.
+    writing: HashSet<FunctionId>,
     /// Statements at the start and the end of `main`.
     prologue: Vec<Statement>,
     epilogue: Vec<Statement>,
@@ -148,6 +150,7 @@ pub(super) fn resolve(
         scopes: vec![HashMap::new()],
         pairs: HashMap::new(),
         functions: HashMap::new(),
+        writing: HashSet::new(),
         prologue: Vec::new(),
         epilogue: Vec::new(),
         in_main: false,

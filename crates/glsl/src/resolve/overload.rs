@@ -191,6 +191,8 @@ mod tests {
                     })
                     .collect(),
                 result: Ty::Void,
+                declared: 0,
+                has_body: true,
             })
             .collect();
         let given: Vec<Ty> = given.iter().map(|t| Ty::named(t)).collect();

@@ -8,7 +8,7 @@ use naga::{BinaryOperator, MathFunction, Span};
 use super::Resolver;
 use super::access::element;
 use super::effect::{after, is_literal};
-use super::expression::{Ex, compound, operator, splat};
+use super::expression::{Ex, compound, operator, result, splat};
 use super::fold::Folds;
 use crate::errors::{unsupported, wrong};
 use crate::functions::Meaning;
@@ -160,6 +160,29 @@ impl Resolver<'_, '_> {
                 }
             }
             _ => ex,
+        }
+    }
+
+    /// The scalars and vectors of a value, in the order of `Structs::leaf_paths`, in their stored
+    /// types.
+    pub(super) fn leaves(&self, ex: Ex) -> Vec<Ex> {
+        let elements = |n: u32| {
+            let nth = |i: u32| self.leaves(element(&ex, &Node::int(i as i32)));
+            (0..n).flat_map(nth).collect()
+        };
+        match &ex.ty {
+            Ty::Array(_, n) => elements(n.map_or(0, |length| length.n)),
+            Ty::Matrix(_, columns, _) => elements(u32::from(*columns)),
+            Ty::Struct(name) => {
+                let members = self.stage.structs.get(name).into_iter();
+                let member = |m: &GlslMember| {
+                    let mut part = Ex::new(ex.node.field(m.name.as_str()), m.ty.clone());
+                    part.lay = self.stage.structs.member_lay(name, ex.lay);
+                    self.leaves(part)
+                };
+                members.flat_map(|s| &s.members).flat_map(member).collect()
+            }
+            _ => vec![ex],
         }
     }
 
@@ -407,9 +430,9 @@ impl Resolver<'_, '_> {
         let place = self.place(to.span);
         let op = compound(op);
         self.check_written(to)?;
-        let is_changed = op.is_some() && self.may_change(from, to);
-        // The target is read and written in separate evaluations.
-        let once = op.is_none() && (!self.has_effect(to) || self.look(to)?.is_plain);
+        // The target is read and written in separate evaluations, or stored in parts.
+        let once = op.is_none() && self.look(to)?.is_plain;
+        let is_changed = !once && self.may_change(from, to);
         let mut all = match (once, is_changed) {
             (true, _) => Vec::new(),
             (false, false) => self.settle(to)?,
@@ -424,6 +447,7 @@ impl Resolver<'_, '_> {
             Some(op) => {
                 let word = format!("{}=", operator(op).0);
                 self.check_operator(op, &word, [&target.ty, &from.ty], place)?;
+                self.check_given(&result(op, &target.ty, &from.ty), &target.ty, of)?;
             }
         }
         let from = match op {
@@ -492,6 +516,7 @@ impl Resolver<'_, '_> {
         self.check_written(of)?;
         let mut all = self.settle(of)?;
         let target = self.raw(of)?;
+        self.check_stepped(&target.ty, place)?;
         self.check_swizzle(&target, place)?;
         let step = |of: Node, postfix| Node::new(Kind::Step { op, postfix, of });
         if self.is_plain(&target) {

@@ -82,6 +82,16 @@ impl<'u> GlslStage<'u> {
             .identifier
             .as_ref()
             .map(|i| i.ident.as_str().to_owned());
+        // Members count as declared at the start of their block.
+        let at = super::start(block.span);
+        let members = || block.fields.iter().flat_map(|f| &f.identifiers);
+        let names = match &instance {
+            Some(instance) => vec![instance.clone()],
+            None => members().map(|m| m.ident.as_str().to_owned()).collect(),
+        };
+        for name in names {
+            self.declared.entry(name).or_insert(at);
+        }
         let dimensions = block.identifier.as_ref();
         let dimensions = dimensions.and_then(|i| i.array_spec.as_ref());
         // The element type does not matter here, so `int` stands for it.

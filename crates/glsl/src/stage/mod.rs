@@ -17,7 +17,7 @@ use super::constant::{ConstantValue, Constants, Specialised};
 use super::lengths::Candidate;
 use super::syntax::Unit;
 use super::ty::{GlslMember, Length, Structs, Ty};
-use crate::errors::unsupported;
+use crate::errors::{unsupported, wrong};
 use shader_text::error::Error;
 
 mod blocks;
@@ -88,6 +88,14 @@ pub(super) struct Global<'u> {
 pub(super) struct Signature {
     pub parameters: Vec<(Storage, Ty)>,
     pub result: Ty,
+    /// Where the text first declares it.
+    pub declared: u32,
+    pub has_body: bool,
+}
+
+/// Where a node begins in the preprocessed text.
+pub(super) fn start(span: Option<NodeSpan>) -> u32 {
+    span.map_or(0, |span| span.range().start().into())
 }
 
 pub(super) struct GlslStage<'u> {
@@ -108,7 +116,10 @@ pub(super) struct GlslStage<'u> {
     pub globals: Vec<Global<'u>>,
     /// Functions that `main` reaches, callees first.
     pub functions: Vec<&'u ast::FunctionDefinition>,
+    /// The overloads of each function, in the order of their declarations.
     pub signatures: HashMap<String, Vec<Signature>>,
+    /// Where the text declares each global variable and each member of a block.
+    pub declared: HashMap<String, u32>,
     /// Names of functions with side effects.
     pub writers: HashSet<String>,
     /// Whether a `demote` was resolved.
@@ -155,6 +166,7 @@ impl<'u> GlslStage<'u> {
             globals: Vec::new(),
             functions: Vec::new(),
             signatures: HashMap::new(),
+            declared: HashMap::new(),
             writers: HashSet::new(),
             demotes: Cell::new(false),
             used: HashSet::new(),
@@ -173,7 +185,7 @@ impl<'u> GlslStage<'u> {
                 ExternalDeclarationData::Preprocessor(_) => {}
                 ExternalDeclarationData::Declaration(d) => stage.declaration(d)?,
                 ExternalDeclarationData::FunctionDefinition(f) => {
-                    stage.prototype(&f.prototype)?;
+                    stage.prototype(&f.prototype, true)?;
                     definitions.push(f);
                 }
             }
@@ -243,7 +255,7 @@ impl<'u> GlslStage<'u> {
     fn declaration(&mut self, declaration: &'u ast::Declaration) -> Result<(), Error> {
         let place = self.place(declaration.span);
         match &declaration.content {
-            DeclarationData::FunctionPrototype(p) => self.prototype(p),
+            DeclarationData::FunctionPrototype(p) => self.prototype(p, false),
             DeclarationData::Precision(precision, ty) => {
                 if matches!(ty.ty.content, TypeSpecifierNonArrayData::Float) {
                     self.precision = qualifiers::precision(precision);
@@ -316,6 +328,9 @@ impl<'u> GlslStage<'u> {
             ty = Ty::Array(of.clone(), initial_length(init));
         }
         let text = name.as_str().to_owned();
+        self.declared
+            .entry(text.clone())
+            .or_insert(start(name.span));
         if text.starts_with("gl_") {
             // A redeclaration. It may add `invariant`, move the origin of `gl_FragCoord`, or bound
             // `gl_FragDepth`.
@@ -399,19 +414,32 @@ impl<'u> GlslStage<'u> {
         field.identifiers.iter().map(member).collect()
     }
 
-    fn prototype(&mut self, prototype: &ast::FunctionPrototype) -> Result<(), Error> {
-        let signature = self.signature(prototype)?;
-        let all = self.signatures.entry(prototype.name.as_str().to_owned());
-        let all = all.or_default();
-        if !all.iter().any(|s| {
-            s.parameters.len() == signature.parameters.len()
-                && s.parameters
-                    .iter()
-                    .zip(&signature.parameters)
-                    .all(|(a, b)| a.1 == b.1)
-        }) {
+    fn prototype(
+        &mut self,
+        prototype: &ast::FunctionPrototype,
+        has_body: bool,
+    ) -> Result<(), Error> {
+        let signature = Signature {
+            has_body,
+            ..self.signature(prototype)?
+        };
+        let name = prototype.name.as_str();
+        let place = self.place(prototype.span);
+        let all = self.signatures.entry(name.to_owned()).or_default();
+        let types = |s: &Signature| s.parameters.iter().map(|p| p.1.clone()).collect::<Vec<_>>();
+        let Some(old) = all.iter_mut().find(|s| types(s) == types(&signature)) else {
             all.push(signature);
+            return Ok(());
+        };
+        let is_other = old.result != signature.result || old.parameters != signature.parameters;
+        if is_other || old.has_body && has_body {
+            let message = match is_other {
+                true => format!("`{name}` is declared with another result or other qualifiers"),
+                false => format!("`{name}` with these parameters has two bodies"),
+            };
+            return Err(wrong(message, place));
         }
+        old.has_body |= has_body;
         Ok(())
     }
 
@@ -442,7 +470,12 @@ impl<'u> GlslStage<'u> {
             };
             parameters.push((storage, ty));
         }
-        Ok(Signature { parameters, result })
+        Ok(Signature {
+            parameters,
+            result,
+            declared: start(prototype.span),
+            has_body: false,
+        })
     }
 }
 

@@ -27,6 +27,8 @@ pub(crate) enum Storage {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Qualifiers {
     pub storage: Option<Storage>,
+    /// Whether `const` is among them.
+    pub is_const: bool,
     pub layout: Vec<(String, Option<i64>)>,
     /// `flat` or `noperspective`.
     pub interpolation: Option<&'static str>,
@@ -74,6 +76,7 @@ impl GlslStage<'_> {
             match &spec.content {
                 TypeQualifierSpecData::Storage(s) => match &s.content {
                     S::Const => {
+                        out.is_const = true;
                         out.storage = out.storage.or(Some(Storage::Const));
                     }
                     S::InOut => out.storage = Some(Storage::InOut),

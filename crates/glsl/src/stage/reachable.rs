@@ -8,7 +8,7 @@ use glsl_lang::ast::{
 };
 use glsl_lang::visitor::{Host as _, Visit, Visitor};
 
-use super::{GlslStage, side_effects};
+use super::{GlslStage, Signature, side_effects};
 use shader_text::error::{self, Code, Error};
 
 impl<'u> GlslStage<'u> {
@@ -17,7 +17,8 @@ impl<'u> GlslStage<'u> {
         &mut self,
         definitions: &[&'u ast::FunctionDefinition],
     ) -> Result<(), Error> {
-        let names: Vec<Words> = definitions.iter().map(|f| Words::of(f)).collect();
+        let words = |f: &&ast::FunctionDefinition| Words::of(f, &self.signatures);
+        let names: Vec<Words<'_>> = definitions.iter().map(words).collect();
         let mut by_name: HashMap<&str, Vec<usize>> = HashMap::new();
         for (i, f) in definitions.iter().enumerate() {
             by_name
@@ -45,7 +46,7 @@ impl<'u> GlslStage<'u> {
                 break;
             }
             for init in found.iter().filter_map(|g| g.init) {
-                let mut words = Words::default();
+                let mut words = Words::new(&self.signatures);
                 init.visit(&mut words);
                 words.add_to(&mut used);
                 let before = order.len();
@@ -57,11 +58,15 @@ impl<'u> GlslStage<'u> {
                     .for_each(|i| names[*i].add_to(&mut used));
             }
         }
-        self.used = used;
         order.retain(|i| *i != main);
         order.push(main);
+        let effects = order.iter().map(|i| {
+            let name = definitions[*i].prototype.name.as_str();
+            (name, names[*i].writes, &names[*i].functions)
+        });
+        self.writers = side_effects::writers(&effects.collect::<Vec<_>>());
+        self.used = used;
         self.functions = order.into_iter().map(|i| definitions[i]).collect();
-        self.writers = side_effects::writers(&self.functions, &self.signatures);
         Ok(())
     }
 }
@@ -69,7 +74,7 @@ impl<'u> GlslStage<'u> {
 /// Visits depth first, so that callees come first.
 fn visit(
     at: usize,
-    names: &[Words],
+    names: &[Words<'_>],
     by_name: &HashMap<&str, Vec<usize>>,
     done: &mut [bool],
     order: &mut Vec<usize>,
@@ -90,18 +95,33 @@ pub(crate) const FRAG_COORD_Y: &str = "gl_FragCoord.y";
 pub(crate) const PRECISE: &str = "precise";
 
 /// The global variables and functions that a function refers to.
-#[derive(Default)]
-struct Words {
+struct Words<'s> {
+    signatures: &'s HashMap<String, Vec<Signature>>,
     /// Includes [`FRAG_COORD_Y`] and [`PRECISE`].
     variables: HashSet<String>,
     functions: HashSet<String>,
+    /// Whether it writes a global variable, an image or an atomic counter.
+    writes: bool,
     /// The parameters and local variables in scope, innermost last. They hide globals.
     scopes: Vec<HashSet<String>>,
 }
 
-impl Words {
-    fn of(function: &ast::FunctionDefinition) -> Self {
-        let mut words = Self::default();
+impl<'s> Words<'s> {
+    fn new(signatures: &'s HashMap<String, Vec<Signature>>) -> Self {
+        Self {
+            signatures,
+            variables: HashSet::new(),
+            functions: HashSet::new(),
+            writes: false,
+            scopes: Vec::new(),
+        }
+    }
+
+    fn of(
+        function: &ast::FunctionDefinition,
+        signatures: &'s HashMap<String, Vec<Signature>>,
+    ) -> Self {
+        let mut words = Self::new(signatures);
         words.scopes.push(HashSet::new());
         for parameter in &function.prototype.parameters {
             if let ast::FunctionParameterDeclarationData::Named(_, d) = &parameter.content {
@@ -131,8 +151,12 @@ impl Words {
         }
     }
 
+    fn is_local(&self, name: &str) -> bool {
+        self.scopes.iter().any(|s| s.contains(name))
+    }
+
     fn name(&mut self, name: &str) {
-        if !self.scopes.iter().any(|s| s.contains(name)) {
+        if !self.is_local(name) {
             self.variables.insert(name.to_owned());
         }
     }
@@ -233,7 +257,7 @@ impl Words {
     }
 }
 
-impl Visitor for Words {
+impl Visitor for Words<'_> {
     fn visit_type_qualifier_spec(&mut self, spec: &ast::TypeQualifierSpec) -> Visit {
         if matches!(spec.content, ast::TypeQualifierSpecData::Precise) {
             self.variables.insert(PRECISE.to_owned());
@@ -242,6 +266,9 @@ impl Visitor for Words {
     }
 
     fn visit_expr(&mut self, expr: &ast::Expr) -> Visit {
+        let targets = side_effects::targets(expr, self.signatures);
+        let mut roots = targets.into_iter().filter_map(side_effects::root);
+        self.writes |= roots.any(|name| !self.is_local(name));
         let is_coord = |name: &ast::Identifier| name.as_str() == "gl_FragCoord";
         match &expr.content {
             // Only this expression shows which components are read.
@@ -261,6 +288,7 @@ impl Visitor for Words {
             }
             ExprData::FunCall(name, _) => {
                 if let Some(name) = name.as_ident() {
+                    self.writes |= side_effects::writes_images(name.as_str());
                     self.functions.insert(name.as_str().to_owned());
                 }
             }
