@@ -418,6 +418,118 @@ fn a_call_sees_what_is_declared_before_it() {
     ]);
 }
 
+/// Arrays of structs below 16 bytes lie otherwise in blocks than in variables.
+#[test]
+fn structs_of_small_members_are_copied_whole() {
+    const USES: &str =
+        "E one = MADE; F q = F(1.0, E[2](one, one)); E t[2] = q.e; q.e[0] = t[1]; q.e = t;";
+    let structs = [
+        ("float a;", "E(uv.x)", "a"),
+        ("int a;", "E(int(uv.x))", "a"),
+        ("bool a;", "E(uv.x > 0.5)", "a"),
+        ("vec2 a;", "E(uv)", "a.y"),
+        ("float a; float b;", "E(uv.x, uv.y)", "b"),
+        ("ivec2 a; float b;", "E(ivec2(uv), uv.y)", "b"),
+        ("mat2 a;", "E(mat2(uv, uv))", "a[1].y"),
+        ("bool a[2];", "E(bool[2](uv.x > 0.5, true))", "a[0]"),
+        ("float a[3];", "E(float[3](uv.x, 1.0, 2.0))", "a[0]"),
+    ];
+    let blocks = [
+        ("", ""),
+        (
+            "layout(std140, binding = 0) uniform B { F b; E m; };",
+            "q.e[0] = b.e[1]; t = b.e; q = b; q.e[1] = m; q.e[1] = one;",
+        ),
+        (
+            "layout(std430, binding = 0) readonly buffer B { F b; E m[3]; };",
+            "q.e[0] = b.e[1]; t = b.e; q = b; q.e[0] = m[1]; q.e[1] = one;",
+        ),
+    ];
+    let mut pairs: Vec<[String; 2]> = Vec::new();
+    for (members, made, part) in structs {
+        for (block, copies) in blocks {
+            let head =
+                format!("struct E {{ {members} }}; struct F {{ float x; E e[2]; }}; {block}");
+            let uses = USES.replace("MADE", made);
+            pairs.push([
+                format!("{head} main: {uses} {copies} r = float(q.e[1].{part});"),
+                format!("{head} main: E one = {made}; r = float(one.{part});"),
+            ]);
+        }
+    }
+    let pairs: Vec<[&str; 2]> = pairs
+        .iter()
+        .map(|[a, b]| [a.as_str(), b.as_str()])
+        .collect();
+    mean_the_same(&pairs);
+}
+
+#[test]
+fn values_of_blocks_constants_and_arrays_are_those_of_glsl() {
+    mean_the_same(&[
+        [
+            "struct S { vec2 y[2]; }; layout(std140, binding = 0) uniform B { S a; }; main: S t = a; S q = S(vec2[2](a.y[0], a.y[1])); r = t == q ? 1.0 : 2.0;",
+            "main: r = 1.0;",
+        ],
+        [
+            "struct S { float y[2]; }; layout(std140, binding = 0) uniform B { S a; }; main: S t = a; S q = S(float[2](a.y[0], a.y[1])); r = a != q ? 1.0 : 2.0;",
+            "main: r = 2.0;",
+        ],
+        [
+            "struct S { mat2 y; }; layout(std140, binding = 0) uniform B { S a; }; main: S t = a; S q = S(a.y); r = t == q ? 1.0 : 2.0;",
+            "main: r = 1.0;",
+        ],
+        [
+            "struct S { bool y; bvec2 z; }; layout(std140, binding = 0) uniform B { S a; }; main: S t = a; S q = S(a.y, a.z); r = t == q ? 1.0 : 2.0;",
+            "main: r = 1.0;",
+        ],
+        [
+            "struct S { bool y[2]; }; layout(std140, binding = 0) uniform B { S a; }; main: S t = a; S q = S(bool[2](a.y[0], a.y[1])); r = t == q ? 1.0 : 2.0;",
+            "main: r = 1.0;",
+        ],
+        [
+            "float[2] mk(float a, float b, float k) { return float[2](a, b); } main: float a[2] = float[2](uv.x, uv.y); float b[] = a; float d[] = mk(uv.x, 2.0, 1.0); float e[] = uv.x > 0.5 ? a : d; r = b[1] + d[1] + e[0] + float(b.length() + d.length());",
+            "main: r = uv.y + 2.0 + uv.x + 4.0;",
+        ],
+        [
+            "const float a[2] = float[2](1.0, 2.0); float b[] = a; float[3] mk() { return float[3](1.0, 2.0, 3.0); } float d[] = mk(); main: r = b[1] + d[2] + uv.x + float(b.length());",
+            "main: r = 2.0 + 3.0 + uv.x + 2.0;",
+        ],
+        [
+            "struct S { float q[3]; }; main: S s; s.q = float[](uv.x, 1.0, 2.0); float b[] = s.q; float k[][2] = float[][2](float[2](uv.y, 1.0), float[2](2.0, 3.0)); float l[] = k[0]; r = b[0] + l[0] + float(l.length());",
+            "main: r = uv.x + uv.y + 2.0;",
+        ],
+        [
+            "main: switch (int(uv.x * 3.0)) { case 0: r = 1.0; break; default: ; }",
+            "main: r = int(uv.x * 3.0) == 0 ? 1.0 : 0.0;",
+        ],
+        [
+            "main: switch (int(uv.x * 3.0)) { case 0: r = 1.0; break; default: }",
+            "main: r = int(uv.x * 3.0) == 0 ? 1.0 : 0.0;",
+        ],
+        [
+            "main: switch (int(uv.x * 3.0)) { default: r = 1.0; break; case 0: }",
+            "main: r = int(uv.x * 3.0) != 0 ? 1.0 : 0.0;",
+        ],
+        [
+            "const int W[] = int[](2, 3); const mat2 M = mat2(1.0, 2.0, 3.0, 4.0); struct C { int n; float x; }; const C K = C(3, 0.5); main: float q[W[0]]; float p[K.n]; float z[int(M[1][0])]; switch (int(uv.x * 4.0)) { case W[1]: r = 1.0; break; default: break; } r += float(q.length() + p.length() * 10 + z.length() * 100);",
+            "main: r = int(uv.x * 4.0) == 3 ? 1.0 : 0.0; r += 332.0;",
+        ],
+        [
+            "uniform vec4 b[gl_MaxDrawBuffers]; main: r = float(b.length()) + float(gl_MaxVertexUniformVectors);",
+            "main: r = 8.0 + 256.0;",
+        ],
+        [
+            "struct S0 { bvec3 x; }; struct S1 { S0 a; mat2 m; }; layout(row_major, std140, binding = 0) uniform B { S1 s; }; main: S1 t = s; r = t.a.x.y == s.a.x.y ? 1.0 : 0.0;",
+            "main: r = 1.0;",
+        ],
+        [
+            "uniform sampler2D s; main: c = texture(s, ivec2(1, 2)) + textureProj(s, ivec3(1, 2, 1)) + textureOffset(s, ivec2(1), ivec2(1, 2)) + textureLod(s, uvec2(1), 1) + textureGrad(s, uv, ivec2(1), ivec2(0));",
+            "uniform sampler2D s; main: c = texture(s, vec2(1, 2)) + textureProj(s, vec3(1, 2, 1)) + textureOffset(s, vec2(1), ivec2(1, 2)) + textureLod(s, vec2(1), 1.0) + textureGrad(s, uv, vec2(1), vec2(0));",
+        ],
+    ]);
+}
+
 #[test]
 fn what_glsl_forbids_is_refused_in_its_words() {
     let wrong = [
@@ -452,6 +564,43 @@ fn what_glsl_forbids_is_refused_in_its_words() {
         ("main: int i = 1; i = i.w;", "components"),
         ("uniform float f; main: vec4 q = f.rgba;", "components"),
         ("main: bool b = true; b++;", "next value"),
+        (
+            "uniform sampler2DShadow s; main: r = textureLod(s, vec3(uv, 0.5), uv.x);",
+            "level",
+        ),
+        (
+            "uniform sampler2DShadow s; main: r = textureGrad(s, vec3(uv, 0.5), uv, uv);",
+            "gradients",
+        ),
+        (
+            "uniform samplerCubeShadow s; main: r = textureGrad(s, vec4(uv, 0.5, 0.5), vec3(uv, 1.0), vec3(uv, 1.0));",
+            "gradients",
+        ),
+        (
+            "uniform sampler2DShadow s; main: r = texture(s, vec3(uv, 0.5), 1.0);",
+            "a bias",
+        ),
+        ("main: break;", "`break` must"),
+        ("main: if (uv.x > 0.5) continue;", "`continue` must"),
+        ("main: switch (1) { case 1: continue; }", "`continue` must"),
+        ("main: switch (1.0) { case 1: break; }", "an int or a uint"),
+        (
+            "main: switch (1) { case 1: break; case 1: break; }",
+            "twice",
+        ),
+        (
+            "main: switch (1) { default: break; default: break; }",
+            "twice",
+        ),
+        (
+            "int g() { return; } main: r = float(g());",
+            "returns an int",
+        ),
+        (
+            "uniform sampler2D s; main: c = textureOffset(s, uv, ivec2(uv));",
+            "must be a constant",
+        ),
+        ("main: float q; q += uv.xy;", "expected"),
     ];
     for (text, message) in wrong {
         let Err(error) = parsed(VERTEX, &whole(text)) else {
@@ -469,6 +618,8 @@ fn what_glsl_forbids_is_refused_in_its_words() {
     let right = [
         "main: uint k = 1u; k += 1; k <<= 2; r = float(k); int n = 1; n <<= 3u; r *= 2; vec2 q = uv; q *= 2; q *= mat2(1.0); r += q.x; r += uv.x.x;",
         "float gg(float); float t() { return gg(1.0); } float gg(float x) { return x; } main: r = t();",
+        "uniform sampler2DShadow s; main: r = textureLod(s, vec3(uv, 0.5), 0.0) + textureLod(s, vec3(uv, 0.5), 0);",
+        "uniform sampler2D s; const ivec2 o[2] = ivec2[2](ivec2(1), ivec2(2)); const ivec2 k = ivec2(1); main: c = textureOffset(s, uv, k) + textureOffset(s, uv, o[1]) + textureOffset(s, uv, -k);",
     ];
     for text in right {
         let parsed = parsed(VERTEX, &whole(text));

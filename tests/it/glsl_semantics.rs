@@ -1438,3 +1438,58 @@ void main() {{ gl_Position = p * texture(map, {arguments}); }}
         assert!(text.contains("textureSampleCompareLevel(map, "), "{text}");
     }
 }
+
+/// GLSL 4.60, 7.6.2.2 of OpenGL 4.6: an array's elements are aligned to 16 bytes, and no more.
+#[test]
+fn doubles_lie_as_std140_has_it() {
+    let text = "#version 430
+layout(std140, binding = 0) uniform B { double d[3]; dvec2 e[2]; dvec3 g; float z; dmat2 m; } b;
+out vec4 c;
+void main() {
+    double d[3] = b.d;
+    c = vec4(float(d[1] + b.d[2] + b.e[1].y + b.g.z + b.m[1].y), b.z, 0.0, 1.0);
+}
+";
+    let parsed = parse(text);
+    let module = parsed.program.module();
+    let members = module.types.iter().find_map(|(_, ty)| match &ty.inner {
+        naga::TypeInner::Struct { members, .. } => {
+            let is_block = members.iter().any(|m| m.name.as_deref() == Some("z"));
+            is_block.then_some(members)
+        }
+        _ => None,
+    });
+    let stride = |ty| match module.types[ty].inner {
+        naga::TypeInner::Array { stride, .. } => stride,
+        _ => 0,
+    };
+    let found = members.unwrap().iter();
+    let found: Vec<(u32, u32)> = found.map(|m| (m.offset, stride(m.ty))).collect();
+    assert_eq!(found, [(0, 16), (48, 16), (96, 0), (120, 0), (128, 0)]);
+}
+
+/// A struct with padded elements that also travels between the stages.
+#[test]
+fn a_padded_struct_may_be_a_varying() {
+    let declared = "#version 430
+struct S { vec2 k[2]; mat2 m; float w[2]; };
+layout(std140, binding = 0) uniform B { S s; } b;
+";
+    let vertex = format!(
+        "{declared}in vec4 p; layout(location = 0) out S v; void main() {{ v = b.s; v.k[1] = p.xy; gl_Position = p; }}"
+    );
+    let fragment = format!(
+        "{declared}layout(location = 0) in S v; out vec4 c; void main() {{ S t = v; c = vec4(t.k[1], v.m[1].y + t.w[1], float(t == b.s)); }}"
+    );
+    let sources = [
+        Source::new("a.vert", vertex),
+        Source::new("a.frag", fragment),
+    ];
+    let parsed = front::parse(&sources, &Options::default())
+        .unwrap_or_else(|e| panic!("{}", e.render(Color::Never)));
+    let text = wgsl(parsed);
+    assert!(
+        text.contains("v_k_1_: vec2<f32>") || text.contains("v_k_1: vec2<f32>"),
+        "{text}"
+    );
+}

@@ -72,6 +72,23 @@ fn named(all: &'static [Variable], name: &str, stage: ShaderStage) -> Option<&'s
     all.find(|v| v.names.split(' ').any(|n| n == name) && v.stage.is_none_or(|s| s == stage))
 }
 
+/// The value of a built-in constant: what OpenGL ES 3.0 or OpenGL 4.5 guarantees, within WebGPU's
+/// limits.
+pub(super) fn limit(name: &str) -> Option<i32> {
+    Some(match name {
+        "gl_MaxVertexUniformVectors" | "gl_MaxFragmentUniformVectors" => 256,
+        "gl_MaxVertexUniformComponents" | "gl_MaxFragmentUniformComponents" => 1024,
+        "gl_MaxCombinedTextureImageUnits" => 32,
+        "gl_MaxVertexAttribs" | "gl_MaxVaryingVectors" | "gl_MaxVertexOutputVectors" => 16,
+        "gl_MaxTextureImageUnits" | "gl_MaxVertexTextureImageUnits" => 16,
+        "gl_MaxFragmentInputVectors" => 15,
+        "gl_MaxDrawBuffers" | "gl_MaxClipDistances" => 8,
+        "gl_MinProgramTexelOffset" => -8,
+        "gl_MaxProgramTexelOffset" => 7,
+        _ => return None,
+    })
+}
+
 /// The built-in of this name that becomes a global on first use.
 pub(super) fn plain(name: &str, stage: ShaderStage) -> Option<&'static Variable> {
     named(PLAIN, name, stage)

@@ -2,9 +2,11 @@
 
 use std::cell::RefCell;
 use std::collections::{BTreeSet, HashMap};
+use std::rc::Rc;
 
 use glsl_lang::ast::{BinaryOpData as B, Expr, ExprData, FunIdentifierData, UnaryOpData};
 
+use super::built_in_variables::limit;
 use super::ty::{Component, Ty, spelled};
 
 /// Scalar and vector constants by name, and array lengths by [`length_of`] the array's name.
@@ -13,6 +15,8 @@ pub(super) struct Constants {
     known: HashMap<String, ConstantValue>,
     /// Specialisation constants, and constants that depend on them.
     defaults: HashMap<String, (ConstantValue, Specialised)>,
+    /// The members of structs, by the struct's name.
+    pub(super) members: HashMap<String, Vec<String>>,
     /// Constants that only rename a specialisation constant: `const int M = N;`.
     aliases: HashMap<String, (u32, String)>,
     /// The specialisation constant whose default is taken as one larger. See
@@ -64,9 +68,13 @@ pub(super) enum ConstantValue {
     Bool(bool),
     /// Two to four scalars.
     Vector(Vec<ConstantValue>),
+    /// The elements of an array, or the columns of a matrix.
+    Array(Rc<[ConstantValue]>),
+    /// The members of a struct.
+    Struct(Rc<[(String, ConstantValue)]>),
 }
 
-use ConstantValue::{Bool, Float, Int, Uint, Vector};
+use ConstantValue::{Array, Bool, Float, Int, Struct, Uint, Vector};
 
 mod built_in_functions;
 
@@ -98,7 +106,10 @@ pub(super) fn declare(
     constants.defaults.remove(name);
     constants.defaults.remove(&length_of(name));
     if let Some((value, mut from)) = assumed
-        && let Some(value) = construct(ty, &[value])
+        && let Some(value) = match ty {
+            Ty::Array(..) | Ty::Matrix(..) | Ty::Struct(_) => Some(value),
+            _ => construct(ty, &[value]),
+        }
     {
         let value = match (id, value) {
             (Some(id), Int(n)) if constants.raised == Some(id) => Int(n.wrapping_add(1)),
@@ -144,13 +155,14 @@ fn alias_of(e: &Expr, ty: &Ty, constants: &Constants) -> Option<(u32, String)> {
 
 /// Evaluates an integer constant expression. `None` for other expressions.
 pub(super) fn evaluate(expr: &Expr, constants: &Constants) -> Option<i64> {
-    integer(&value(expr, &|name| constants.known.get(name).cloned())?)
+    let known = |name: &str| constants.known.get(name).cloned();
+    integer(&value(expr, &constants.members, &known)?)
 }
 
 /// Evaluates a constant expression with the defaults of specialisation constants, and lists these.
 pub(super) fn assume(expr: &Expr, constants: &Constants) -> Option<(ConstantValue, Specialised)> {
     let from = RefCell::new(Specialised::new());
-    let found = value(expr, &|name| {
+    let found = value(expr, &constants.members, &|name| {
         constants.known.get(name).cloned().or_else(|| {
             let (value, of) = constants.defaults.get(name)?;
             from.borrow_mut().extend(of.iter().cloned());
@@ -166,7 +178,7 @@ pub(super) fn integer(value: &ConstantValue) -> Option<i64> {
         Int(n) => Some(i64::from(*n)),
         Uint(n) => Some(i64::from(*n)),
         Bool(b) => Some(i64::from(*b)),
-        Float(_) | Vector(_) => None,
+        Float(_) | Vector(_) | Array(_) | Struct(_) => None,
     }
 }
 
@@ -187,26 +199,34 @@ pub(super) fn is_finite(value: &ConstantValue) -> bool {
     match value {
         Float(x) => x.is_finite(),
         Vector(parts) => parts.iter().all(is_finite),
+        Array(parts) => parts.iter().all(is_finite),
+        Struct(members) => members.iter().all(|(_, value)| is_finite(value)),
         Int(_) | Uint(_) | Bool(_) => true,
     }
 }
 
-/// The component of a vector at an index.
+/// The component, element or column at an index.
 pub(super) fn indexed(of: ConstantValue, index: &ConstantValue) -> Option<ConstantValue> {
+    let at = usize::try_from(integer(index)?).ok()?;
     match of {
-        Vector(parts) => parts.get(usize::try_from(integer(index)?).ok()?).cloned(),
+        Vector(parts) => parts.get(at).cloned(),
+        Array(parts) => parts.get(at).cloned(),
         _ => None,
     }
 }
 
-fn value(expr: &Expr, named: &dyn Fn(&str) -> Option<ConstantValue>) -> Option<ConstantValue> {
-    let of = |e: &Expr| value(e, named);
+fn value(
+    expr: &Expr,
+    members: &HashMap<String, Vec<String>>,
+    named: &dyn Fn(&str) -> Option<ConstantValue>,
+) -> Option<ConstantValue> {
+    let of = |e: &Expr| value(e, members, named);
     match &expr.content {
         ExprData::IntConst(i) => Some(Int(*i)),
         ExprData::UIntConst(u) => Some(Uint(*u)),
         ExprData::BoolConst(b) => Some(Bool(*b)),
         ExprData::FloatConst(f) => Some(Float(*f)),
-        ExprData::Variable(name) => named(name.as_str()),
+        ExprData::Variable(name) => named(name.as_str()).or_else(|| limit(name.as_str()).map(Int)),
         ExprData::Unary(op, a) => unary(&op.content, of(a)?),
         ExprData::Binary(op, a, b) => binary(&op.content, of(a)?, of(b)?),
         ExprData::Dot(of_what, parts) => swizzled(of(of_what)?, parts.as_str()),
@@ -224,11 +244,10 @@ fn value(expr: &Expr, named: &dyn Fn(&str) -> Option<ConstantValue>) -> Option<C
                     .collect::<Option<Vec<ConstantValue>>>()
             };
             let name = match &name.content {
-                FunIdentifierData::TypeSpecifier(ty) if ty.array_specifier.is_some() => {
-                    return None;
-                }
                 FunIdentifierData::TypeSpecifier(ty) => {
-                    return construct(&Ty::named(&spelled(&ty.ty)), &all()?);
+                    let name = spelled(&ty.ty);
+                    let is_array = ty.array_specifier.is_some();
+                    return composed(&name, is_array, members.get(&name), all()?);
                 }
                 FunIdentifierData::Expr(callee) => match &callee.content {
                     ExprData::Dot(array, method) if method.as_str() == "length" => {
@@ -243,6 +262,35 @@ fn value(expr: &Expr, named: &dyn Fn(&str) -> Option<ConstantValue>) -> Option<C
             call(&name, &all()?)
         }
         _ => None,
+    }
+}
+
+/// The value of a constructor. `members`: of the struct, if it is one.
+fn composed(
+    name: &str,
+    is_array: bool,
+    members: Option<&Vec<String>>,
+    all: Vec<ConstantValue>,
+) -> Option<ConstantValue> {
+    let ty = Ty::named(name);
+    if is_array {
+        let element = |v: ConstantValue| construct(&ty, std::slice::from_ref(&v)).unwrap_or(v);
+        return Some(Array(all.into_iter().map(element).collect()));
+    }
+    match (ty, members) {
+        (_, Some(members)) => Some(Struct(members.iter().cloned().zip(all).collect())),
+        (Ty::Matrix(kind, columns, rows), _) => {
+            let scalars = all.into_iter().flat_map(|value| match value {
+                Vector(parts) => parts,
+                other => vec![other],
+            });
+            let scalars: Option<Vec<_>> = scalars.map(|part| scalar(kind, &part)).collect();
+            let (scalars, rows) = (scalars?, usize::from(rows));
+            let is_whole = scalars.len() == usize::from(columns) * rows;
+            let columns = scalars.chunks(rows).map(|column| Vector(column.to_vec()));
+            is_whole.then(|| Array(columns.collect()))
+        }
+        (ty, None) => construct(&ty, &all),
     }
 }
 
@@ -263,9 +311,18 @@ pub(super) fn unary(op: &UnaryOpData, a: ConstantValue) -> Option<ConstantValue>
     })
 }
 
-/// A swizzle such as `v.x` or `v.rg`.
+/// A member, or a swizzle such as `v.x` or `v.rg`.
 pub(super) fn swizzled(of: ConstantValue, names: &str) -> Option<ConstantValue> {
-    let Vector(parts) = of else { return None };
+    let parts = match of {
+        Vector(parts) => parts,
+        Struct(members) => {
+            let mut members = members.iter();
+            return members
+                .find(|(m, _)| m == names)
+                .map(|(_, value)| value.clone());
+        }
+        _ => return None,
+    };
     let part = |name: char| {
         let sets = ["xyzw", "rgba", "stpq"];
         let at = sets.iter().find_map(|s| s.find(name))?;
@@ -285,7 +342,7 @@ fn alike(a: ConstantValue, b: ConstantValue) -> Option<(ConstantValue, ConstantV
         Int(n) => Some(Float(n as f32)),
         Uint(n) => Some(Float(n as f32)),
         Float(_) => Some(v),
-        Bool(_) | Vector(_) => None,
+        _ => None,
     };
     let unsigned = |v: ConstantValue| match v {
         Int(n) => Uint(n as u32),

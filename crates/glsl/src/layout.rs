@@ -217,6 +217,16 @@ pub(super) enum Rules {
     Std430Struct,
 }
 
+/// The number of components to which std140 pads an array's element of this type.
+pub(super) fn padded_size(element: &Ty) -> Option<u8> {
+    match element {
+        Ty::Scalar(Component::Double) => Some(2),
+        Ty::Vector(Component::Double, _) => None,
+        Ty::Scalar(_) | Ty::Vector(_, 2) => Some(4),
+        _ => None,
+    }
+}
+
 /// The declared type of a value in a block, with the same offsets.
 pub(super) fn stored(ty: &Ty, rules: Rules) -> Ty {
     fn of_kind(kind: Component) -> Component {
@@ -227,11 +237,10 @@ pub(super) fn stored(ty: &Ty, rules: Rules) -> Ty {
     }
     match ty {
         Ty::Array(of, n) => {
-            let element = match &**of {
-                Ty::Scalar(k) | Ty::Vector(k, 2) if rules == Rules::Std140 => {
-                    Ty::Vector(of_kind(*k), 4)
-                }
-                other => stored(other, rules),
+            let size = padded_size(of).filter(|_| rules == Rules::Std140);
+            let element = match (size, of.kind()) {
+                (Some(n), Some(k)) => Ty::Vector(of_kind(k), n),
+                _ => stored(of, rules),
             };
             Ty::Array(Box::new(element), *n)
         }

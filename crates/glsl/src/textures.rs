@@ -106,6 +106,18 @@ impl TextureFunction {
         matches!(self, Self::Fetch { .. } | Self::Size | Self::Levels)
     }
 
+    /// The index of the offset among the arguments after the sampler.
+    pub(super) fn offset(self) -> Option<usize> {
+        match self {
+            Self::Sample(of) => of.has_offset.then_some(match of.level {
+                Level::Implicit => 1,
+                Level::Exact => 2,
+                Level::Gradient => 3,
+            }),
+            _ => None,
+        }
+    }
+
     /// Whether it derives its level from derivatives in the fragment stage.
     pub(super) fn is_implicit(self) -> bool {
         matches!(self, Self::Sample(of) if of.level == Level::Implicit)

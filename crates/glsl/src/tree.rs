@@ -258,6 +258,24 @@ impl Node {
         pure
     }
 
+    /// Whether it changes a variable, an image or an atomic counter. `is_writing`: whether a call of
+    /// the function does.
+    pub(super) fn writes(&self, is_writing: &dyn Fn(FunctionId) -> bool) -> bool {
+        let mut writes = false;
+        self.visit(&mut |of| {
+            writes |= match &*of.kind {
+                Kind::Call(id, _) => is_writing(*id),
+                Kind::Assign(..)
+                | Kind::Step { .. }
+                | Kind::Atomic { .. }
+                | Kind::ImageAtomic { .. }
+                | Kind::TextureCall(TextureFunction::Store, _) => true,
+                _ => false,
+            };
+        });
+        writes
+    }
+
     /// Calls `each` for the node and all nodes in it, outermost first.
     pub(super) fn visit<'n>(&'n self, each: &mut dyn FnMut(&'n Self)) {
         each(self);
@@ -517,6 +535,8 @@ pub(super) struct Function {
 #[derive(Clone, Debug)]
 pub(super) struct StructTy {
     pub name: String,
+    /// The rules of the blocks that contain it. `None`: it is only a value.
+    pub rules: Option<Rules>,
     pub members: Vec<Member>,
 }
 

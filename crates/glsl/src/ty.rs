@@ -250,8 +250,10 @@ pub(super) struct GlslMember {
 pub(super) struct Struct {
     pub name: String,
     pub members: Vec<GlslMember>,
-    /// Whether it is used in a uniform block, so that its members have [`stored`] types.
+    /// Whether its members have [`stored`] types.
     pub in_uniform_block: bool,
+    /// Whether a block contains it by std140, so that it is laid out by these rules.
+    pub is_hosted: bool,
     /// Whether it is the std430 copy of a struct, which is never padded.
     pub tight: bool,
 }
@@ -326,13 +328,14 @@ impl Structs {
             })
     }
 
-    /// Marks the structs of a uniform's type as `in_uniform_block`.
+    /// Marks the structs of a uniform's type as `is_hosted` and `in_uniform_block`.
     pub(super) fn host(&mut self, ty: &Ty) {
         let Ty::Struct(name) = ty.innermost() else {
             return;
         };
         let members = match self.by_name.get_mut(name) {
-            Some(of) if !of.in_uniform_block => {
+            Some(of) if !of.is_hosted => {
+                of.is_hosted = true;
                 of.in_uniform_block = true;
                 of.members.clone()
             }

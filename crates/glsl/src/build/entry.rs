@@ -166,7 +166,7 @@ impl<'s> Builder<'s> {
     }
 
     fn block(&mut self, block: &BlockTy, span: Span) -> Result<Handle<Type>, Error> {
-        let base = self.struct_ty(&block.name, &block.members, block.rules)?;
+        let base = self.struct_ty(&block.name, &block.members, Some(block.rules))?;
         let size = match block.length {
             None => return Ok(base),
             Some(None) => naga::ArraySize::Dynamic,

@@ -207,9 +207,9 @@ impl<'s> Body<'_, 's> {
 
     fn element(&mut self, base: &'s Node, index: &'s Node, at: Position) -> Result<Value, Error> {
         // The base is evaluated first, which matters only if it has effects.
-        let first = match base.is_pure() {
-            true => None,
-            false => Some(self.expect(base, at.of_base(index.index().is_some()))?),
+        let first = match base.writes(&|_| true) {
+            false => None,
+            true => Some(self.expect(base, at.of_base(index.index().is_some()))?),
         };
         let index = self.value(index)?;
         let constant = match at {

@@ -372,9 +372,6 @@ impl<'s> Body<'_, 's> {
                 _ => (reached, false),
             };
             let is_last = at + 1 == all.len();
-            if is_last && reached.is_empty() && !breaks {
-                return Err(self.refused("the last case has no statement"));
-            }
             // Later cases may use a declaration even if its case is not reached.
             let unreached = &case.body[last.map_or(case.body.len(), |last| last + 1)..];
             let enclosing = self.open();

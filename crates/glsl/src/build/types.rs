@@ -2,7 +2,7 @@
 
 use std::num::NonZeroU32;
 
-use naga::proc::Alignment;
+use naga::proc::{Alignment, TypeLayout};
 use naga::{
     ArraySize, Handle, ImageClass, ImageDimension, Scalar, ScalarKind, Span, StorageAccess,
     StorageFormat, StructMember, Type, TypeInner, VectorSize,
@@ -164,18 +164,19 @@ impl<'s> Builder<'s> {
     /// Creates the structs of the stage.
     pub(super) fn structs(&mut self) -> Result<(), Error> {
         for of in &self.stage.structs {
-            let handle = self.struct_ty(&of.name, &of.members, Rules::Std140)?;
+            let handle = self.struct_ty(&of.name, &of.members, of.rules)?;
             self.structs.insert(&of.name, handle);
         }
         Ok(())
     }
 
-    /// A struct or block with the offsets of its members.
+    /// A struct or block with the offsets of its members. `rules`: `None` for a struct that no block
+    /// contains.
     pub(super) fn struct_ty(
         &mut self,
         name: &str,
         members: &[Member],
-        rules: Rules,
+        rules: Option<Rules>,
     ) -> Result<Handle<Type>, Error> {
         let mut all = Vec::new();
         for member in members {
@@ -189,7 +190,7 @@ impl<'s> Builder<'s> {
         &mut self,
         name: Option<String>,
         members: Vec<(Option<String>, Handle<Type>, Span)>,
-        rules: Rules,
+        rules: Option<Rules>,
     ) -> Result<Placed, Error> {
         let mut out = Vec::new();
         let (mut end, mut align) = (0, Alignment::ONE);
@@ -217,8 +218,23 @@ impl<'s> Builder<'s> {
 
     /// A type with its layout in a block (OpenGL 4.6, 7.6.2.2), except that structs are not aligned
     /// to 16 bytes.
-    fn placed(&mut self, ty: Handle<Type>, rules: Rules, span: Span) -> Result<Placed, Error> {
-        let is_tight = rules == Rules::Std430;
+    fn placed(
+        &mut self,
+        ty: Handle<Type>,
+        rules: Option<Rules>,
+        span: Span,
+    ) -> Result<Placed, Error> {
+        let Some(by) = rules else {
+            let laid_out = self.layouter.update(self.module.to_ctx());
+            laid_out.map_err(|_| refused(WRONG_TYPE, span))?;
+            let TypeLayout { size, alignment } = self.layouter[ty];
+            return Ok(Placed {
+                ty,
+                align: alignment,
+                size,
+            });
+        };
+        let is_tight = by == Rules::Std430;
         let (align, size) = match self.module.types[ty].inner {
             TypeInner::Scalar(scalar) => {
                 (Alignment::from_width(scalar.width), u32::from(scalar.width))
@@ -235,7 +251,7 @@ impl<'s> Builder<'s> {
                 let mut align = Alignment::from(rows) * Alignment::from_width(scalar.width);
                 if !is_tight {
                     align = align.max(Alignment::MIN_UNIFORM);
-                    if rows == VectorSize::Bi {
+                    if rows == VectorSize::Bi && scalar.width < 8 {
                         let columns = columns as u8;
                         let message = format!("a mat{columns}x2 is not supported in this block");
                         return Err(refused(&message, span));

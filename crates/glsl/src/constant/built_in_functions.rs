@@ -34,7 +34,7 @@ fn real(value: &ConstantValue) -> Option<f32> {
         Float(x) => Some(*x),
         Int(n) => Some(*n as f32),
         Uint(n) => Some(*n as f32),
-        Bool(_) | Vector(_) => None,
+        _ => None,
     }
 }
 

@@ -8,7 +8,7 @@ use super::fold::Folds;
 use super::{Resolver, check};
 use crate::constant;
 use crate::errors::{unsupported, wrong};
-use crate::layout::MemoryLayout;
+use crate::layout::{MemoryLayout, padded_size};
 use crate::tree::{Kind, Node};
 use crate::ty::{Component, Ty};
 use shader_text::error::Error;
@@ -275,23 +275,19 @@ pub(super) fn element(base: &Ex, index: &Node) -> Ex {
     let node = base.node.element(index.clone());
     let (ty, padded) = match &base.ty {
         Ty::Array(of, _) => {
-            // Padded to four components.
-            let padded = match (&**of, base.lay.is_padded()) {
-                (Ty::Scalar(_), true) => Some(1),
-                (Ty::Vector(_, 2), true) => Some(2),
-                _ => None,
-            };
-            ((**of).clone(), padded)
+            let is_padded = base.lay.is_padded() && padded_size(of).is_some();
+            ((**of).clone(), of.components().filter(|_| is_padded))
         }
         Ty::Matrix(k, _, rows) => {
-            let padded = base.lay.is_padded() && *rows == 2;
-            (Ty::Vector(*k, *rows), padded.then_some(2))
+            let column = Ty::Vector(*k, *rows);
+            let is_padded = base.lay.is_padded() && padded_size(&column).is_some();
+            (column, is_padded.then_some(*rows))
         }
         Ty::Vector(k, _) => (Ty::Scalar(*k), None),
         other => (other.clone(), None),
     };
     let node = match padded {
-        Some(n) => node.swizzle(0..n),
+        Some(n) => node.swizzle(0..u32::from(n)),
         None => node,
     };
     let mut ex = Ex::new(node, ty);

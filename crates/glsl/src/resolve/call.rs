@@ -10,6 +10,7 @@ use super::expression::Ex;
 use super::overload::{OverloadChoice, choose};
 use crate::errors::{unsupported, wrong};
 use crate::functions;
+use crate::stage::side_effects::written_by_own;
 use crate::stage::{Signature, Storage, start};
 use crate::textures;
 use crate::tree::{FunctionId, Kind, Node};
@@ -265,5 +266,5 @@ impl Resolver<'_, '_> {
 
 /// Whether GLSL has a function of this name.
 fn is_own(name: &str) -> bool {
-    functions::named(name).is_some() || textures::named(name).is_some()
+    functions::named(name).is_some() || textures::named(name).is_some() || written_by_own(name) > 0
 }

@@ -78,10 +78,15 @@ impl Resolver<'_, '_> {
                 continue;
             };
             let entries = self.stage.structs.entries(of);
-            let rules = of.in_uniform_block.then_some(Rules::Std140);
-            let members = stored_members(entries, rules, |i| format!("padding_{i}"));
+            let of_members = of.in_uniform_block.then_some(Rules::Std140);
+            let members = stored_members(entries, of_members, |i| format!("padding_{i}"));
+            let rules = (of.is_hosted || of.tight).then_some(Rules::Std140);
             if !members.is_empty() {
-                self.out.structs.push(StructTy { name, members });
+                self.out.structs.push(StructTy {
+                    name,
+                    rules,
+                    members,
+                });
             }
         }
     }
@@ -304,16 +309,20 @@ impl Resolver<'_, '_> {
         let name = author.to_owned();
         let is_const = global.qualifiers.storage == Some(Storage::Const);
         let id = global.qualifiers.number("constant_id");
-        let ty = global.ty.clone();
+        let mut ty = global.ty.clone();
         let mut folds = Folds::No;
         let is_used = self.stage.used.contains(author) || id.is_some();
         let mut late = None;
         let kind = match global.init.filter(|_| is_used) {
-            None => GlobalKind::Variable { ty, init: None },
+            None => GlobalKind::Variable {
+                ty: ty.clone(),
+                init: None,
+            },
             Some(init) => {
                 let temporaries = self.temporaries.as_ref().map_or(0, Vec::len);
-                let value = self.initial(init, &global.ty)?;
+                let value = self.initial(init, &mut ty)?;
                 let is_whole = temporaries == self.temporaries.as_ref().map_or(0, Vec::len);
+                let ty = ty.clone();
                 match (id, is_whole && self.is_simple(init)) {
                     (Some(id), _) => {
                         let init = value;
@@ -321,6 +330,7 @@ impl Resolver<'_, '_> {
                     }
                     (None, true) if is_const => {
                         let known = self.stage.constants.value(author);
+                        let known = known.filter(|_| ty.components().is_some());
                         folds = known.map_or(Folds::Unknown, Folds::To);
                         GlobalKind::Constant { ty, init: value }
                     }
@@ -343,7 +353,7 @@ impl Resolver<'_, '_> {
             let assigned = Statement::evaluate(Node::assign(&node, value));
             self.prologue.push(assigned.at(global.place));
         }
-        let mut var = Var::plain(node, global.ty.clone()).fixed(is_const.then_some("a constant"));
+        let mut var = Var::plain(node, ty).fixed(is_const.then_some("a constant"));
         var.ex.folds = folds;
         self.bind(author, var);
         Ok(())

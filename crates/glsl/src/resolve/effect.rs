@@ -14,7 +14,6 @@ use super::Resolver;
 use super::expression::Ex;
 use crate::stage::Storage;
 use crate::stage::side_effects::{Effects, root, written_by_own};
-use crate::textures::TextureFunction;
 use crate::tree::{Kind, Node};
 use crate::ty::Ty;
 use shader_text::error::Error;
@@ -141,7 +140,10 @@ impl Resolver<'_, '_> {
     ) -> Vec<Node> {
         let held: Vec<bool> = (0..).zip(&*values).map(|(i, v)| is_moving(i, v)).collect();
         let last = held.iter().rposition(|held| *held).unwrap_or(0);
-        let changes = values.iter().take(last + 1).any(|v| self.changes(&v.node));
+        let changes = values
+            .iter()
+            .take(last + 1)
+            .any(|v| v.node.writes(&|id| self.writing.contains(&id)));
         let mut first = Vec::new();
         for (i, value) in values.iter_mut().enumerate() {
             let is_before = changes && i < last && !matches!(*value.node.kind, Kind::Literal(_));
@@ -152,23 +154,6 @@ impl Resolver<'_, '_> {
             }
         }
         first
-    }
-
-    /// Whether a node changes a variable, an image or an atomic counter.
-    fn changes(&self, node: &Node) -> bool {
-        let mut changes = false;
-        node.visit(&mut |node| {
-            changes |= match &*node.kind {
-                Kind::Call(id, _) => self.writing.contains(id),
-                Kind::Assign(..)
-                | Kind::Step { .. }
-                | Kind::Atomic { .. }
-                | Kind::ImageAtomic { .. }
-                | Kind::TextureCall(TextureFunction::Store, _) => true,
-                _ => false,
-            };
-        });
-        changes
     }
 
     /// Determines an expression's properties: resolves it, then undoes all effects. Caches the

@@ -8,11 +8,11 @@ use naga::{BinaryOperator, Literal, UnaryOperator};
 
 use super::effect::{after, is_literal};
 use super::fold::Folds;
+use super::overload::is_same;
 use super::{Pair, Resolver, Var, check};
 use crate::constant::ConstantValue;
 use crate::errors::{unsupported, wrong};
 use crate::layout::MemoryLayout;
-use crate::stage::initial_length;
 use crate::tree::{Kind, Node};
 use crate::ty::{Component, Ty};
 use crate::{built_in_variables, constant};
@@ -212,7 +212,10 @@ impl Resolver<'_, '_> {
 
     pub(super) fn own_variable(&mut self, name: &str, expr: &Expr) -> Result<Ex, Error> {
         let place = self.place(expr.span);
-        let number = |n: i32| Ok(Ex::new(Node::int(n), Ty::INT));
+        if let Some(n) = built_in_variables::limit(name) {
+            let folds = Folds::To(ConstantValue::Int(n));
+            return Ok(Ex::new(Node::int(n), Ty::INT).folding(folds));
+        }
         match name {
             "gl_PointSize" if self.is_vertex() => {
                 return Ok(self.standin("gl_PointSize", "PointSize"));
@@ -220,14 +223,6 @@ impl Resolver<'_, '_> {
             "gl_FragColor" if !self.is_vertex() => {
                 return Ok(self.standin("gl_FragColor", "FragColor"));
             }
-            "gl_MaxDrawBuffers" => return number(8),
-            "gl_MaxVertexAttribs"
-            | "gl_MaxTextureImageUnits"
-            | "gl_MaxCombinedTextureImageUnits"
-            | "gl_MaxVertexTextureImageUnits"
-            | "gl_MaxVaryingVectors"
-            | "gl_MaxVertexUniformVectors"
-            | "gl_MaxFragmentUniformVectors" => return number(16),
             "gl_FragData" => {
                 return Err(unsupported(
                     "`gl_FragData` can only be indexed by a constant here",
@@ -407,36 +402,38 @@ impl Resolver<'_, '_> {
         ex.converted(&ty).folding(folds)
     }
 
-    /// An initialiser of type `ty`.
-    pub(super) fn initial(&mut self, init: &ast::Initializer, ty: &Ty) -> Result<Node, Error> {
-        match &init.content {
+    /// An initialiser of type `ty`, which gets the lengths of unsized arrays.
+    pub(super) fn initial(&mut self, init: &ast::Initializer, ty: &mut Ty) -> Result<Node, Error> {
+        let list = match &init.content {
             InitializerData::Simple(e) => {
                 let ex = self.expr(e)?;
                 self.check_given(&ex.ty, ty, self.place(e.span))?;
-                Ok(self.coerce(ex, ty).node)
-            }
-            InitializerData::List(list) => {
-                let parts: Vec<Ty> = match ty {
-                    Ty::Array(of, _) => vec![(**of).clone(); list.len()],
-                    Ty::Vector(k, _) => vec![Ty::Scalar(*k); list.len()],
-                    Ty::Matrix(k, _, rows) => vec![Ty::Vector(*k, *rows); list.len()],
-                    Ty::Struct(name) => match self.stage.structs.get(name) {
-                        Some(of) => of.members.iter().map(|m| m.ty.clone()).collect(),
-                        None => Vec::new(),
-                    },
-                    _ => vec![ty.clone(); list.len()],
-                };
-                let mut values = Vec::new();
-                for (part, ty) in list.iter().zip(&parts) {
-                    values.push(self.initial(part, ty)?);
+                if is_same(&ex.ty, ty) && !matches!(ex.ty, Ty::Array(_, None)) {
+                    *ty = ex.ty.clone();
                 }
-                let ty = match ty {
-                    Ty::Array(of, None) => &Ty::Array(of.clone(), initial_length(init)),
-                    other => other,
-                };
-                Ok(Node::construct(ty, values))
+                return Ok(self.coerce(ex, ty).node);
             }
+            InitializerData::List(list) => list,
+        };
+        let mut parts: Vec<Ty> = match &*ty {
+            Ty::Array(of, _) => vec![(**of).clone(); list.len()],
+            Ty::Vector(k, _) => vec![Ty::Scalar(*k); list.len()],
+            Ty::Matrix(k, _, rows) => vec![Ty::Vector(*k, *rows); list.len()],
+            Ty::Struct(name) => match self.stage.structs.get(name) {
+                Some(of) => of.members.iter().map(|m| m.ty.clone()).collect(),
+                None => Vec::new(),
+            },
+            _ => vec![ty.clone(); list.len()],
+        };
+        let mut values = Vec::new();
+        for (part, ty) in list.iter().zip(&mut parts) {
+            values.push(self.initial(part, ty)?);
         }
+        if let (Ty::Array(of, n), Some(part)) = (&mut *ty, parts.first()) {
+            **of = part.clone();
+            *n = n.or(Some((list.len() as u32).into()));
+        }
+        Ok(Node::construct(ty, values))
     }
 
     /// Whether a global's initialiser is a constant in the IR.

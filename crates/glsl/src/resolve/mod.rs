@@ -103,6 +103,9 @@ pub(super) struct Resolver<'a, 'u> {
     prologue: Vec<Statement>,
     epilogue: Vec<Statement>,
     in_main: bool,
+    /// Number of enclosing loops and switches.
+    loops: usize,
+    switches: usize,
     /// Whether a switch statement is unreachable after a jump. Its declarations are still visible
     /// in later cases, without an initial value.
     unreached: bool,
@@ -154,6 +157,8 @@ pub(super) fn resolve(
         prologue: Vec::new(),
         epilogue: Vec::new(),
         in_main: false,
+        loops: 0,
+        switches: 0,
         unreached: false,
         calls: Vec::new(),
         result: Ty::Void,

@@ -10,7 +10,7 @@ use glsl_lang::ast::{
 use naga::Span;
 
 use super::expression::Ex;
-use super::{Resolver, Var, effect};
+use super::{Resolver, Var, check, effect};
 use crate::errors::{unsupported, wrong};
 use crate::stage::{Storage, simple};
 use crate::tree::{Case, Node, Statement, StatementKind as S};
@@ -60,6 +60,12 @@ impl Resolver<'_, '_> {
             }
             StatementData::Iteration(i) => return self.iteration(i, place, out),
             StatementData::Jump(j) => match &j.content {
+                JumpStatementData::Continue if self.loops == 0 => {
+                    return Err(wrong("`continue` must be in a loop", place));
+                }
+                JumpStatementData::Break if self.loops + self.switches == 0 => {
+                    return Err(wrong("`break` must be in a loop or a `switch`", place));
+                }
                 JumpStatementData::Continue => S::Continue,
                 JumpStatementData::Break => S::Break,
                 JumpStatementData::Discard => S::Discard,
@@ -73,6 +79,11 @@ impl Resolver<'_, '_> {
                     S::Return(Some(self.coerce(ex, &result).node))
                 }
                 JumpStatementData::Return(None) => {
+                    let result = &self.result;
+                    if *result != Ty::Void {
+                        let message = format!("this function returns {}", check::a(result));
+                        return Err(wrong(message, place));
+                    }
                     if self.in_main {
                         out.extend(self.epilogue.iter().cloned());
                     }
@@ -85,7 +96,17 @@ impl Resolver<'_, '_> {
     }
 
     fn switch(&mut self, s: &ast::SwitchStatement) -> Result<S, Error> {
-        let selector = self.expr(&s.head)?.node;
+        let selector = self.expr(&s.head)?;
+        let of = self.place(s.head.span);
+        if !matches!(selector.ty, Ty::INT | Ty::UINT) {
+            let message = format!(
+                "`switch` takes an int or a uint, not {}",
+                check::a(&selector.ty)
+            );
+            return Err(wrong(message, of));
+        }
+        let selector = selector.node;
+        self.switches += 1;
         let mut cases: Vec<Case> = Vec::new();
         self.scopes.push(Default::default());
         let constants = self.stage.constants.clone();
@@ -94,6 +115,10 @@ impl Resolver<'_, '_> {
             if let StatementData::CaseLabel(label) = &statement.content {
                 reached = true;
                 let value = self.case(label)?;
+                if cases.iter().any(|case| case.value == value) {
+                    let place = self.place(statement.span);
+                    return Err(wrong("this case occurs twice", place));
+                }
                 let body = Vec::new();
                 cases.push(Case { value, body });
                 continue;
@@ -115,6 +140,7 @@ impl Resolver<'_, '_> {
             }
             reached &= !left;
         }
+        self.switches -= 1;
         self.stage.constants = constants;
         self.scopes.pop();
         Ok(S::Switch { selector, cases })
@@ -224,6 +250,14 @@ impl Resolver<'_, '_> {
         Ok(out)
     }
 
+    /// The body of a loop.
+    fn looped(&mut self, statement: &AstStatement) -> Result<Vec<Statement>, Error> {
+        self.loops += 1;
+        let body = self.body(statement);
+        self.loops -= 1;
+        body
+    }
+
     /// The body of an `if` or a loop.
     fn body(&mut self, statement: &AstStatement) -> Result<Vec<Statement>, Error> {
         match &statement.content {
@@ -243,7 +277,7 @@ impl Resolver<'_, '_> {
                 self.scopes.push(Default::default());
                 let constants = self.stage.constants.clone();
                 let condition = self.condition(condition)?;
-                let body = self.body(body)?;
+                let body = self.looped(body)?;
                 self.stage.constants = constants;
                 self.scopes.pop();
                 S::While { condition, body }
@@ -258,12 +292,12 @@ impl Resolver<'_, '_> {
                     init: Some(Box::new(init)),
                     condition: Some(Node::choose(is_first.clone(), Node::bool(true), condition)),
                     step: Some(Node::assign(&is_first, Node::bool(false))),
-                    body: self.body(body)?,
+                    body: self.looped(body)?,
                 }
             }
             IterationStatementData::DoWhile(body, condition) => {
                 let condition = self.asked(condition)?.node;
-                let body = self.body(body)?;
+                let body = self.looped(body)?;
                 S::DoWhile { body, condition }
             }
             IterationStatementData::For(init, rest, body) => {
@@ -312,7 +346,7 @@ impl Resolver<'_, '_> {
             init: single.map(Box::new),
             condition,
             step,
-            body: self.body(body)?,
+            body: self.looped(body)?,
         };
         before.push(Statement::new(kind).at(place));
         match is_block {
@@ -330,8 +364,8 @@ impl Resolver<'_, '_> {
             // Declared among the temporaries, and assigned in each iteration.
             ConditionData::Assignment(of, name, init) => {
                 let place = self.place(condition.span);
-                let ty = self.stage.ty(&of.ty, None, place)?;
-                let value = self.initial(init, &ty)?;
+                let mut ty = self.stage.ty(&of.ty, None, place)?;
+                let value = self.initial(init, &mut ty)?;
                 let held = Ex::new(self.needed(&ty, place)?, ty.clone());
                 self.check_condition(&held, place)?;
                 constant::declare(&mut self.stage.constants, name.as_str(), &ty, None, None);
@@ -405,7 +439,7 @@ impl Resolver<'_, '_> {
         // Unreachable initialisers never run. Constants still need theirs.
         let given = init.filter(|_| constant || !self.unreached);
         let value = match given {
-            Some(init) => Some(self.initial(init, &ty)?),
+            Some(init) => Some(self.initial(init, &mut ty)?),
             None => None,
         };
         let known = init.filter(|_| constant).and_then(simple);

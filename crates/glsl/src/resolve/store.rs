@@ -12,7 +12,7 @@ use super::expression::{Ex, compound, operator, result, splat};
 use super::fold::Folds;
 use crate::errors::{unsupported, wrong};
 use crate::functions::Meaning;
-use crate::layout::{BlockEntry, MemoryLayout};
+use crate::layout::{BlockEntry, MemoryLayout, padded_size};
 use crate::tree::{Kind, Node};
 use crate::ty::{Component, GlslMember, Struct, Ty};
 use shader_text::error::Error;
@@ -97,6 +97,7 @@ impl Resolver<'_, '_> {
             name: twin,
             members,
             in_uniform_block: own.in_uniform_block && !key.2,
+            is_hosted: own.is_hosted && !key.2,
             tight: key.2,
         });
     }
@@ -234,10 +235,9 @@ impl Resolver<'_, '_> {
                 }
             }
             Ty::Array(of, Some(n)) => {
-                let padding = match (&**of, lay.is_padded()) {
-                    (Ty::Scalar(_), true) => 3,
-                    (Ty::Vector(_, 2), true) => 2,
-                    _ => 0,
+                let padding = match padded_size(of).filter(|_| lay.is_padded()) {
+                    Some(n) => n - of.components().unwrap_or(1),
+                    None => 0,
                 };
                 let whole = self.stored_as(ty, lay);
                 let Ty::Array(element, _) = &whole else {

@@ -5,12 +5,13 @@ use naga::{BinaryOperator as O, DerivativeAxis, DerivativeControl, MathFunction,
 
 use super::effect::after;
 use super::expression::Ex;
+use super::fold::Folds;
 use super::{Pair, Resolver};
-use crate::constant;
+use crate::constant::{self, ConstantValue};
 use crate::errors::{unsupported, wrong};
 use crate::functions::Meaning;
 use crate::interface::handles;
-use crate::textures::{Level, TextureFunction};
+use crate::textures::{Level, Sampling, TextureFunction};
 use crate::tree::{Case, Gather, GlobalKind, Kind, Node, Statement, StatementKind};
 use crate::ty::{Component, Ty};
 use crate::version::Dialect;
@@ -67,8 +68,9 @@ impl<'a> TextureShape<'a> {
         }
     }
 
-    /// Whether a function takes these arguments after the sampler (GLSL 4.60, 8.9).
-    fn takes(&self, function: TextureFunction, rest: &[Ex]) -> bool {
+    /// Whether a function takes these arguments after the sampler (GLSL 4.60, 8.9): `Some` if so,
+    /// with whether the last is a bias.
+    fn takes(&self, function: TextureFunction, rest: &[Ex]) -> Option<bool> {
         let multi = self.combined.contains("2DMS");
         let cube = self.combined.contains("Cube");
         let n = self.coordinates;
@@ -87,7 +89,7 @@ impl<'a> TextureShape<'a> {
                 let (lod, grad) = (of.level == Level::Exact, of.level == Level::Gradient);
                 let is_flat = !self.layered && !cube;
                 if projects && !is_flat || offset && cube {
-                    return false;
+                    return None;
                 }
                 let mut size = match (self.shadow, projects) {
                     (true, true) => 4,
@@ -98,7 +100,7 @@ impl<'a> TextureShape<'a> {
                 let mut wanted = Vec::new();
                 if size > 4 {
                     if lod || grad || offset || projects {
-                        return false;
+                        return None;
                     }
                     size = 4;
                     wanted.push(Ty::FLOAT);
@@ -110,7 +112,7 @@ impl<'a> TextureShape<'a> {
                 wanted.insert(0, float(size));
                 if lod {
                     if self.shadow && self.layered && n == 2 {
-                        return false;
+                        return None;
                     }
                     wanted.push(Ty::FLOAT);
                 }
@@ -120,9 +122,9 @@ impl<'a> TextureShape<'a> {
                 if offset {
                     wanted.push(int(n));
                 }
-                (wanted, !lod && !grad && !self.shadow)
+                (wanted, !lod && !grad)
             }
-            _ => return false,
+            _ => return None,
         };
         let given = rest.iter().map(|ex| &ex.ty);
         let fits = given
@@ -131,7 +133,8 @@ impl<'a> TextureShape<'a> {
             .all(|(given, wanted)| given == wanted);
         let is_bias = rest.len() == wanted.len() + 1 && bias;
         let last = rest.last().map(|ex| &ex.ty);
-        fits && (rest.len() == wanted.len() || is_bias && last == Some(&Ty::FLOAT))
+        let is_whole = rest.len() == wanted.len() || is_bias && last == Some(&Ty::FLOAT);
+        (fits && is_whole).then_some(is_bias)
     }
 
     /// Adds 0.5 to the layer: GLSL rounds it to the nearest (4.60, 8.9), the IR truncates it.
@@ -169,19 +172,21 @@ impl Resolver<'_, '_> {
         let shape = TextureShape::of(combined);
         let result = shape.result(function);
         let fetches = function.fetches();
+        // Offsets and the arguments of fetches are integers.
+        let offset = function.offset();
+        let kind = |i: usize, ty: &Ty| match (ty.kind(), fetches) {
+            (Some(Component::Half), _) => Some(Component::Float),
+            (Some(Component::Uint), true) => Some(Component::Int),
+            (Some(Component::Int | Component::Uint), false) if offset != Some(i) => {
+                Some(Component::Float)
+            }
+            _ => None,
+        };
+        let rest = rest.into_iter().enumerate();
         let mut rest: Vec<Ex> = rest
-            .into_iter()
-            .map(|v| match v.ty {
-                Ty::Scalar(Component::Int | Component::Uint) if !fetches => {
-                    self.coerce_kind(v, Some(Component::Float))
-                }
-                _ if v.ty.kind() == Some(Component::Half) => {
-                    self.coerce_kind(v, Some(Component::Float))
-                }
-                _ if fetches && v.ty.kind() == Some(Component::Uint) => {
-                    self.coerce_kind(v, Some(Component::Int))
-                }
-                _ => v,
+            .map(|(i, v)| {
+                let kind = kind(i, &v.ty);
+                self.coerce_kind(v, kind)
             })
             .collect();
         if !fetches && let Some(coordinates) = rest.first_mut() {
@@ -199,17 +204,25 @@ impl Resolver<'_, '_> {
             )
             .note("read a texel by `texelFetch`, with integer coordinates within `textureSize`"));
         }
-        if matches!(function, TextureFunction::Sample(of) if of.has_offset) {
+        if let Some(at) = offset {
+            let is_constant = arguments
+                .get(1 + at)
+                .is_none_or(|e| self.stage.fixed(e).is_some());
+            if !is_constant && rest.get(at).is_some_and(|ex| ex.folds == Folds::No) {
+                let message = format!("the offset of `{author}` must be a constant");
+                return Err(wrong(message, place));
+            }
             self.name_offsets(&mut rest, arguments);
         }
         if function == (TextureFunction::Fetch { has_offset: true }) && rest.len() == 3 {
             add_fetch_offset(&mut rest);
             function = TextureFunction::Fetch { has_offset: false };
         }
-        if !shape.takes(function, &rest) {
+        let Some(has_bias) = shape.takes(function, &rest) else {
             let message = format!("no `{author}` takes these arguments");
             return Err(wrong(message, place));
-        }
+        };
+        self.check_level(author, function, &shape, has_bias, arguments, place)?;
         let mut first = Vec::new();
         if let TextureFunction::Sample(of) = &mut function {
             if shape.shadow && of.projects {
@@ -217,13 +230,48 @@ impl Resolver<'_, '_> {
                 of.projects = false;
             }
             if self.is_vertex() && of.level == Level::Implicit {
-                use_base_level(&shape, of.has_offset, &mut rest);
+                use_base_level(&shape, &mut rest);
                 of.level = Level::Exact;
             }
         }
         let (before, ex) = self.select_sampler(function, &sampler, &rest, result, place)?;
         first.splice(0..0, before);
         Ok(after(first, ex))
+    }
+
+    /// Rejects levels and biases that the stage or WebGPU lacks.
+    fn check_level(
+        &self,
+        author: &str,
+        function: TextureFunction,
+        shape: &TextureShape<'_>,
+        has_bias: bool,
+        arguments: &[Expr],
+        place: Option<Span>,
+    ) -> Result<(), Error> {
+        if has_bias && self.is_vertex() {
+            let message = format!("`{author}` takes a bias only in a fragment stage");
+            return Err(wrong(message, place));
+        }
+        let TextureFunction::Sample(Sampling { level, .. }) = function else {
+            return Ok(());
+        };
+        let is_zero = |e: &Expr| match self.stage.fixed(e) {
+            Some(ConstantValue::Float(x)) => x == 0.0,
+            value => value.and_then(|v| constant::integer(&v)) == Some(0),
+        };
+        let what = match level {
+            _ if !shape.shadow => return Ok(()),
+            Level::Implicit if has_bias => "a bias",
+            Level::Exact if !arguments.get(2).is_some_and(is_zero) => "a level other than 0.0",
+            Level::Gradient => "gradients",
+            _ => return Ok(()),
+        };
+        let message = format!(
+            "`{author}` of `{}` with {what} is not supported",
+            shape.combined
+        );
+        Err(unsupported(message, place).note("WebGPU's comparisons take neither levels nor biases"))
     }
 
     /// Makes literal offsets named constants, as naga's GLSL writer requires.
@@ -529,13 +577,9 @@ fn add_fetch_offset(rest: &mut Vec<Ex>) {
     rest.truncate(2);
 }
 
-/// Without derivatives, GLSL samples the base level, and the bias becomes the level (4.60, 8.9).
-fn use_base_level(shape: &TextureShape<'_>, has_offset: bool, rest: &mut Vec<Ex>) {
+/// Without derivatives, GLSL samples the base level (4.60, 8.9).
+fn use_base_level(shape: &TextureShape<'_>, rest: &mut Vec<Ex>) {
     // The reference of an array of cubes is a separate argument.
     let level = 1 + usize::from(shape.shadow && shape.layered && shape.coordinates == 3);
-    if rest.len() == level + usize::from(has_offset) {
-        rest.insert(level, Ex::new(Node::float(0.0), Ty::FLOAT));
-    } else if has_offset {
-        rest.swap(1, 2);
-    }
+    rest.insert(level, Ex::new(Node::float(0.0), Ty::FLOAT));
 }

@@ -328,9 +328,6 @@ impl<'u> GlslStage<'u> {
             ty = Ty::Array(of.clone(), initial_length(init));
         }
         let text = name.as_str().to_owned();
-        self.declared
-            .entry(text.clone())
-            .or_insert(start(name.span));
         if text.starts_with("gl_") {
             // A redeclaration. It may add `invariant`, move the origin of `gl_FragCoord`, or bound
             // `gl_FragDepth`.
@@ -348,6 +345,8 @@ impl<'u> GlslStage<'u> {
             return Ok(());
         }
         self.invariant |= qualifiers.precise;
+        let at = start(name.span);
+        self.declared.entry(text.clone()).or_insert(at);
         let variable = Variable {
             name: text.clone(),
             ty: ty.clone(),
@@ -479,13 +478,18 @@ impl<'u> GlslStage<'u> {
     }
 }
 
-/// The number of elements of an initialiser list.
+/// The number of elements of a list or a constructor.
 pub(super) fn initial_length(init: &ast::Initializer) -> Option<Length> {
-    match &init.content {
-        ast::InitializerData::List(list) => Some((list.len() as u32).into()),
+    let n = match &init.content {
+        ast::InitializerData::List(list) => list.len(),
         ast::InitializerData::Simple(e) => match &e.content {
-            ExprData::FunCall(_, arguments) => Some((arguments.len() as u32).into()),
-            _ => None,
+            ExprData::FunCall(name, arguments)
+                if matches!(name.content, ast::FunIdentifierData::TypeSpecifier(_)) =>
+            {
+                arguments.len()
+            }
+            _ => return None,
         },
-    }
+    };
+    Some((n as u32).into())
 }

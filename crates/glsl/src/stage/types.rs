@@ -76,10 +76,13 @@ impl GlslStage<'_> {
             }
             Some(_) => {}
             None => {
+                let names = members.iter().map(|m| m.name.clone()).collect();
+                self.constants.members.insert(name.clone(), names);
                 self.structs.insert(Struct {
                     name: name.clone(),
                     members,
                     in_uniform_block: false,
+                    is_hosted: false,
                     tight: false,
                 });
                 self.structs.mark_small_elements();
