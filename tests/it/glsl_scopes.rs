@@ -345,27 +345,27 @@ fn operands_are_evaluated_from_left_to_right() {
             "main: r = 2.0;",
         ],
         [
-            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(uv.x); return mat2(2.0); } main: mat3 o = outerProduct(gv, chv()); r = o[1].x + o[0].z * 10.0;",
+            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(5.0); return mat2(2.0); } main: mat3 o = outerProduct(gv, chv()); r = o[1].x + o[0].z * 10.0;",
             "main: r = 3.0 + 20.0;",
         ],
         [
-            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(uv.x); return mat2(2.0); } main: mat2 o = matrixCompMult(gm, chm()); r = o[0].x + o[1].y * 10.0;",
+            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(5.0); return mat2(2.0); } main: mat2 o = matrixCompMult(gm, chm()); r = o[0].x + o[1].y * 10.0;",
             "main: r = 22.0;",
         ],
         [
-            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(uv.x); return mat2(2.0); } main: r = reflect(g, ch());",
+            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(5.0); return mat2(2.0); } main: r = reflect(g, ch());",
             "main: r = 1.0 - 2.0 * 2.0 * 2.0 * 1.0;",
         ],
         [
-            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(uv.x); return mat2(2.0); } main: r = faceforward(g, ch(), g);",
+            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(5.0); return mat2(2.0); } main: r = faceforward(g, ch(), g);",
             "main: r = uv.x * 2.0 < 0.0 ? 1.0 : -1.0;",
         ],
         [
-            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(uv.x); return mat2(2.0); } main: r = mix(gv, chv(), bvec3(true, false, false)).y;",
+            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(5.0); return mat2(2.0); } main: r = mix(gv, chv(), bvec3(true, false, false)).y;",
             "main: r = 1.0;",
         ],
         [
-            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(uv.x); return mat2(2.0); } struct S { float a; float b; }; S s = S(1.0, 2.0); S chs() { s.a = 5.0; return S(1.0, 2.0); } main: r = s == chs() ? 1.0 : 2.0;",
+            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(5.0); return mat2(2.0); } struct S { float a; float b; }; S s = S(1.0, 2.0); S chs() { s.a = 5.0; return S(1.0, 2.0); } main: r = s == chs() ? 1.0 : 2.0;",
             "main: r = 1.0;",
         ],
         [
@@ -373,7 +373,7 @@ fn operands_are_evaluated_from_left_to_right() {
             "main: r = 1.0;",
         ],
         [
-            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(uv.x); return mat2(2.0); } mat2 other = mat2(2.0); main: r = gm == chm() ? 1.0 : 2.0; r += gm == mat2(uv.x) ? 4.0 : 8.0;",
+            "float g = 1.0; vec3 gv = vec3(1.0); mat2 gm = mat2(1.0); float ch() { g = uv.x; return 2.0; } vec3 chv() { gv = vec3(uv.x); return vec3(2.0, 3.0, 4.0); } mat2 chm() { gm = mat2(5.0); return mat2(2.0); } mat2 other = mat2(2.0); main: r = gm == chm() ? 1.0 : 2.0; r += gm == mat2(5.0) ? 4.0 : 8.0;",
             "main: r = 6.0;",
         ],
         [
@@ -469,15 +469,15 @@ fn values_of_blocks_constants_and_arrays_are_those_of_glsl() {
     mean_the_same(&[
         [
             "struct S { vec2 y[2]; }; layout(std140, binding = 0) uniform B { S a; }; main: S t = a; S q = S(vec2[2](a.y[0], a.y[1])); r = t == q ? 1.0 : 2.0;",
-            "main: r = 1.0;",
+            "struct S { vec2 y[2]; }; layout(std140, binding = 0) uniform B { S a; }; main: r = a.y[0] == a.y[0] && a.y[1] == a.y[1] ? 1.0 : 2.0;",
         ],
         [
             "struct S { float y[2]; }; layout(std140, binding = 0) uniform B { S a; }; main: S t = a; S q = S(float[2](a.y[0], a.y[1])); r = a != q ? 1.0 : 2.0;",
-            "main: r = 2.0;",
+            "struct S { float y[2]; }; layout(std140, binding = 0) uniform B { S a; }; main: r = a.y[0] != a.y[0] || a.y[1] != a.y[1] ? 1.0 : 2.0;",
         ],
         [
             "struct S { mat2 y; }; layout(std140, binding = 0) uniform B { S a; }; main: S t = a; S q = S(a.y); r = t == q ? 1.0 : 2.0;",
-            "main: r = 1.0;",
+            "struct S { mat2 y; }; layout(std140, binding = 0) uniform B { S a; }; main: r = a.y[0] == a.y[0] && a.y[1] == a.y[1] ? 1.0 : 2.0;",
         ],
         [
             "struct S { bool y; bvec2 z; }; layout(std140, binding = 0) uniform B { S a; }; main: S t = a; S q = S(a.y, a.z); r = t == q ? 1.0 : 2.0;",
@@ -517,7 +517,7 @@ fn values_of_blocks_constants_and_arrays_are_those_of_glsl() {
         ],
         [
             "uniform vec4 b[gl_MaxDrawBuffers]; main: r = float(b.length()) + float(gl_MaxVertexUniformVectors);",
-            "main: r = 8.0 + 256.0;",
+            "uniform vec4 b[8]; main: r = 8.0 + 256.0;",
         ],
         [
             "struct S0 { bvec3 x; }; struct S1 { S0 a; mat2 m; }; layout(row_major, std140, binding = 0) uniform B { S1 s; }; main: S1 t = s; r = t.a.x.y == s.a.x.y ? 1.0 : 0.0;",
@@ -533,6 +533,14 @@ fn values_of_blocks_constants_and_arrays_are_those_of_glsl() {
 #[test]
 fn what_glsl_forbids_is_refused_in_its_words() {
     let wrong = [
+        (
+            "uniform float f; const float k[2] = float[2](1.0, f); main: r = k[1];",
+            "must be constant",
+        ),
+        (
+            "float g() { return 1.0; } const float k = g(); main: r = k;",
+            "must be constant",
+        ),
         ("main: int k; k += 1.5;", "int"),
         ("main: int k; k *= uv.x;", "int"),
         ("main: int k; k += 1u;", "int"),
@@ -616,6 +624,7 @@ fn what_glsl_forbids_is_refused_in_its_words() {
         );
     }
     let right = [
+        "const float k = sin(2.0) * float(gl_MaxDrawBuffers); uniform vec4 a[3]; const int n = a.length(); const float w[2] = float[2](k, 2.0); struct S { float x; }; const S s = S(w[1]); main: r = k + float(n) + w[1] + s.x;",
         "main: uint k = 1u; k += 1; k <<= 2; r = float(k); int n = 1; n <<= 3u; r *= 2; vec2 q = uv; q *= 2; q *= mat2(1.0); r += q.x; r += uv.x.x;",
         "float gg(float); float t() { return gg(1.0); } float gg(float x) { return x; } main: r = t();",
         "uniform sampler2DShadow s; main: r = textureLod(s, vec3(uv, 0.5), 0.0) + textureLod(s, vec3(uv, 0.5), 0);",

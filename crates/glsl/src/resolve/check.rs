@@ -1,13 +1,15 @@
 //! Checks types and reports errors in GLSL's terms. Types that are unknown here are left to the
 //! validator.
 
-use glsl_lang::ast::{BinaryOpData as B, Expr};
+use glsl_lang::ast::{BinaryOpData as B, Expr, Initializer, InitializerData};
 use naga::Span;
 
 use super::Resolver;
 use super::expression::Ex;
 use super::overload::{conversion, is_same};
+use crate::constant;
 use crate::errors::wrong;
+use crate::stage::side_effects::Effects;
 use crate::stage::start;
 use crate::ty::{Component, Ty};
 use shader_text::error::Error;
@@ -95,6 +97,29 @@ impl Resolver<'_, '_> {
             true => Err(wrong(
                 format!("`{name}` is not declared before this"),
                 self.place(used.span),
+            )),
+            false => Ok(()),
+        }
+    }
+
+    /// Checks that the initialiser of a global constant is constant (GLSL 4.60, 4.3.3).
+    pub(super) fn check_constant(&self, init: &Initializer) -> Result<(), Error> {
+        let e = match &init.content {
+            InitializerData::Simple(e) => e,
+            InitializerData::List(list) => {
+                return list.iter().try_for_each(|init| self.check_constant(init));
+            }
+        };
+        let found = Effects::within(e, &self.stage.signatures);
+        let is_variable = |name: &String| {
+            let of = self.lookup(name);
+            of.is_some_and(|v| v.fixed != Some("a constant"))
+        };
+        let is_open = !found.calls.is_empty() || found.named.iter().any(is_variable);
+        match is_open && constant::assume(e, &self.stage.constants).is_none() {
+            true => Err(wrong(
+                "the initialiser of a global constant must be constant",
+                self.place(e.span),
             )),
             false => Ok(()),
         }

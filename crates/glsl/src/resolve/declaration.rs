@@ -319,6 +319,9 @@ impl Resolver<'_, '_> {
                 init: None,
             },
             Some(init) => {
+                if is_const {
+                    self.check_constant(init)?;
+                }
                 let temporaries = self.temporaries.as_ref().map_or(0, Vec::len);
                 let value = self.initial(init, &mut ty)?;
                 let is_whole = temporaries == self.temporaries.as_ref().map_or(0, Vec::len);
