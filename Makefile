@@ -8,12 +8,13 @@ demo:
 	target/demo/preshade verify fixtures/scenes/shrine.toml --camera wall --variant depth-prepass \
 		--variant depth-prepass:form=equal --variant early-discard --out out/demo
 
-# Format, lints and all tests that need no adapter, browser, npm or root.
+# Format, lints and the tests that need no adapter, browser, npm or root, but for those that take seconds each: after
+# a change, about a minute.
 check:
 	cargo fmt --all --check
 	cargo clippy --workspace --all-targets --all-features --quiet -- -D warnings
 	cargo check -p preshade-cli --no-default-features --quiet
-	cargo test --workspace --all-features --quiet --lib --bins --test it
+	cargo test --workspace --all-features --quiet --lib --bins --test it -- --skip slow::
 
 # Everything that CI checks: format, lints, docs, all tests. Installs missing tools on Debian and Ubuntu. With an
 # example the docs need the packages as clippy has checked them; without, 60 are checked again with other features.

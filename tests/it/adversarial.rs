@@ -29,40 +29,6 @@ fn fixtures() -> Vec<Vec<PathBuf>> {
     found
 }
 
-#[test]
-fn no_promise_is_broken_and_each_text_is_written_or_refused_by_name() {
-    let effort = Effort {
-        inputs: 12,
-        ..Effort::default()
-    };
-    let wrong: Vec<String> = fixtures()
-        .par_iter()
-        .flat_map_iter(|files| {
-            let files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
-            let original = original(&files);
-            let mut wrong = written(&original.material, &original);
-            for recipe in recipes(&[Use::Snapshot, Use::Inject, Use::Validate]) {
-                let label = format!("{} by {recipe}", original.material);
-                let parsed = Recipe::parse_list(recipe).unwrap();
-                let variant = match parsed.apply(&original, &Facts::without_ties()) {
-                    Ok(variant) => variant,
-                    Err(refusal) if refusal.code == "internal" => {
-                        wrong.push(format!("{label}: {refusal}"));
-                        continue;
-                    }
-                    Err(_) => continue,
-                };
-                let checks = validate(&original, &variant, &effort);
-                let broken = checks.iter().filter(|check| check.verdict.is_broken());
-                wrong.extend(broken.map(|c| format!("{label}: {}: {}", c.promise, c.verdict)));
-                wrong.extend(written(&label, &variant));
-            }
-            wrong
-        })
-        .collect();
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-}
-
 /// The targets that fail otherwise than by naming what they lack.
 fn written(label: &str, plan: &preshade_plan::plan::Plan) -> Vec<String> {
     let written = |target| emit::emit(plan, &[target], &emit::Options::default());
@@ -73,4 +39,43 @@ fn written(label: &str, plan: &preshade_plan::plan::Plan) -> Vec<String> {
         .filter(|e| !matches!(e, EmitError::Inexpressible { .. }))
         .map(|e| format!("{label}: {e}"))
         .collect()
+}
+
+/// Each takes seconds: `make check` skips them.
+mod slow {
+    use super::*;
+
+    #[test]
+    fn no_promise_is_broken_and_each_text_is_written_or_refused_by_name() {
+        let effort = Effort {
+            inputs: 12,
+            ..Effort::default()
+        };
+        let wrong: Vec<String> = fixtures()
+            .par_iter()
+            .flat_map_iter(|files| {
+                let files: Vec<&Path> = files.iter().map(PathBuf::as_path).collect();
+                let original = original(&files);
+                let mut wrong = written(&original.material, &original);
+                for recipe in recipes(&[Use::Snapshot, Use::Inject, Use::Validate]) {
+                    let label = format!("{} by {recipe}", original.material);
+                    let parsed = Recipe::parse_list(recipe).unwrap();
+                    let variant = match parsed.apply(&original, &Facts::without_ties()) {
+                        Ok(variant) => variant,
+                        Err(refusal) if refusal.code == "internal" => {
+                            wrong.push(format!("{label}: {refusal}"));
+                            continue;
+                        }
+                        Err(_) => continue,
+                    };
+                    let checks = validate(&original, &variant, &effort);
+                    let broken = checks.iter().filter(|check| check.verdict.is_broken());
+                    wrong.extend(broken.map(|c| format!("{label}: {}: {}", c.promise, c.verdict)));
+                    wrong.extend(written(&label, &variant));
+                }
+                wrong
+            })
+            .collect();
+        assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+    }
 }

@@ -233,53 +233,6 @@ fn judged(agreement: &Agreement) -> Vec<Result<&'static str, String>> {
     alarms.chain(promises).collect()
 }
 
-#[test]
-fn no_fixture_raises_a_false_alarm_against_itself() {
-    let inputs = std::env::var("AGREE_INPUTS").ok();
-    let effort = Effort {
-        inputs: inputs.map_or(12, |n| n.parse().unwrap()),
-        ..Effort::default()
-    };
-    let mut all = Vec::new();
-    fixtures(&root().join("fixtures"), &mut all);
-    all.sort();
-    let results: Vec<_> = all
-        .par_iter()
-        .filter_map(|files| Some((files, read(files)?)))
-        .flat_map_iter(|(files, original)| {
-            let name = files[0].file_name().unwrap().to_string_lossy().into_owned();
-            let mut results = Vec::new();
-            for (how, relation, other) in partners(&original) {
-                let held = agree(&original, &other, relation.into(), &effort);
-                let judged = match &held {
-                    Ok(agreement) => judged(agreement),
-                    Err(mismatch) => vec![Err(mismatch.to_string())],
-                };
-                let judged = judged
-                    .into_iter()
-                    .map(|j| j.map_err(|e| format!("{name}, {how}: {e}")));
-                let judged: Vec<_> = judged.collect();
-                results.push((how, judged));
-            }
-            results
-        })
-        .collect();
-    let mut counts: BTreeMap<(String, &str), usize> = BTreeMap::new();
-    let mut alarms = Vec::new();
-    for (how, judged) in &results {
-        *counts.entry((how.clone(), "pairs")).or_default() += 1;
-        for result in judged {
-            match result {
-                Ok(word) => *counts.entry((how.clone(), word)).or_default() += 1,
-                Err(alarm) => alarms.push(alarm.as_str()),
-            }
-        }
-    }
-    eprintln!("{} pairs: {counts:#?}", results.len());
-    assert!(alarms.is_empty(), "{}", alarms.join("\n"));
-    assert!(results.len() > 400, "{}", results.len());
-}
-
 /// A material with a texture that decides a discard, one for the colour, and others.
 fn combined(order: &[&str], is_vulkan: bool, discards_by: &str) -> Plan {
     let (version, numbered) = match is_vulkan {
@@ -346,48 +299,6 @@ fn agrees(first: &Plan, second: &Plan, relation: Relation) -> bool {
         .holds()
 }
 
-/// The sampler of a combined one has a number of ours, which depends on the order of declarations.
-#[test]
-fn combined_samplers_follow_their_textures() {
-    let orders: [&[&str]; 5] = [
-        &["base", "mask"],
-        &["mask", "base"],
-        &["base", "unused", "mask"],
-        &["mask", "unused", "base"],
-        &["unused", "mask", "base"],
-    ];
-    let shared = plan(&[Source::new("shared.wgsl", SHARED)], &Options::default()).unwrap();
-    for is_vulkan in [false, true] {
-        // A host binds Vulkan's sets by number, so another order is another picture there.
-        let relation = match is_vulkan {
-            false => Relation::Same,
-            true => Relation::Prepass,
-        };
-        for first in orders {
-            let ours = combined(first, is_vulkan, "mask");
-            for second in orders {
-                let theirs = combined(second, is_vulkan, "mask");
-                assert!(
-                    agrees(&ours, &theirs, relation),
-                    "{first:?} {second:?} {is_vulkan}"
-                );
-                let wrong = combined(second, is_vulkan, "base");
-                assert!(
-                    !agrees(&ours, &wrong, relation),
-                    "{first:?} {second:?} {is_vulkan}"
-                );
-            }
-            if is_vulkan {
-                assert!(agrees(&ours, &shared, Relation::Same), "{first:?}");
-                assert!(agrees(&shared, &ours, Relation::Same), "{first:?}");
-            }
-            for pass in derived(&ours, is_vulkan) {
-                assert!(agrees(&ours, &pass, Relation::Prepass), "{first:?}");
-            }
-        }
-    }
-}
-
 /// The pre-passes that preshade writes as GLSL.
 fn derived(original: &Plan, is_vulkan: bool) -> Vec<Plan> {
     let recipe = Recipe::parse_list("depth-prepass").unwrap();
@@ -451,6 +362,100 @@ fn another_precision_is_told() {
         match expected {
             None => assert_eq!(said, ""),
             Some(words) => assert!(said.contains(words), "{said}"),
+        }
+    }
+}
+
+/// Each takes seconds: `make check` skips them.
+mod slow {
+    use super::*;
+
+    #[test]
+    fn no_fixture_raises_a_false_alarm_against_itself() {
+        let inputs = std::env::var("AGREE_INPUTS").ok();
+        let effort = Effort {
+            inputs: inputs.map_or(12, |n| n.parse().unwrap()),
+            ..Effort::default()
+        };
+        let mut all = Vec::new();
+        fixtures(&root().join("fixtures"), &mut all);
+        all.sort();
+        let results: Vec<_> = all
+            .par_iter()
+            .filter_map(|files| Some((files, read(files)?)))
+            .flat_map_iter(|(files, original)| {
+                let name = files[0].file_name().unwrap().to_string_lossy().into_owned();
+                let mut results = Vec::new();
+                for (how, relation, other) in partners(&original) {
+                    let held = agree(&original, &other, relation.into(), &effort);
+                    let judged = match &held {
+                        Ok(agreement) => judged(agreement),
+                        Err(mismatch) => vec![Err(mismatch.to_string())],
+                    };
+                    let judged = judged
+                        .into_iter()
+                        .map(|j| j.map_err(|e| format!("{name}, {how}: {e}")));
+                    let judged: Vec<_> = judged.collect();
+                    results.push((how, judged));
+                }
+                results
+            })
+            .collect();
+        let mut counts: BTreeMap<(String, &str), usize> = BTreeMap::new();
+        let mut alarms = Vec::new();
+        for (how, judged) in &results {
+            *counts.entry((how.clone(), "pairs")).or_default() += 1;
+            for result in judged {
+                match result {
+                    Ok(word) => *counts.entry((how.clone(), word)).or_default() += 1,
+                    Err(alarm) => alarms.push(alarm.as_str()),
+                }
+            }
+        }
+        eprintln!("{} pairs: {counts:#?}", results.len());
+        assert!(alarms.is_empty(), "{}", alarms.join("\n"));
+        assert!(results.len() > 400, "{}", results.len());
+    }
+
+    /// The sampler of a combined one has a number of ours, which depends on the order of declarations.
+    #[test]
+    fn combined_samplers_follow_their_textures() {
+        let orders: [&[&str]; 5] = [
+            &["base", "mask"],
+            &["mask", "base"],
+            &["base", "unused", "mask"],
+            &["mask", "unused", "base"],
+            &["unused", "mask", "base"],
+        ];
+        let shared = plan(&[Source::new("shared.wgsl", SHARED)], &Options::default()).unwrap();
+        for is_vulkan in [false, true] {
+            // A host binds Vulkan's sets by number, so another order is another picture there.
+            let relation = match is_vulkan {
+                false => Relation::Same,
+                true => Relation::Prepass,
+            };
+            for first in orders {
+                let ours = combined(first, is_vulkan, "mask");
+                for second in orders {
+                    let theirs = combined(second, is_vulkan, "mask");
+                    assert!(
+                        agrees(&ours, &theirs, relation),
+                        "{first:?} {second:?} {is_vulkan}"
+                    );
+                    let wrong = combined(second, is_vulkan, "base");
+                    assert!(
+                        !agrees(&ours, &wrong, relation),
+                        "{first:?} {second:?} {is_vulkan}"
+                    );
+                }
+                if is_vulkan {
+                    assert!(agrees(&ours, &shared, Relation::Same), "{first:?}");
+                    assert!(agrees(&shared, &ours, Relation::Same), "{first:?}");
+                }
+                for pass in derived(&ours, is_vulkan) {
+                    assert!(agrees(&ours, &pass, Relation::Prepass), "{first:?}");
+                }
+            }
         }
     }
 }

@@ -102,35 +102,40 @@ fn each_pair_differs_as_its_first_line_says() {
     }
 }
 
-/// A shadow's matrix in place of the product of two.
-#[test]
-fn one_matrix_stands_for_a_product() {
-    let folder = "newcomer/agree-view-projection";
-    let main: &[&str] = &["main.vert", "main.frag"];
-    let right: &[&str] = &["shadow-right.vert", "shadow.frag"];
-    let wrong: &[&str] = &["shadow.vert", "shadow.frag"];
-    let shadow = Relation::Shadow;
-    let is_right = |found: &Agreement| {
-        let all = classes(found);
-        let mut promises = found.promises.iter();
-        all.iter().all(|c| *c == Class::Rounding)
-            && !promises.any(|h| matches!(h.outcome, Outcome::NotEvaluated { .. }))
-    };
-    for maps in [&[][..], &["lightSpace=proj*view"]] {
-        let found = compared(folder, [main, right], shadow, maps);
-        assert!(is_right(&found), "{maps:?}: {found:#?}");
-        let said = "`lightSpace` stands for `proj * view`";
-        let is_said = found.notes.iter().any(|note| note.starts_with(said));
-        assert_eq!(is_said, maps.is_empty(), "{:?}", found.notes);
-        let found = compared(folder, [main, wrong], shadow, maps);
-        assert_eq!(classes(&found), [Class::Position], "{maps:?}: {found:#?}");
+/// Each takes seconds: `make check` skips them.
+mod slow {
+    use super::*;
+
+    /// A shadow's matrix in place of the product of two.
+    #[test]
+    fn one_matrix_stands_for_a_product() {
+        let folder = "newcomer/agree-view-projection";
+        let main: &[&str] = &["main.vert", "main.frag"];
+        let right: &[&str] = &["shadow-right.vert", "shadow.frag"];
+        let wrong: &[&str] = &["shadow.vert", "shadow.frag"];
+        let shadow = Relation::Shadow;
+        let is_right = |found: &Agreement| {
+            let all = classes(found);
+            let mut promises = found.promises.iter();
+            all.iter().all(|c| *c == Class::Rounding)
+                && !promises.any(|h| matches!(h.outcome, Outcome::NotEvaluated { .. }))
+        };
+        for maps in [&[][..], &["lightSpace=proj*view"]] {
+            let found = compared(folder, [main, right], shadow, maps);
+            assert!(is_right(&found), "{maps:?}: {found:#?}");
+            let said = "`lightSpace` stands for `proj * view`";
+            let is_said = found.notes.iter().any(|note| note.starts_with(said));
+            assert_eq!(is_said, maps.is_empty(), "{:?}", found.notes);
+            let found = compared(folder, [main, wrong], shadow, maps);
+            assert_eq!(classes(&found), [Class::Position], "{maps:?}: {found:#?}");
+        }
+        for maps in [&[][..], &["proj*view=lightSpace"]] {
+            let found = compared(folder, [right, main], shadow, maps);
+            assert!(is_right(&found), "{maps:?}: {found:#?}");
+            let found = compared(folder, [wrong, main], shadow, maps);
+            assert_eq!(classes(&found), [Class::Position], "{maps:?}: {found:#?}");
+        }
+        let found = compared(folder, [main, right], shadow, &["lightSpace=view*proj"]);
+        assert_eq!(classes(&found), [Class::Position], "{found:#?}");
     }
-    for maps in [&[][..], &["proj*view=lightSpace"]] {
-        let found = compared(folder, [right, main], shadow, maps);
-        assert!(is_right(&found), "{maps:?}: {found:#?}");
-        let found = compared(folder, [wrong, main], shadow, maps);
-        assert_eq!(classes(&found), [Class::Position], "{maps:?}: {found:#?}");
-    }
-    let found = compared(folder, [main, right], shadow, &["lightSpace=view*proj"]);
-    assert_eq!(classes(&found), [Class::Position], "{found:#?}");
 }

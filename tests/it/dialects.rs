@@ -166,12 +166,6 @@ fn two_versions_of_a_module_are_told() {
     assert!(said.contains("are both `own::shared`"), "{said}");
 }
 
-/// Bevy's own material in naga_oil's dialect.
-#[test]
-fn bevys_material_is_read() {
-    bevys_material(crate::bevy::packages(), "wgsl");
-}
-
 /// The same in WESL (0.20): `PRESHADE_BEVY` names a folder with the packages `bevy_pbr`, `bevy_render`
 /// and those that they import, as `cargo` unpacks them. They are not ours to keep here, and cargo does
 /// not fetch them for a compiler older than theirs.
@@ -325,4 +319,15 @@ fn includes_are_found_in_memory() {
     let large = "/".repeat(1000);
     let large = parse(&[("lib/tint.glsl", &large)], "source-bytes=500").unwrap_err();
     assert!(large.message().contains("source-bytes"), "{large}");
+}
+
+/// Each takes seconds: `make check` skips them.
+mod slow {
+    use super::*;
+
+    /// Bevy's own material in naga_oil's dialect.
+    #[test]
+    fn bevys_material_is_read() {
+        bevys_material(crate::bevy::packages(), "wgsl");
+    }
 }

@@ -33,63 +33,6 @@ fn the_scene_of_the_documentation_is_shipped() {
 }
 
 #[test]
-fn every_draw_of_every_scene_binds_what_its_pass_lists() {
-    let scenes = scenes();
-    assert!(!scenes.is_empty());
-    for path in scenes {
-        let scene = load(&path);
-        let plans: Vec<Plan> = scene
-            .materials
-            .iter()
-            .map(|m| {
-                Plan::original(
-                    &m.name,
-                    m.program.clone(),
-                    &m.vertex,
-                    m.fragment.as_deref(),
-                    &m.state,
-                )
-            })
-            .collect();
-        for draw in &scene.draws {
-            let material = &scene.materials[draw.material];
-            let pass = plans[draw.material].main().unwrap();
-            let frame = &scene.cameras[0].frames[0];
-            let bound = bind::draw(&scene, material, pass, draw, frame)
-                .unwrap_or_else(|e| panic!("{}: {}: {e}", path.display(), draw.name));
-            let count = bound.buffers.len() + bound.textures.len() + bound.samplers.len();
-            assert_eq!(count, pass.bindings.len(), "{}", path.display());
-            let attributes: usize = bound
-                .vertex_buffers
-                .iter()
-                .map(|b| b.attributes.len())
-                .sum();
-            assert_eq!(attributes, pass.attributes.len(), "{}", path.display());
-            for buffer in &bound.vertex_buffers {
-                let count = match buffer.step {
-                    wgpu::VertexStepMode::Vertex => scene.meshes[draw.mesh].vertex_count,
-                    wgpu::VertexStepMode::Instance => bound.instances,
-                };
-                assert_eq!(
-                    buffer.data.bytes.len() as u64,
-                    buffer.stride * u64::from(count)
-                );
-            }
-            let drawn = bound
-                .indices
-                .as_ref()
-                .map_or(bound.vertex_count, |i| i.count);
-            assert!(
-                drawn > 0 && bound.instances > 0,
-                "{}: {}",
-                path.display(),
-                draw.name
-            );
-        }
-    }
-}
-
-#[test]
 fn what_a_frame_changes_is_what_frame_buffers_returns() {
     let scene = load(&scenes()[0]);
     let draw = &scene.draws[0];
@@ -246,5 +189,67 @@ fn a_draw_s_values_go_before_its_material_s_wholes_and_parts_alike() {
     ] {
         let wanted: Vec<f32> = wanted.into_iter().flat_map(|w| [w; 4]).collect();
         assert_eq!(uniform(&root, material, draw), wanted, "{material}; {draw}");
+    }
+}
+
+/// Each takes seconds: `make check` skips them.
+mod slow {
+    use super::*;
+
+    #[test]
+    fn every_draw_of_every_scene_binds_what_its_pass_lists() {
+        let scenes = scenes();
+        assert!(!scenes.is_empty());
+        for path in scenes {
+            let scene = load(&path);
+            let plans: Vec<Plan> = scene
+                .materials
+                .iter()
+                .map(|m| {
+                    Plan::original(
+                        &m.name,
+                        m.program.clone(),
+                        &m.vertex,
+                        m.fragment.as_deref(),
+                        &m.state,
+                    )
+                })
+                .collect();
+            for draw in &scene.draws {
+                let material = &scene.materials[draw.material];
+                let pass = plans[draw.material].main().unwrap();
+                let frame = &scene.cameras[0].frames[0];
+                let bound = bind::draw(&scene, material, pass, draw, frame)
+                    .unwrap_or_else(|e| panic!("{}: {}: {e}", path.display(), draw.name));
+                let count = bound.buffers.len() + bound.textures.len() + bound.samplers.len();
+                assert_eq!(count, pass.bindings.len(), "{}", path.display());
+                let attributes: usize = bound
+                    .vertex_buffers
+                    .iter()
+                    .map(|b| b.attributes.len())
+                    .sum();
+                assert_eq!(attributes, pass.attributes.len(), "{}", path.display());
+                for buffer in &bound.vertex_buffers {
+                    let count = match buffer.step {
+                        wgpu::VertexStepMode::Vertex => scene.meshes[draw.mesh].vertex_count,
+                        wgpu::VertexStepMode::Instance => bound.instances,
+                    };
+                    assert_eq!(
+                        buffer.data.bytes.len() as u64,
+                        buffer.stride * u64::from(count)
+                    );
+                }
+                let drawn = bound
+                    .indices
+                    .as_ref()
+                    .map_or(bound.vertex_count, |i| i.count);
+                assert!(
+                    drawn > 0 && bound.instances > 0,
+                    "{}: {}",
+                    path.display(),
+                    draw.name
+                );
+            }
+        }
     }
 }

@@ -430,74 +430,79 @@ fn a_pass_without_a_fragment_stage_means_the_same() {
     }
 }
 
-/// Each fixture as written in every language, and one variant in one language.
-#[test]
-fn every_fixture_means_the_same_in_each_language() {
-    let recipes = [
-        "depth-prepass",
-        "depth-prepass:form=equal",
-        "early-discard",
-        "preamble",
-        "hoist",
-        "specialize",
-        "shadow",
-    ];
-    let targets = [
-        Target::Wgsl,
-        Target::Spirv,
-        Target::Glsl450,
-        Target::GlslVulkan,
-        Target::GlslEs300,
-        Target::GlslEs100,
-    ];
-    let mut all = Vec::new();
-    fixtures(&root().join("fixtures"), &mut all);
-    all.sort();
-    let results: Vec<(String, Target, Result<Vec<String>, String>)> = all
-        .par_iter()
-        .enumerate()
-        .filter_map(|(i, files)| Some((i, files, read(files)?)))
-        .flat_map_iter(|(i, files, original)| {
-            let name = files[0].file_name().unwrap().to_string_lossy().into_owned();
-            let mut plans: Vec<_> = targets.iter().map(|t| (*t, original.clone())).collect();
-            let recipe = Recipe::parse_list(recipes[i % recipes.len()]).unwrap();
-            if let Ok(variant) = recipe.apply(&original, &Facts::without_ties()) {
-                plans.push((targets[i / recipes.len() % targets.len()], variant));
-            }
-            plans
-                .into_iter()
-                .filter_map(move |(target, plan)| match emitted(&plan, target) {
-                    Ok((_, uncompared)) => Some((name.clone(), target, Ok(uncompared))),
-                    Err(e @ EmitError::Differs { .. }) => {
-                        Some((name.clone(), target, Err(e.to_string())))
-                    }
-                    Err(_) => None,
-                })
-        })
-        .collect();
-    let mut counts: BTreeMap<(&str, &str), usize> = BTreeMap::new();
-    let (mut differ, mut uncompared) = (Vec::new(), Vec::new());
-    for (name, target, result) in &results {
-        let word = match result {
-            Ok(lines) if lines.is_empty() => "same",
-            Ok(lines) => {
-                uncompared.push(format!("{name}, {target}: {}", lines.join(" ")));
-                "not compared"
-            }
-            Err(e) => {
-                differ.push(format!("{name}, {target}: {e}"));
-                "differs"
-            }
-        };
-        *counts.entry((target.name(), word)).or_default() += 1;
+/// Each takes seconds: `make check` skips them.
+mod slow {
+    use super::*;
+
+    /// Each fixture as written in every language, and one variant in one language.
+    #[test]
+    fn every_fixture_means_the_same_in_each_language() {
+        let recipes = [
+            "depth-prepass",
+            "depth-prepass:form=equal",
+            "early-discard",
+            "preamble",
+            "hoist",
+            "specialize",
+            "shadow",
+        ];
+        let targets = [
+            Target::Wgsl,
+            Target::Spirv,
+            Target::Glsl450,
+            Target::GlslVulkan,
+            Target::GlslEs300,
+            Target::GlslEs100,
+        ];
+        let mut all = Vec::new();
+        fixtures(&root().join("fixtures"), &mut all);
+        all.sort();
+        let results: Vec<(String, Target, Result<Vec<String>, String>)> = all
+            .par_iter()
+            .enumerate()
+            .filter_map(|(i, files)| Some((i, files, read(files)?)))
+            .flat_map_iter(|(i, files, original)| {
+                let name = files[0].file_name().unwrap().to_string_lossy().into_owned();
+                let mut plans: Vec<_> = targets.iter().map(|t| (*t, original.clone())).collect();
+                let recipe = Recipe::parse_list(recipes[i % recipes.len()]).unwrap();
+                if let Ok(variant) = recipe.apply(&original, &Facts::without_ties()) {
+                    plans.push((targets[i / recipes.len() % targets.len()], variant));
+                }
+                plans
+                    .into_iter()
+                    .filter_map(move |(target, plan)| match emitted(&plan, target) {
+                        Ok((_, uncompared)) => Some((name.clone(), target, Ok(uncompared))),
+                        Err(e @ EmitError::Differs { .. }) => {
+                            Some((name.clone(), target, Err(e.to_string())))
+                        }
+                        Err(_) => None,
+                    })
+            })
+            .collect();
+        let mut counts: BTreeMap<(&str, &str), usize> = BTreeMap::new();
+        let (mut differ, mut uncompared) = (Vec::new(), Vec::new());
+        for (name, target, result) in &results {
+            let word = match result {
+                Ok(lines) if lines.is_empty() => "same",
+                Ok(lines) => {
+                    uncompared.push(format!("{name}, {target}: {}", lines.join(" ")));
+                    "not compared"
+                }
+                Err(e) => {
+                    differ.push(format!("{name}, {target}: {e}"));
+                    "differs"
+                }
+            };
+            *counts.entry((target.name(), word)).or_default() += 1;
+        }
+        eprintln!("{counts:#?}\n{}", uncompared.join("\n"));
+        assert!(differ.is_empty(), "{}", differ.join("\n"));
+        assert!(results.len() > 600, "{}", results.len());
+        assert!(
+            uncompared.len() * 10 < results.len(),
+            "{} of {}",
+            uncompared.len(),
+            results.len()
+        );
     }
-    eprintln!("{counts:#?}\n{}", uncompared.join("\n"));
-    assert!(differ.is_empty(), "{}", differ.join("\n"));
-    assert!(results.len() > 600, "{}", results.len());
-    assert!(
-        uncompared.len() * 10 < results.len(),
-        "{} of {}",
-        uncompared.len(),
-        results.len()
-    );
 }

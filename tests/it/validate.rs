@@ -34,68 +34,73 @@ fn checks(recipes: &[&str], effort: &Effort) -> Vec<(String, Check)> {
         .collect()
 }
 
-#[test]
-fn no_recipe_breaks_a_promise_of_a_fixture() {
-    let effort = Effort {
-        inputs: 18,
-        steps: 60_000,
-        paths: 16,
-        ..Effort::default()
-    };
-    let checks = checks(
-        &recipes(&[Use::Snapshot, Use::Compile, Use::Validate]),
-        &effort,
-    );
-    let mut kinds: BTreeMap<&str, usize> = BTreeMap::new();
-    let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
-    let mut broken = Vec::new();
-    for (name, check) in checks {
-        let kind = match &check.verdict {
-            Verdict::Proved { .. } => "proved",
-            Verdict::Agreed { .. } => "agreed",
-            Verdict::Counterexample(_) => "broken",
-            Verdict::NotEvaluable { why } => {
-                *reasons.entry(why.clone()).or_default() += 1;
-                "not evaluated"
-            }
-        };
-        *kinds.entry(kind).or_default() += 1;
-        if check.verdict.is_broken() {
-            let (role, promise) = (check.role.name(), &check.promise);
-            broken.push(format!("{name}, {role}: {promise}: {}", check.verdict));
-        }
-    }
-    eprintln!("{kinds:?}\n{reasons:#?}");
-    assert!(broken.is_empty(), "{}", broken.join("\n"));
-    assert!(kinds["proved"] > 400 && kinds["agreed"] > 100, "{kinds:?}");
-}
+/// Each takes seconds: `make check` skips them.
+mod slow {
+    use super::*;
 
-/// The resolve of every fixture that the visibility buffer splits is evaluated.
-#[test]
-fn every_resolve_of_a_fixture_is_evaluated() {
-    let effort = Effort {
-        inputs: 96,
-        steps: 60_000,
-        paths: 16,
-        ..Effort::default()
-    };
-    let recipes = [
-        "visibility-buffer:budget=0.05",
-        "visibility-buffer:budget=0.05,select=id,vertices=kept",
-    ];
-    let mut checks = checks(&recipes, &effort);
-    checks.retain(|(_, check)| [Role::Ids, Role::Resolve].contains(&check.role));
-    let told = |(name, check): &(String, Check)| {
-        let (role, promise) = (check.role.name(), &check.promise);
-        format!("{name}, {role}: {promise}: {}", check.verdict)
-    };
-    let told_all: Vec<String> = checks.iter().map(told).collect();
-    eprintln!("{}", told_all.join("\n"));
-    let left = checks.iter().filter(|(_, check)| !check.verdict.holds());
-    let left: Vec<String> = left.map(told).collect();
-    assert!(left.is_empty(), "{}", left.join("\n"));
-    let resolves = checks
-        .iter()
-        .filter(|(_, c)| c.promise.starts_with("colours"));
-    assert!(resolves.count() >= 84);
+    #[test]
+    fn no_recipe_breaks_a_promise_of_a_fixture() {
+        let effort = Effort {
+            inputs: 18,
+            steps: 60_000,
+            paths: 16,
+            ..Effort::default()
+        };
+        let checks = checks(
+            &recipes(&[Use::Snapshot, Use::Compile, Use::Validate]),
+            &effort,
+        );
+        let mut kinds: BTreeMap<&str, usize> = BTreeMap::new();
+        let mut reasons: BTreeMap<String, usize> = BTreeMap::new();
+        let mut broken = Vec::new();
+        for (name, check) in checks {
+            let kind = match &check.verdict {
+                Verdict::Proved { .. } => "proved",
+                Verdict::Agreed { .. } => "agreed",
+                Verdict::Counterexample(_) => "broken",
+                Verdict::NotEvaluable { why } => {
+                    *reasons.entry(why.clone()).or_default() += 1;
+                    "not evaluated"
+                }
+            };
+            *kinds.entry(kind).or_default() += 1;
+            if check.verdict.is_broken() {
+                let (role, promise) = (check.role.name(), &check.promise);
+                broken.push(format!("{name}, {role}: {promise}: {}", check.verdict));
+            }
+        }
+        eprintln!("{kinds:?}\n{reasons:#?}");
+        assert!(broken.is_empty(), "{}", broken.join("\n"));
+        assert!(kinds["proved"] > 400 && kinds["agreed"] > 100, "{kinds:?}");
+    }
+
+    /// The resolve of every fixture that the visibility buffer splits is evaluated.
+    #[test]
+    fn every_resolve_of_a_fixture_is_evaluated() {
+        let effort = Effort {
+            inputs: 96,
+            steps: 60_000,
+            paths: 16,
+            ..Effort::default()
+        };
+        let recipes = [
+            "visibility-buffer:budget=0.05",
+            "visibility-buffer:budget=0.05,select=id,vertices=kept",
+        ];
+        let mut checks = checks(&recipes, &effort);
+        checks.retain(|(_, check)| [Role::Ids, Role::Resolve].contains(&check.role));
+        let told = |(name, check): &(String, Check)| {
+            let (role, promise) = (check.role.name(), &check.promise);
+            format!("{name}, {role}: {promise}: {}", check.verdict)
+        };
+        let told_all: Vec<String> = checks.iter().map(told).collect();
+        eprintln!("{}", told_all.join("\n"));
+        let left = checks.iter().filter(|(_, check)| !check.verdict.holds());
+        let left: Vec<String> = left.map(told).collect();
+        assert!(left.is_empty(), "{}", left.join("\n"));
+        let resolves = checks
+            .iter()
+            .filter(|(_, c)| c.promise.starts_with("colours"));
+        assert!(resolves.count() >= 84);
+    }
 }

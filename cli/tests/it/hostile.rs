@@ -85,30 +85,6 @@ fn what_is_no_file_or_claims_to_be_huge_is_not_read() {
 }
 
 #[test]
-fn what_does_not_end_before_it_is_measured_is_stopped() {
-    // naga reads a function of that many expressions in quadratic time.
-    let body: String = (0..40_000)
-        .map(|i| format!("let a{i} = f32({i}) * at.x;\n"))
-        .collect();
-    let here = folder("slow", SCENE, &body);
-    for command in [
-        &["explain", "a.toml"][..],
-        &["rewrite", "a.wgsl", "--pass", "depth-prepass"],
-        &["verify", "a.toml", "--time", "no"],
-        &["plan", "a.toml", "--time", "no"],
-    ] {
-        let start = Instant::now();
-        let limits = ["--limits", "seconds=1,statements=100k", "--format", "json"];
-        let output = run(&here, &[command, &limits].concat());
-        let told = ended(&output, 2, command);
-        assert!(told.contains("stopped after 1 s"), "{command:?}: {told}");
-        let said: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
-        assert_eq!(said["schema"], "preshade.error.v1", "{command:?}");
-        assert!(start.elapsed() < Duration::from_secs(8), "{command:?}");
-    }
-}
-
-#[test]
 fn a_file_that_only_lies_here_lifts_no_protection() {
     let here = folder("found", SCENE, "");
     let link = here.join("link");
@@ -265,4 +241,33 @@ fn what_is_too_large_is_refused_by_the_limit_s_name() {
     assert!(told.contains("`array-elements`"), "{told}");
     let told = refused(&here, &["explain", "a.wgsl", "--limits", "verticess=3"]);
     assert!(told.contains("did you mean `vertices`?"), "{told}");
+}
+
+/// Each takes seconds: `make check` skips them.
+mod slow {
+    use super::*;
+
+    #[test]
+    fn what_does_not_end_before_it_is_measured_is_stopped() {
+        // naga reads a function of that many expressions in quadratic time.
+        let body: String = (0..40_000)
+            .map(|i| format!("let a{i} = f32({i}) * at.x;\n"))
+            .collect();
+        let here = folder("slow", SCENE, &body);
+        for command in [
+            &["explain", "a.toml"][..],
+            &["rewrite", "a.wgsl", "--pass", "depth-prepass"],
+            &["verify", "a.toml", "--time", "no"],
+            &["plan", "a.toml", "--time", "no"],
+        ] {
+            let start = Instant::now();
+            let limits = ["--limits", "seconds=1,statements=100k", "--format", "json"];
+            let output = run(&here, &[command, &limits].concat());
+            let told = ended(&output, 2, command);
+            assert!(told.contains("stopped after 1 s"), "{command:?}: {told}");
+            let said: serde_json::Value = serde_json::from_slice(&output.stdout).unwrap();
+            assert_eq!(said["schema"], "preshade.error.v1", "{command:?}");
+            assert!(start.elapsed() < Duration::from_secs(8), "{command:?}");
+        }
+    }
 }

@@ -199,25 +199,6 @@ struct U {{ octaves: i32, fog_density: f32 }}
     }
 }
 
-/// What `rewrite` makes for the draws of a scene, `explain` offers.
-#[test]
-fn versions_for_groups_of_draws_are_offered() {
-    let museum = fixture("scenes/museum.toml");
-    let museum = museum.to_str().unwrap();
-    let folder = here("versions", &[]);
-    let brief = explained(&folder, &[museum]);
-    assert!(
-        brief.contains("8 versions, one for each group of draws"),
-        "{brief}"
-    );
-    assert!(!brief.contains("nothing-known"), "{brief}");
-    let asked = explained(
-        &folder,
-        &[museum, "--pass", "specialize", "--material", "museum"],
-    );
-    assert_eq!(asked.matches("applies to `fs_main`").count(), 8, "{asked}");
-}
-
 const LEGACY: &str = "#version 120\nvoid main() { gl_Position = ftransform(); }\n";
 const LIT_VERT: &str = "#version 330\nin vec3 position; out vec3 n; uniform mat4 mvp;\n\
                         void main() { n = position; gl_Position = mvp * vec4(position, 1.0); }\n";
@@ -265,5 +246,29 @@ fn of_variants_that_draw_the_same_one_is_listed() {
     // Nothing can be hoisted exactly, and a bare shader has no values to specialise by.
     for same in ["hoist + depth-prepass", "specialize"] {
         assert!(!lines.contains(same), "{same}: {lines}");
+    }
+}
+
+/// Each takes seconds: `make check` skips them.
+mod slow {
+    use super::*;
+
+    /// What `rewrite` makes for the draws of a scene, `explain` offers.
+    #[test]
+    fn versions_for_groups_of_draws_are_offered() {
+        let museum = fixture("scenes/museum.toml");
+        let museum = museum.to_str().unwrap();
+        let folder = here("versions", &[]);
+        let brief = explained(&folder, &[museum]);
+        assert!(
+            brief.contains("8 versions, one for each group of draws"),
+            "{brief}"
+        );
+        assert!(!brief.contains("nothing-known"), "{brief}");
+        let asked = explained(
+            &folder,
+            &[museum, "--pass", "specialize", "--material", "museum"],
+        );
+        assert_eq!(asked.matches("applies to `fs_main`").count(), 8, "{asked}");
     }
 }

@@ -100,78 +100,84 @@ fn check(recipe: &Recipe, originals: &[Plan], facts: &Facts, written: &Files) ->
     variant.kept.iter().filter(|k| k.without.is_some()).count()
 }
 
-#[test]
-fn verify_draws_what_rewrite_writes_of_every_shader() {
-    let materials = |folder: &str, ending: &str| {
-        let entries = std::fs::read_dir(root().join(folder)).unwrap();
-        let files = entries.map(|e| e.unwrap().path());
-        let mut files: Vec<PathBuf> = files
-            .filter(|p| p.extension().is_some_and(|e| e == ending))
-            .collect();
-        files.sort();
-        files
-    };
-    let wgsl = materials("fixtures/shaders", "wgsl")
-        .into_iter()
-        .map(|p| vec![p]);
-    let glsl = materials("fixtures/glsl", "vert").into_iter();
-    let glsl = glsl.map(|p| vec![p.clone(), p.with_extension("frag")]);
-    let files: Vec<Vec<PathBuf>> = wgsl.chain(glsl).collect();
-    let original = |files: &Vec<PathBuf>| {
-        let source = |path: &PathBuf| {
-            let name = path
-                .strip_prefix(root())
-                .unwrap()
-                .to_str()
-                .unwrap()
-                .to_owned();
-            Source::new(name, std::fs::read_to_string(path).unwrap())
-        };
-        let sources: Vec<Source> = files.iter().map(source).collect();
-        let parsed = front::parse(&sources, &options::Options::default()).unwrap();
-        let name = files[0].file_stem().unwrap().to_str().unwrap();
-        parsed.plan(name, &MaterialState::default())
-    };
-    let originals: Vec<Plan> = files.iter().map(original).collect();
-    let inputs: Vec<String> = files
-        .iter()
-        .flatten()
-        .map(|p| p.strip_prefix(root()).unwrap().to_str().unwrap().to_owned())
-        .collect();
-    let inputs: Vec<&str> = inputs.iter().map(String::as_str).collect();
-    let mut partly = 0;
-    for text in recipes() {
-        let recipe = Recipe::parse_list(&text).unwrap();
-        // The default state, also of stages that read which side they draw.
-        let written = rewritten(&recipe, &inputs, &["--cull", "back", "--out-dir"]);
-        for original in &originals {
-            let alone = std::slice::from_ref(original);
-            partly += check(&recipe, alone, &Facts::default(), &written);
+/// Each takes seconds: `make check` skips them.
+mod slow {
+    use super::*;
+
+    #[test]
+    fn verify_draws_what_rewrite_writes_of_a_scene() {
+        for name in [
+            "first",
+            "gallery",
+            "sky-always",
+            "color-mask-neighbour",
+            "neighbour-stores",
+            "two-sided",
+        ] {
+            let file = format!("fixtures/scenes/{name}.toml");
+            let path = root().join(&file);
+            for text in recipes() {
+                let recipe = Recipe::parse_list(&text).unwrap();
+                let scene =
+                    preshade_scenes::load_within(&path, &Variables::new(), Access::default())
+                        .unwrap();
+                let scene = measure::grouped_for(scene, &recipe).unwrap();
+                let facts = measure::known_for(&scene, &recipe);
+                let written = rewritten(&recipe, &[&file], &["-o"]);
+                check(&recipe, &measure::originals(&scene), &facts, &written);
+            }
         }
     }
-    assert!(partly > 40, "{partly} materials took a part of a recipe");
-}
 
-#[test]
-fn verify_draws_what_rewrite_writes_of_a_scene() {
-    for name in [
-        "first",
-        "gallery",
-        "sky-always",
-        "color-mask-neighbour",
-        "neighbour-stores",
-        "two-sided",
-    ] {
-        let file = format!("fixtures/scenes/{name}.toml");
-        let path = root().join(&file);
+    #[test]
+    fn verify_draws_what_rewrite_writes_of_every_shader() {
+        let materials = |folder: &str, ending: &str| {
+            let entries = std::fs::read_dir(root().join(folder)).unwrap();
+            let files = entries.map(|e| e.unwrap().path());
+            let mut files: Vec<PathBuf> = files
+                .filter(|p| p.extension().is_some_and(|e| e == ending))
+                .collect();
+            files.sort();
+            files
+        };
+        let wgsl = materials("fixtures/shaders", "wgsl")
+            .into_iter()
+            .map(|p| vec![p]);
+        let glsl = materials("fixtures/glsl", "vert").into_iter();
+        let glsl = glsl.map(|p| vec![p.clone(), p.with_extension("frag")]);
+        let files: Vec<Vec<PathBuf>> = wgsl.chain(glsl).collect();
+        let original = |files: &Vec<PathBuf>| {
+            let source = |path: &PathBuf| {
+                let name = path
+                    .strip_prefix(root())
+                    .unwrap()
+                    .to_str()
+                    .unwrap()
+                    .to_owned();
+                Source::new(name, std::fs::read_to_string(path).unwrap())
+            };
+            let sources: Vec<Source> = files.iter().map(source).collect();
+            let parsed = front::parse(&sources, &options::Options::default()).unwrap();
+            let name = files[0].file_stem().unwrap().to_str().unwrap();
+            parsed.plan(name, &MaterialState::default())
+        };
+        let originals: Vec<Plan> = files.iter().map(original).collect();
+        let inputs: Vec<String> = files
+            .iter()
+            .flatten()
+            .map(|p| p.strip_prefix(root()).unwrap().to_str().unwrap().to_owned())
+            .collect();
+        let inputs: Vec<&str> = inputs.iter().map(String::as_str).collect();
+        let mut partly = 0;
         for text in recipes() {
             let recipe = Recipe::parse_list(&text).unwrap();
-            let scene =
-                preshade_scenes::load_within(&path, &Variables::new(), Access::default()).unwrap();
-            let scene = measure::grouped_for(scene, &recipe).unwrap();
-            let facts = measure::known_for(&scene, &recipe);
-            let written = rewritten(&recipe, &[&file], &["-o"]);
-            check(&recipe, &measure::originals(&scene), &facts, &written);
+            // The default state, also of stages that read which side they draw.
+            let written = rewritten(&recipe, &inputs, &["--cull", "back", "--out-dir"]);
+            for original in &originals {
+                let alone = std::slice::from_ref(original);
+                partly += check(&recipe, alone, &Facts::default(), &written);
+            }
         }
+        assert!(partly > 40, "{partly} materials took a part of a recipe");
     }
 }

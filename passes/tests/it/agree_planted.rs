@@ -559,63 +559,6 @@ fn found(main: &Plan, text: &str) -> Vec<Class> {
 /// How many faults are planted.
 const PLANTED: usize = 300;
 
-#[test]
-fn planted_faults_are_found() {
-    let mains: Vec<Plan> = PAIRS.iter().map(|p| plan("main.wgsl", &p.main())).collect();
-    let mut all = Vec::new();
-    let mut harmless: BTreeMap<&str, usize> = BTreeMap::new();
-    for (pair, main) in PAIRS.iter().zip(&mains) {
-        let alarms = found(main, &pair.other());
-        assert_eq!(alarms, [], "{}: a false alarm", pair.name);
-        let (without, with): (Vec<_>, Vec<_>) = pair
-            .faults()
-            .into_iter()
-            .partition(|f| pair.harmless(f).is_some());
-        for fault in &without {
-            let why = pair.harmless(fault).unwrap_or_default();
-            let alarms = found(main, &fault.text);
-            assert_eq!(alarms, [], "{}: {why}:\n{}", pair.name, fault.text);
-            *harmless.entry(why).or_default() += 1;
-        }
-        all.push(with);
-    }
-    // Of each pair in turn.
-    let most = all.iter().map(Vec::len).max().unwrap();
-    let turns = (0..most).flat_map(|i| {
-        let pairs = PAIRS.iter().zip(&mains).zip(&all);
-        pairs.filter_map(move |((pair, main), faults)| Some((pair, main, faults.get(i)?)))
-    });
-    let planted: Vec<_> = turns.take(PLANTED).collect();
-    assert_eq!(planted.len(), PLANTED);
-    let mut table: BTreeMap<&str, (usize, usize, BTreeMap<&str, usize>)> = BTreeMap::new();
-    let mut missed = Vec::new();
-    for (pair, main, fault) in planted {
-        let classes = found(main, &fault.text);
-        let row = table.entry(fault.kind).or_default();
-        row.0 += 1;
-        row.1 += usize::from(!classes.is_empty());
-        if let Some(class) = classes.first() {
-            *row.2.entry(class.name()).or_default() += 1;
-        } else {
-            let (name, from, to) = (pair.name, fault.from, fault.to);
-            missed.push(format!("- {name}, {}: `{from}` as `{to}`", fault.kind));
-        }
-    }
-    let seen: usize = table.values().map(|row| row.1).sum();
-    let text = told(&table, seen, &missed, &harmless);
-    assert!(seen * 100 >= PLANTED * 95, "{text}");
-    let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/agree.md");
-    let (begin, end) = ("<!-- planted -->\n", "<!-- /planted -->");
-    let known = std::fs::read_to_string(page).unwrap();
-    let (before, rest) = known.split_once(begin).unwrap();
-    let (_, after) = rest.split_once(end).unwrap();
-    let new = format!("{before}{begin}{text}{end}{after}");
-    if std::env::var_os("UPDATE_PAGES").is_some() {
-        std::fs::write(page, &new).unwrap();
-    }
-    assert_eq!(known, new, "UPDATE_PAGES=1 writes the table");
-}
-
 /// The part of the page.
 fn told(
     table: &BTreeMap<&str, (usize, usize, BTreeMap<&str, usize>)>,
@@ -643,4 +586,66 @@ fn told(
     }
     text.push('\n');
     text
+}
+
+/// Each takes seconds: `make check` skips them.
+mod slow {
+    use super::*;
+
+    #[test]
+    fn planted_faults_are_found() {
+        let mains: Vec<Plan> = PAIRS.iter().map(|p| plan("main.wgsl", &p.main())).collect();
+        let mut all = Vec::new();
+        let mut harmless: BTreeMap<&str, usize> = BTreeMap::new();
+        for (pair, main) in PAIRS.iter().zip(&mains) {
+            let alarms = found(main, &pair.other());
+            assert_eq!(alarms, [], "{}: a false alarm", pair.name);
+            let (without, with): (Vec<_>, Vec<_>) = pair
+                .faults()
+                .into_iter()
+                .partition(|f| pair.harmless(f).is_some());
+            for fault in &without {
+                let why = pair.harmless(fault).unwrap_or_default();
+                let alarms = found(main, &fault.text);
+                assert_eq!(alarms, [], "{}: {why}:\n{}", pair.name, fault.text);
+                *harmless.entry(why).or_default() += 1;
+            }
+            all.push(with);
+        }
+        // Of each pair in turn.
+        let most = all.iter().map(Vec::len).max().unwrap();
+        let turns = (0..most).flat_map(|i| {
+            let pairs = PAIRS.iter().zip(&mains).zip(&all);
+            pairs.filter_map(move |((pair, main), faults)| Some((pair, main, faults.get(i)?)))
+        });
+        let planted: Vec<_> = turns.take(PLANTED).collect();
+        assert_eq!(planted.len(), PLANTED);
+        let mut table: BTreeMap<&str, (usize, usize, BTreeMap<&str, usize>)> = BTreeMap::new();
+        let mut missed = Vec::new();
+        for (pair, main, fault) in planted {
+            let classes = found(main, &fault.text);
+            let row = table.entry(fault.kind).or_default();
+            row.0 += 1;
+            row.1 += usize::from(!classes.is_empty());
+            if let Some(class) = classes.first() {
+                *row.2.entry(class.name()).or_default() += 1;
+            } else {
+                let (name, from, to) = (pair.name, fault.from, fault.to);
+                missed.push(format!("- {name}, {}: `{from}` as `{to}`", fault.kind));
+            }
+        }
+        let seen: usize = table.values().map(|row| row.1).sum();
+        let text = told(&table, seen, &missed, &harmless);
+        assert!(seen * 100 >= PLANTED * 95, "{text}");
+        let page = concat!(env!("CARGO_MANIFEST_DIR"), "/../docs/agree.md");
+        let (begin, end) = ("<!-- planted -->\n", "<!-- /planted -->");
+        let known = std::fs::read_to_string(page).unwrap();
+        let (before, rest) = known.split_once(begin).unwrap();
+        let (_, after) = rest.split_once(end).unwrap();
+        let new = format!("{before}{begin}{text}{end}{after}");
+        if std::env::var_os("UPDATE_PAGES").is_some() {
+            std::fs::write(page, &new).unwrap();
+        }
+        assert_eq!(known, new, "UPDATE_PAGES=1 writes the table");
+    }
 }

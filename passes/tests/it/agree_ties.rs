@@ -111,18 +111,6 @@ const APART: [[&str; 2]; 20] = [
     ],
 ];
 
-#[test]
-fn ties_and_what_stands_behind_them_are_tried() {
-    for [first, second] in APART {
-        for (a, b) in [(first, second), (second, first)] {
-            let classes = found(a, b);
-            let is_found =
-                |c: &Class| matches!(c, Class::Color | Class::KeepsHidden | Class::Loses);
-            assert!(classes.iter().any(is_found), "{a}\n{b}\n{classes:?}");
-        }
-    }
-}
-
 /// Conditions that hold where several equations do, or one between integers that are computed.
 const RARE: [&str; 19] = [
     "u.n == 1917 && u.k == -23",
@@ -152,23 +140,6 @@ const CASES: [[&str; 2]; 3] = [
     ["i32(u.m >> 24u) - 7", "93"],
     ["u.n + u.k", "777"],
 ];
-
-#[test]
-fn what_stands_behind_several_equations_is_tried() {
-    let behind = RARE.map(|condition| format!("if ({condition}) {{ c = 1.0; }}"));
-    let cases = CASES.map(|[selector, case]| {
-        format!("switch {selector} {{ case 3, {case}: {{ c = 1.0; }} default: {{}} }}")
-    });
-    for body in behind.iter().chain(&cases) {
-        let without = body
-            .replace("c = 1.0", "c = 0.0")
-            .replace("case 3, ", "case 3: { c = 1.0; } case ");
-        for (a, b) in [(body, &without), (&without, body)] {
-            let classes = found(a, b);
-            assert!(classes.contains(&Class::Color), "{a}\n{b}\n{classes:?}");
-        }
-    }
-}
 
 /// Each pair says the same in other words.
 const ALIKE: [[&str; 2]; 7] = [
@@ -290,4 +261,38 @@ fn flat_varyings_and_invariance_are_notes() {
         either[0].starts_with("`k` is of either vertex"),
         "{either:?}"
     );
+}
+
+/// Each takes seconds: `make check` skips them.
+mod slow {
+    use super::*;
+
+    #[test]
+    fn what_stands_behind_several_equations_is_tried() {
+        let behind = RARE.map(|condition| format!("if ({condition}) {{ c = 1.0; }}"));
+        let cases = CASES.map(|[selector, case]| {
+            format!("switch {selector} {{ case 3, {case}: {{ c = 1.0; }} default: {{}} }}")
+        });
+        for body in behind.iter().chain(&cases) {
+            let without = body
+                .replace("c = 1.0", "c = 0.0")
+                .replace("case 3, ", "case 3: { c = 1.0; } case ");
+            for (a, b) in [(body, &without), (&without, body)] {
+                let classes = found(a, b);
+                assert!(classes.contains(&Class::Color), "{a}\n{b}\n{classes:?}");
+            }
+        }
+    }
+
+    #[test]
+    fn ties_and_what_stands_behind_them_are_tried() {
+        for [first, second] in APART {
+            for (a, b) in [(first, second), (second, first)] {
+                let classes = found(a, b);
+                let is_found =
+                    |c: &Class| matches!(c, Class::Color | Class::KeepsHidden | Class::Loses);
+                assert!(classes.iter().any(is_found), "{a}\n{b}\n{classes:?}");
+            }
+        }
+    }
 }

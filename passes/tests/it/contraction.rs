@@ -226,53 +226,58 @@ fn applied(plan: &Plan, recipe: &str) -> Result<Plan, String> {
     Ok(outcome.plan)
 }
 
-#[test]
-fn exact_variants_of_the_fixtures_hold_on_drivers_that_fuse() {
-    let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures");
-    let entries = ["shaders", "adversarial"].map(|folder| fs::read_dir(fixtures.join(folder)));
-    let few = Effort {
-        inputs: 4,
-        ..EFFORT
-    };
-    let mut held = 0;
-    for entry in entries.into_iter().flat_map(Result::unwrap) {
-        let path = entry.unwrap().path();
-        if path.extension().is_none_or(|e| e != "wgsl") {
-            continue;
-        }
-        let Ok(program) = common::read(&fs::read_to_string(&path).unwrap()) else {
-            continue;
+/// Each takes seconds: `make check` skips them.
+mod slow {
+    use super::*;
+
+    #[test]
+    fn exact_variants_of_the_fixtures_hold_on_drivers_that_fuse() {
+        let fixtures = Path::new(env!("CARGO_MANIFEST_DIR")).join("../fixtures");
+        let entries = ["shaders", "adversarial"].map(|folder| fs::read_dir(fixtures.join(folder)));
+        let few = Effort {
+            inputs: 4,
+            ..EFFORT
         };
-        let name = |stage| {
-            let mut entries = program.module().entry_points.iter();
-            entries.find(|e| e.stage == stage).map(|e| e.name.clone())
-        };
-        let (Some(vertex), fragment) = (
-            name(naga::ShaderStage::Vertex),
-            name(naga::ShaderStage::Fragment),
-        ) else {
-            continue;
-        };
-        let state = MaterialState::default();
-        let original = Plan::original("test", program, &vertex, fragment.as_deref(), &state);
-        let recipes = examples().filter(|(_, used)| matches!(used, Use::Snapshot));
-        for (recipe, _) in recipes.filter(|(recipe, _)| !recipe.contains(",depth-prepass")) {
-            let Ok(variant) = applied(&original, recipe) else {
+        let mut held = 0;
+        for entry in entries.into_iter().flat_map(Result::unwrap) {
+            let path = entry.unwrap().path();
+            if path.extension().is_none_or(|e| e != "wgsl") {
+                continue;
+            }
+            let Ok(program) = common::read(&fs::read_to_string(&path).unwrap()) else {
                 continue;
             };
-            let is_exact = variant.contract.kind() == "exact";
-            let same_discard = !variant
-                .contract
-                .given()
-                .contains(&Assumption::InvariantDiscard);
-            for driver in DRIVERS {
-                if is_exact && (same_discard || driver != Driver::SingleReader) {
-                    let broken = is_broken_by(&few, &original, &variant, driver);
-                    assert!(!broken, "{}: {recipe}: {driver:?}", path.display());
-                    held += 1;
+            let name = |stage| {
+                let mut entries = program.module().entry_points.iter();
+                entries.find(|e| e.stage == stage).map(|e| e.name.clone())
+            };
+            let (Some(vertex), fragment) = (
+                name(naga::ShaderStage::Vertex),
+                name(naga::ShaderStage::Fragment),
+            ) else {
+                continue;
+            };
+            let state = MaterialState::default();
+            let original = Plan::original("test", program, &vertex, fragment.as_deref(), &state);
+            let recipes = examples().filter(|(_, used)| matches!(used, Use::Snapshot));
+            for (recipe, _) in recipes.filter(|(recipe, _)| !recipe.contains(",depth-prepass")) {
+                let Ok(variant) = applied(&original, recipe) else {
+                    continue;
+                };
+                let is_exact = variant.contract.kind() == "exact";
+                let same_discard = !variant
+                    .contract
+                    .given()
+                    .contains(&Assumption::InvariantDiscard);
+                for driver in DRIVERS {
+                    if is_exact && (same_discard || driver != Driver::SingleReader) {
+                        let broken = is_broken_by(&few, &original, &variant, driver);
+                        assert!(!broken, "{}: {recipe}: {driver:?}", path.display());
+                        held += 1;
+                    }
                 }
             }
         }
+        assert!(held > 100, "{held}");
     }
-    assert!(held > 100, "{held}");
 }

@@ -137,95 +137,100 @@ fn outputs(program: &Program, entry: usize, outcome: &RunResult) -> BTreeMap<Str
         .collect()
 }
 
-#[test]
-fn every_output_of_every_fixture_can_be_placed_and_run() {
-    let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures");
-    let mut files = Vec::new();
-    let mut folders = vec![std::path::PathBuf::from(root)];
-    while let Some(folder) = folders.pop() {
-        for entry in std::fs::read_dir(folder).unwrap() {
-            let path = entry.unwrap().path();
-            if path.is_dir() {
-                folders.push(path);
-            } else if path.extension().is_some_and(|e| e == "wgsl") {
-                files.push(path);
+/// Each takes seconds: `make check` skips them.
+mod slow {
+    use super::*;
+
+    #[test]
+    fn every_output_of_every_fixture_can_be_placed_and_run() {
+        let root = concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures");
+        let mut files = Vec::new();
+        let mut folders = vec![std::path::PathBuf::from(root)];
+        while let Some(folder) = folders.pop() {
+            for entry in std::fs::read_dir(folder).unwrap() {
+                let path = entry.unwrap().path();
+                if path.is_dir() {
+                    folders.push(path);
+                } else if path.extension().is_some_and(|e| e == "wgsl") {
+                    files.push(path);
+                }
             }
         }
-    }
-    files.sort();
-    let (mut placed_slices, mut compared) = (0, 0);
-    for file in files {
-        let source = std::fs::read_to_string(&file).unwrap();
-        // Some fixtures are wrong on purpose.
-        if naga::front::wgsl::parse_str(&source).is_err() {
-            continue;
-        }
-        let program = common::program(&source);
-        let graph = Graph::build(&program);
-        assert!(!graph.to_dot().is_empty());
-        for (entry, point) in program.module().entry_points.iter().enumerate() {
-            let outputs_of = interface::outputs(program.module(), &point.function);
-            // The two sources of a blend stand for one output: neither is valid alone.
-            let is_alone = |io: &interface::Io| {
-                !matches!(
-                    io.binding,
-                    Some(naga::Binding::Location {
-                        blend_src: Some(_),
-                        ..
-                    })
-                )
-            };
-            let mut criteria: Vec<Vec<Criterion>> = (0..outputs_of.len())
-                .filter(|i| is_alone(&outputs_of[*i]))
-                .map(|i| vec![Criterion::Output(OutputFilter::Index(i))])
-                .collect();
-            criteria.push(vec![Criterion::Discard]);
-            criteria.push(vec![
-                Criterion::Discard,
-                Criterion::Output(OutputFilter::All),
-            ]);
-            for mut criteria in criteria {
-                // A vertex stage without a position is no vertex stage.
-                if point.stage == naga::ShaderStage::Vertex {
-                    criteria.push(Criterion::Output(OutputFilter::Position));
-                }
-                for termination in [Termination::Assumed, Termination::Preserved] {
-                    let slice = slice::backward_with(&graph, entry, &criteria, termination);
-                    assert!(
-                        slice.cost <= graph.cost(FunctionId::EntryPoint(entry)) + 1e-6,
-                        "{}",
-                        file.display()
-                    );
-                    let module = place::entry_point(
-                        &graph,
-                        &slice,
-                        program.module(),
-                        "sliced",
-                        "cut",
-                        PositionInvariance::Invariant,
-                    );
-                    let module = place::retain(&module, &[(point.stage, "sliced")]);
-                    let placed = common::validated(&program, module);
-                    common::wgsl(&placed);
-                    placed_slices += 1;
-                    for seed in 1..4 {
-                        let Ok(whole) = run(&program, entry, seed) else {
-                            continue;
-                        };
-                        let part = run(&placed, 0, seed).unwrap();
-                        let expected = outputs(&program, entry, &whole);
-                        for (binding, value) in outputs(&placed, 0, &part) {
-                            assert_eq!(expected[&binding], value, "{}", file.display());
+        files.sort();
+        let (mut placed_slices, mut compared) = (0, 0);
+        for file in files {
+            let source = std::fs::read_to_string(&file).unwrap();
+            // Some fixtures are wrong on purpose.
+            if naga::front::wgsl::parse_str(&source).is_err() {
+                continue;
+            }
+            let program = common::program(&source);
+            let graph = Graph::build(&program);
+            assert!(!graph.to_dot().is_empty());
+            for (entry, point) in program.module().entry_points.iter().enumerate() {
+                let outputs_of = interface::outputs(program.module(), &point.function);
+                // The two sources of a blend stand for one output: neither is valid alone.
+                let is_alone = |io: &interface::Io| {
+                    !matches!(
+                        io.binding,
+                        Some(naga::Binding::Location {
+                            blend_src: Some(_),
+                            ..
+                        })
+                    )
+                };
+                let mut criteria: Vec<Vec<Criterion>> = (0..outputs_of.len())
+                    .filter(|i| is_alone(&outputs_of[*i]))
+                    .map(|i| vec![Criterion::Output(OutputFilter::Index(i))])
+                    .collect();
+                criteria.push(vec![Criterion::Discard]);
+                criteria.push(vec![
+                    Criterion::Discard,
+                    Criterion::Output(OutputFilter::All),
+                ]);
+                for mut criteria in criteria {
+                    // A vertex stage without a position is no vertex stage.
+                    if point.stage == naga::ShaderStage::Vertex {
+                        criteria.push(Criterion::Output(OutputFilter::Position));
+                    }
+                    for termination in [Termination::Assumed, Termination::Preserved] {
+                        let slice = slice::backward_with(&graph, entry, &criteria, termination);
+                        assert!(
+                            slice.cost <= graph.cost(FunctionId::EntryPoint(entry)) + 1e-6,
+                            "{}",
+                            file.display()
+                        );
+                        let module = place::entry_point(
+                            &graph,
+                            &slice,
+                            program.module(),
+                            "sliced",
+                            "cut",
+                            PositionInvariance::Invariant,
+                        );
+                        let module = place::retain(&module, &[(point.stage, "sliced")]);
+                        let placed = common::validated(&program, module);
+                        common::wgsl(&placed);
+                        placed_slices += 1;
+                        for seed in 1..4 {
+                            let Ok(whole) = run(&program, entry, seed) else {
+                                continue;
+                            };
+                            let part = run(&placed, 0, seed).unwrap();
+                            let expected = outputs(&program, entry, &whole);
+                            for (binding, value) in outputs(&placed, 0, &part) {
+                                assert_eq!(expected[&binding], value, "{}", file.display());
+                            }
+                            if criteria.contains(&Criterion::Discard) {
+                                assert_eq!(whole.discarded, part.discarded, "{}", file.display());
+                            }
+                            compared += 1;
                         }
-                        if criteria.contains(&Criterion::Discard) {
-                            assert_eq!(whole.discarded, part.discarded, "{}", file.display());
-                        }
-                        compared += 1;
                     }
                 }
             }
         }
+        assert!(placed_slices > 10);
+        assert!(compared > placed_slices, "{compared} of {placed_slices}");
     }
-    assert!(placed_slices > 10);
-    assert!(compared > placed_slices, "{compared} of {placed_slices}");
 }

@@ -51,66 +51,6 @@ fn broken(what: &str, checks: &[Check]) -> Vec<String> {
         .collect()
 }
 
-/// As many seeds a shader as `PRESHADE_METAMORPHIC` says; one without it.
-#[test]
-fn what_changes_nothing_changes_no_variant() {
-    let seeds: u64 = std::env::var("PRESHADE_METAMORPHIC")
-        .ok()
-        .and_then(|n| n.parse().ok())
-        .unwrap_or(1);
-    let effort = Effort {
-        inputs: 6,
-        steps: 40_000,
-        paths: 4,
-        ..Effort::default()
-    };
-    let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures/shaders");
-    let mut files: Vec<_> = std::fs::read_dir(folder)
-        .unwrap()
-        .map(|e| e.unwrap().path())
-        .filter(|p| p.extension().is_some_and(|e| e == "wgsl"))
-        .collect();
-    files.sort();
-    let facts = Facts::without_ties();
-    let (mut wrong, mut injections, mut accepted) = (Vec::new(), 0, BTreeMap::new());
-    for file in files {
-        let name = file.file_name().unwrap().to_string_lossy().into_owned();
-        let text = std::fs::read_to_string(&file).unwrap();
-        let Some(original) = plan(&name, &text) else {
-            continue;
-        };
-        for seed in 0..seeds {
-            let changed = injection(&text, seed, 8);
-            assert_ne!(changed, text);
-            let Some(injected) = plan(&name, &changed) else {
-                let why = naga::front::wgsl::parse_str(&changed)
-                    .map_or_else(|e| e.emit_to_string(&changed), |_| "invalid".to_owned());
-                panic!("{name}, seed {seed}: the injection is wrong: {why}\n{changed}");
-            };
-            injections += 1;
-            let what = format!("{name}, seed {seed}");
-            wrong.extend(broken(&what, &validate(&original, &injected, &effort)));
-            for (pass, params) in recipes() {
-                let found = pass_named(pass).unwrap();
-                match found.run(&injected, &facts, &params) {
-                    Ok(variant) => {
-                        *accepted.entry(pass).or_insert(0) += 1;
-                        let what = format!("{what} by {pass} {params}");
-                        wrong.extend(broken(&what, &validate(&original, &variant.plan, &effort)));
-                    }
-                    Err(refused) => {
-                        let bug = refused.refusals.iter().find(|r| r.code == "internal");
-                        wrong.extend(bug.map(|r| format!("{what} by {pass}: {r}")));
-                    }
-                }
-            }
-        }
-    }
-    assert!(wrong.is_empty(), "{}", wrong.join("\n"));
-    assert!(injections >= 30, "{injections}");
-    assert!(accepted.len() >= 5, "{accepted:?}");
-}
-
 /// The injections themselves are seen where they do change something: the tests of the test.
 #[test]
 fn an_injection_that_is_not_neutral_is_seen() {
@@ -143,4 +83,72 @@ fn an_injection_that_is_not_neutral_is_seen() {
     let injected = plan("test", &wrong).unwrap();
     let checks = validate(&original, &injected, &effort);
     assert!(!broken("", &checks).is_empty(), "{wrong}");
+}
+
+/// Each takes seconds: `make check` skips them.
+mod slow {
+    use super::*;
+
+    /// As many seeds a shader as `PRESHADE_METAMORPHIC` says; one without it.
+    #[test]
+    fn what_changes_nothing_changes_no_variant() {
+        let seeds: u64 = std::env::var("PRESHADE_METAMORPHIC")
+            .ok()
+            .and_then(|n| n.parse().ok())
+            .unwrap_or(1);
+        let effort = Effort {
+            inputs: 6,
+            steps: 40_000,
+            paths: 4,
+            ..Effort::default()
+        };
+        let folder = concat!(env!("CARGO_MANIFEST_DIR"), "/../fixtures/shaders");
+        let mut files: Vec<_> = std::fs::read_dir(folder)
+            .unwrap()
+            .map(|e| e.unwrap().path())
+            .filter(|p| p.extension().is_some_and(|e| e == "wgsl"))
+            .collect();
+        files.sort();
+        let facts = Facts::without_ties();
+        let (mut wrong, mut injections, mut accepted) = (Vec::new(), 0, BTreeMap::new());
+        for file in files {
+            let name = file.file_name().unwrap().to_string_lossy().into_owned();
+            let text = std::fs::read_to_string(&file).unwrap();
+            let Some(original) = plan(&name, &text) else {
+                continue;
+            };
+            for seed in 0..seeds {
+                let changed = injection(&text, seed, 8);
+                assert_ne!(changed, text);
+                let Some(injected) = plan(&name, &changed) else {
+                    let why = naga::front::wgsl::parse_str(&changed)
+                        .map_or_else(|e| e.emit_to_string(&changed), |_| "invalid".to_owned());
+                    panic!("{name}, seed {seed}: the injection is wrong: {why}\n{changed}");
+                };
+                injections += 1;
+                let what = format!("{name}, seed {seed}");
+                wrong.extend(broken(&what, &validate(&original, &injected, &effort)));
+                for (pass, params) in recipes() {
+                    let found = pass_named(pass).unwrap();
+                    match found.run(&injected, &facts, &params) {
+                        Ok(variant) => {
+                            *accepted.entry(pass).or_insert(0) += 1;
+                            let what = format!("{what} by {pass} {params}");
+                            wrong.extend(broken(
+                                &what,
+                                &validate(&original, &variant.plan, &effort),
+                            ));
+                        }
+                        Err(refused) => {
+                            let bug = refused.refusals.iter().find(|r| r.code == "internal");
+                            wrong.extend(bug.map(|r| format!("{what} by {pass}: {r}")));
+                        }
+                    }
+                }
+            }
+        }
+        assert!(wrong.is_empty(), "{}", wrong.join("\n"));
+        assert!(injections >= 30, "{injections}");
+        assert!(accepted.len() >= 5, "{accepted:?}");
+    }
 }

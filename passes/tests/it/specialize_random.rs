@@ -349,32 +349,37 @@ fn variable(name: &str, default: u64) -> u64 {
     value.and_then(|v| v.parse().ok()).unwrap_or(default)
 }
 
-#[test]
-fn the_same_bits_wherever_the_guard_holds() {
-    let (cases, first) = (
-        variable("PRESHADE_CASES", 400),
-        variable("PRESHADE_SEED", 1),
-    );
-    let (mut same, mut unread) = (0, 0);
-    for i in 0..cases {
-        let seed = first.wrapping_mul(1_000_003).wrapping_add(i);
-        let mut numbers = Numbers(seed);
-        let bytes: Vec<u8> = (0..30 + numbers.below(330))
-            .map(|_| numbers.next() as u8)
-            .collect();
-        match caught(&bytes, seed) {
-            Ok(Came::Same) => same += 1,
-            Ok(Came::Unread) => unread += 1,
-            Ok(Came::Nothing) => {}
-            Err(_) => {
-                let least = shrunk(bytes, seed);
-                let why = caught(&least, seed).unwrap_err();
-                panic!("case {i} of seed {first}: {least:?}\n{why}");
+/// Each takes seconds: `make check` skips them.
+mod slow {
+    use super::*;
+
+    #[test]
+    fn the_same_bits_wherever_the_guard_holds() {
+        let (cases, first) = (
+            variable("PRESHADE_CASES", 400),
+            variable("PRESHADE_SEED", 1),
+        );
+        let (mut same, mut unread) = (0, 0);
+        for i in 0..cases {
+            let seed = first.wrapping_mul(1_000_003).wrapping_add(i);
+            let mut numbers = Numbers(seed);
+            let bytes: Vec<u8> = (0..30 + numbers.below(330))
+                .map(|_| numbers.next() as u8)
+                .collect();
+            match caught(&bytes, seed) {
+                Ok(Came::Same) => same += 1,
+                Ok(Came::Unread) => unread += 1,
+                Ok(Came::Nothing) => {}
+                Err(_) => {
+                    let least = shrunk(bytes, seed);
+                    let why = caught(&least, seed).unwrap_err();
+                    panic!("case {i} of seed {first}: {least:?}\n{why}");
+                }
             }
         }
+        // Most of them are about something.
+        assert!(2 * same >= cases, "{same} of {cases} were specialised");
+        assert!(10 * unread <= cases, "{unread} of {cases} are not read");
+        println!("{same} of {cases} specialised, {unread} not read");
     }
-    // Most of them are about something.
-    assert!(2 * same >= cases, "{same} of {cases} were specialised");
-    assert!(10 * unread <= cases, "{unread} of {cases} are not read");
-    println!("{same} of {cases} specialised, {unread} not read");
 }

@@ -255,48 +255,6 @@ fn every(kind: Mutation) -> usize {
     }
 }
 
-/// Every mutant of every variant is seen, but for those that compute the same: the prologue's own
-/// tolerance, say, may be wider and drops less.
-#[test]
-fn broken_variants_are_seen() {
-    let original = plan(MATERIAL);
-    let mut survivors = Vec::new();
-    let mut killed = 0;
-    for (pass, params) in recipes(&[Use::Break]) {
-        let variant = applied(&original, pass, params.clone());
-        for key in variant.programs.keys() {
-            for kind in [
-                Mutation::Swap,
-                Mutation::Constant,
-                Mutation::Store,
-                Mutation::Kill,
-                Mutation::Branch,
-            ] {
-                for n in (0..).step_by(every(kind)) {
-                    let Some(plan) = broken(&variant, key, kind, n) else {
-                        break;
-                    };
-                    let Some(plan) = plan else { continue };
-                    let checks = validate(&original, &plan, &EFFORT);
-                    match checks.iter().any(|c| c.verdict.is_broken()) {
-                        true => killed += 1,
-                        false => survivors.push(format!(
-                            "{pass} {params} {key}: {kind:?} {n}\n{}",
-                            said(&checks)
-                        )),
-                    }
-                }
-            }
-        }
-    }
-    println!("{killed} seen, {} not", survivors.len());
-    for survivor in &survivors {
-        println!("{survivor}");
-    }
-    assert!(killed > 150, "{killed}");
-    assert!(survivors.len() <= killed / 20, "{}", survivors.join("\n"));
-}
-
 fn counterexample(checks: &[Check]) -> Option<Counterexample> {
     checks.iter().find_map(|c| match &c.verdict {
         Verdict::Counterexample(found) => Some((**found).clone()),
@@ -770,5 +728,52 @@ fn nothing_is_proved_that_no_input_and_no_term_reached() {
             panic!("{check:#?}");
         };
         assert!(why.contains("no input came to an end"), "{why}");
+    }
+}
+
+/// Each takes seconds: `make check` skips them.
+mod slow {
+    use super::*;
+
+    /// Every mutant of every variant is seen, but for those that compute the same: the prologue's own
+    /// tolerance, say, may be wider and drops less.
+    #[test]
+    fn broken_variants_are_seen() {
+        let original = plan(MATERIAL);
+        let mut survivors = Vec::new();
+        let mut killed = 0;
+        for (pass, params) in recipes(&[Use::Break]) {
+            let variant = applied(&original, pass, params.clone());
+            for key in variant.programs.keys() {
+                for kind in [
+                    Mutation::Swap,
+                    Mutation::Constant,
+                    Mutation::Store,
+                    Mutation::Kill,
+                    Mutation::Branch,
+                ] {
+                    for n in (0..).step_by(every(kind)) {
+                        let Some(plan) = broken(&variant, key, kind, n) else {
+                            break;
+                        };
+                        let Some(plan) = plan else { continue };
+                        let checks = validate(&original, &plan, &EFFORT);
+                        match checks.iter().any(|c| c.verdict.is_broken()) {
+                            true => killed += 1,
+                            false => survivors.push(format!(
+                                "{pass} {params} {key}: {kind:?} {n}\n{}",
+                                said(&checks)
+                            )),
+                        }
+                    }
+                }
+            }
+        }
+        println!("{killed} seen, {} not", survivors.len());
+        for survivor in &survivors {
+            println!("{survivor}");
+        }
+        assert!(killed > 150, "{killed}");
+        assert!(survivors.len() <= killed / 20, "{}", survivors.join("\n"));
     }
 }
