@@ -413,6 +413,35 @@ fn webgl_1_has_the_loops_of_its_appendix() {
     }
 }
 
+/// A layer below 0 is the first, whether a text rounds it as GLSL does or not.
+#[test]
+fn a_signed_layer_is_clamped() {
+    let images = [
+        ("texture_2d_array<f32>", "textureSample(t, s, v.uv, u.k)"),
+        (
+            "texture_2d_array<f32>",
+            "textureSampleLevel(t, s, v.uv, u.k, 0.0)",
+        ),
+        (
+            "texture_cube_array<f32>",
+            "textureSample(t, s, v.uv.xyx, u.k - 3)",
+        ),
+    ];
+    for (image, sample) in images {
+        let declarations =
+            format!("@group(0) @binding(1) var t: {image}; @group(0) @binding(2) var s: sampler;");
+        let plan = material(&declarations, &format!("return {sample};"));
+        for target in [Target::Wgsl, Target::Spirv].into_iter().chain(GLSL) {
+            let written = emitted(&plan, target).map(|(_, uncompared)| uncompared);
+            let is_left_out = image.contains("cube") && target == Target::GlslEs300;
+            match written {
+                Ok(uncompared) => assert_eq!(uncompared, [""; 0], "{sample} in {target}"),
+                Err(error) => assert!(is_left_out, "{sample} in {target}: {error}"),
+            }
+        }
+    }
+}
+
 /// Passes share a text: one may have no fragment stage.
 #[test]
 fn a_pass_without_a_fragment_stage_means_the_same() {

@@ -142,8 +142,8 @@ impl<'a, F: Number> Machine<'a, F> {
                 }
                 let mut operands = vec![*coordinate];
                 operands.extend([array_index, sample, level].into_iter().flatten());
-                let how = (&[][..], Sampling::default());
-                let texel = self.lookup(frame, *image, &operands, how)?;
+                let numbers = self.numbers(frame, &operands)?;
+                let texel = self.lookup(frame, *image, (&numbers, &[]), Sampling::default())?;
                 self.texel(frame, *image, texel)?
             }
             Expression::ArrayLength(array) => {
@@ -290,7 +290,14 @@ impl<'a, F: Number> Machine<'a, F> {
             SampleLevel::Gradient { x, y } => footprint.extend([*x, *y]),
         }
         operands.extend(depth_ref);
-        let texel = self.lookup(frame, *image, &operands, (&footprint, sampling))?;
+        let mut numbers = self.numbers(frame, &operands)?;
+        // A layer is clamped to those that there are (WGSL 17.7, GLSL 4.60, 8.9).
+        let layer = array_index.and_then(|_| numbers.get_mut(axes));
+        if let Some(layer) = layer.filter(|layer| layer.single().is_some_and(|at| at < 0.0)) {
+            *layer = F::of(0.0);
+        }
+        let footprint = self.numbers(frame, &footprint)?;
+        let texel = self.lookup(frame, *image, (&numbers, &footprint), sampling)?;
         Ok(match depth_ref {
             Some(_) => Value::number(texel[0]),
             None => self.texel(frame, *image, texel)?,
@@ -365,18 +372,16 @@ impl<'a, F: Number> Machine<'a, F> {
         &mut self,
         frame: &mut Activation<'a, F>,
         image: Handle<Expression>,
-        operands: &[Handle<Expression>],
-        (footprint, sampling): (&[Handle<Expression>], Sampling),
+        (coordinates, footprint): (&[F], &[F]),
+        sampling: Sampling,
     ) -> Result<[F; 4], Stuck> {
         let Value::Resource(texture) = self.get(frame, image)? else {
             return Err(Stuck::Type("a lookup in no texture".to_owned()));
         };
-        let coordinates = self.numbers(frame, operands)?;
-        let footprint = self.numbers(frame, footprint)?;
         Ok((self.environment.texture)(&Lookup {
             binding: self.binding(texture),
-            coordinates: &coordinates,
-            footprint: &footprint,
+            coordinates,
+            footprint,
             sampling,
         }))
     }
