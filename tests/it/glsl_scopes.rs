@@ -534,6 +534,26 @@ fn values_of_blocks_constants_and_arrays_are_those_of_glsl() {
 fn what_glsl_forbids_is_refused_in_its_words() {
     let wrong = [
         (
+            "#define A 1\n#define A 2\nmain: r = float(A);",
+            "defined twice",
+        ),
+        (
+            "#define A(x) x\n#define A(y) y\nmain: r = float(A(1));",
+            "defined twice",
+        ),
+        (
+            "float g(float x) { float x = 1.0; return x; } main: r = g(1.0);",
+            "declared twice",
+        ),
+        (
+            "main: for (int k = 0; k < 2; k++) { int k = 2; r += float(k); }",
+            "declared twice",
+        ),
+        (
+            "main: while (bool go = r < 1.0) { float go = 1.0; r += go; }",
+            "declared twice",
+        ),
+        (
             "uniform float f; const float k[2] = float[2](1.0, f); main: r = k[1];",
             "must be constant",
         ),
@@ -624,6 +644,7 @@ fn what_glsl_forbids_is_refused_in_its_words() {
         );
     }
     let right = [
+        "#define A 1 + 2\n#define A  1 +  2\n#undef A\n#define A 3\nmain: r = float(A); for (int k = 0; k < 2; k++) { { int k = 2; r += float(k); } } for (int k = 0; k < 2; k++) r += 1.0; do { float k = 1.0; r += k; } while (r < 1.0); float k = 2.0; r += k;",
         "const float k = sin(2.0) * float(gl_MaxDrawBuffers); uniform vec4 a[3]; const int n = a.length(); const float w[2] = float[2](k, 2.0); struct S { float x; }; const S s = S(w[1]); main: r = k + float(n) + w[1] + s.x;",
         "main: uint k = 1u; k += 1; k <<= 2; r = float(k); int n = 1; n <<= 3u; r *= 2; vec2 q = uv; q *= 2; q *= mat2(1.0); r += q.x; r += uv.x.x;",
         "float gg(float); float t() { return gg(1.0); } float gg(float x) { return x; } main: r = t();",

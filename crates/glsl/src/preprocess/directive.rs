@@ -205,7 +205,15 @@ impl Preprocessor<'_> {
             parameters,
             body,
             is_own: false,
+            is_authors: true,
         };
+        let words = |of: &Macro| of.body.iter().map(|t| t.name).collect::<Vec<_>>();
+        let is_same = |old: &Macro| old.parameters == made.parameters && words(old) == words(&made);
+        let old = self.macros.get(&name).filter(|old| old.is_authors);
+        if old.is_some_and(|old| !is_same(old)) {
+            let message = format!("`{}` is defined twice, differently", self.names.text(name));
+            return Err(self.stop(message, place));
+        }
         self.macros.insert(name, Rc::new(made));
         Ok(())
     }

@@ -14,6 +14,8 @@ pub(super) struct Macro {
     pub body: Vec<Token>,
     /// Whether it is predefined, such as `GL_ES`.
     pub is_own: bool,
+    /// Whether the text defines it.
+    pub is_authors: bool,
 }
 
 pub(super) enum TokenSource {

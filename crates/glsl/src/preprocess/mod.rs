@@ -250,6 +250,7 @@ impl Preprocessor<'_> {
                 parameters: None,
                 body,
                 is_own,
+                is_authors: false,
             };
             self.macros.insert(name, Rc::new(made));
         }

@@ -87,7 +87,8 @@ impl<'u> Resolver<'_, 'u> {
         self.in_main = main;
         let statements = &function.statement.statement_list;
         self.temporaries = Some(Vec::new());
-        let mut inner = self.block_of(statements)?;
+        // The body is in the scope of the parameters (GLSL 4.60, 4.2.2).
+        let mut inner = self.statements_of(statements)?;
         let mut temporaries = self.temporaries.take().unwrap_or_default();
         if main {
             temporaries.append(&mut self.temporaries_of_globals);

@@ -228,6 +228,17 @@ impl Resolver<'_, '_> {
     ) -> Result<Vec<Statement>, Error> {
         self.scopes.push(Default::default());
         let constants = self.stage.constants.clone();
+        let out = self.statements_of(statements)?;
+        self.stage.constants = constants;
+        self.scopes.pop();
+        Ok(out)
+    }
+
+    /// The statements of a block in the current scope.
+    pub(super) fn statements_of(
+        &mut self,
+        statements: &[AstStatement],
+    ) -> Result<Vec<Statement>, Error> {
         let mut out = Vec::new();
         let mut reached = true;
         for statement in statements {
@@ -245,20 +256,31 @@ impl Resolver<'_, '_> {
             }
             reached &= !left;
         }
-        self.stage.constants = constants;
-        self.scopes.pop();
         Ok(out)
     }
 
-    /// The body of a loop.
+    /// The body of a loop, in the scope of its head (GLSL 4.60, 6.3).
     fn looped(&mut self, statement: &AstStatement) -> Result<Vec<Statement>, Error> {
         self.loops += 1;
-        let body = self.body(statement);
+        let body = match &statement.content {
+            StatementData::Compound(c) => self.statements_of(&c.statement_list),
+            _ => self.statements_of(std::slice::from_ref(statement)),
+        };
         self.loops -= 1;
         body
     }
 
-    /// The body of an `if` or a loop.
+    /// The body of a loop without a head.
+    fn scoped(&mut self, statement: &AstStatement) -> Result<Vec<Statement>, Error> {
+        self.scopes.push(Default::default());
+        let constants = self.stage.constants.clone();
+        let body = self.looped(statement)?;
+        self.stage.constants = constants;
+        self.scopes.pop();
+        Ok(body)
+    }
+
+    /// The body of an `if`.
     fn body(&mut self, statement: &AstStatement) -> Result<Vec<Statement>, Error> {
         match &statement.content {
             StatementData::Compound(c) => self.block_of(&c.statement_list),
@@ -292,12 +314,12 @@ impl Resolver<'_, '_> {
                     init: Some(Box::new(init)),
                     condition: Some(Node::choose(is_first.clone(), Node::bool(true), condition)),
                     step: Some(Node::assign(&is_first, Node::bool(false))),
-                    body: self.looped(body)?,
+                    body: self.scoped(body)?,
                 }
             }
             IterationStatementData::DoWhile(body, condition) => {
                 let condition = self.asked(condition)?.node;
-                let body = self.looped(body)?;
+                let body = self.scoped(body)?;
                 S::DoWhile { body, condition }
             }
             IterationStatementData::For(init, rest, body) => {
