@@ -4,10 +4,11 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use preshade_plan::contract::{Contract, Verdict};
 
-use crate::measure::Estimate;
 use crate::measure::error::counted;
 use crate::measure::record::{ORIGINAL, Report, VariantReport, ViewReport};
+use crate::measure::shadow::ShadowReport;
 use crate::measure::variant::without_remedy;
+use crate::measure::{Estimate, OutputsReport};
 use preshade_draw::render::order;
 use preshade_draw::scene::DrawOrder;
 
@@ -87,34 +88,56 @@ pub fn nothing_pays(report: &Report) -> bool {
 }
 
 /// The use of variants that draw only pictures in addition to the frame, and their cost relative to
-/// the main passes. `None`: one draws the frame in another way.
+/// the whole programs. `None`: one draws the frame in another way.
 fn aside(report: &Report) -> Option<String> {
     let costs: Option<Vec<String>> = drawn(report)
         .filter(|v| matches!(v.verdict, Verdict::Holds))
-        .map(|v| {
-            let outputs = v.outputs.as_ref()?;
-            let right = match &outputs.velocity {
-                Some(velocity) => format!(
-                    "velocities right to {:.4} pixels in {}",
-                    velocity.worst,
-                    counted(velocity.pixels, "pixel")
-                ),
-                None => format!(
-                    "the original's depths in {}",
-                    counted(outputs.depths.covered, "pixel")
-                ),
-            };
-            // The ratio is of times that were measured in turns. The table's are of another moment.
-            let cost = outputs.speedup.as_ref().map_or(String::new(), |speedup| {
-                let share = 100.0 / speedup.median;
-                format!(", for {share:.0} % of the main passes' time")
-            });
-            Some(format!("`{}` has {right}{cost}.", v.name))
+        .map(|v| match (&v.outputs, &v.shadow) {
+            (Some(outputs), _) => Some(pictures_of(&v.name, outputs)),
+            (None, Some(shadow)) if has_only_shadows(&v.recipe) => {
+                Some(shadows_of(&v.name, shadow))
+            }
+            _ => None,
         })
         .collect();
     costs
         .filter(|costs| !costs.is_empty())
         .map(|costs| costs.join(" "))
+}
+
+fn pictures_of(name: &str, outputs: &OutputsReport) -> String {
+    let right = match &outputs.velocity {
+        Some(velocity) => format!(
+            "velocities right to {:.4} pixels in {}",
+            velocity.worst,
+            counted(velocity.pixels, "pixel")
+        ),
+        None => format!(
+            "the original's depths in {}",
+            counted(outputs.depths.covered, "pixel")
+        ),
+    };
+    // The ratio is of times that were measured in turns. The table's are of another moment.
+    let cost = outputs.speedup.as_ref().map_or(String::new(), |speedup| {
+        let share = 100.0 / speedup.median;
+        format!(", for {share:.0} % of the main passes' time")
+    });
+    format!("`{name}` has {right}{cost}.")
+}
+
+fn shadows_of(name: &str, shadow: &ShadowReport) -> String {
+    let covered = counted(shadow.depths.covered, "pixel");
+    let cost = shadow.speedup.as_ref().map_or(String::new(), |speedup| {
+        let share = 100.0 / speedup.median;
+        format!(", for {share:.0} % of their time")
+    });
+    format!("`{name}` has the whole programs' depths in {covered} of shadow maps{cost}.")
+}
+
+/// Whether a recipe leaves the camera's frame as it is, and adds shadow passes.
+fn has_only_shadows(recipe: &str) -> bool {
+    let mut steps = recipe.split(" + ");
+    steps.all(|step| step.split(':').next() == Some("shadow"))
 }
 
 fn drawn(report: &Report) -> impl Iterator<Item = &VariantReport> {
@@ -327,7 +350,7 @@ mod tests {
     use super::*;
     use crate::jobs::made_up::adapter;
     use crate::measure::record::{Choice, Chosen};
-    use crate::measure::{Clock, DepthReport, ErrorLadder, OutputsReport};
+    use crate::measure::{Clock, DepthReport, ErrorLadder};
 
     fn variant(name: &str, speedups: &[(&str, f64)], verdict: Verdict) -> VariantReport {
         let view = |(camera, median): &(&str, f64)| ViewReport {
@@ -421,6 +444,38 @@ mod tests {
             "`a` has the original's depths in 1 pixel, for 50 % of the main passes' time."
         );
         assert!(!nothing_pays(&report));
+    }
+
+    /// The camera's frame is the original's, so its times decide nothing.
+    #[test]
+    fn a_shadow_pass_is_told_by_its_maps() {
+        let shadow = ShadowReport {
+            map: [64, 64],
+            depths: DepthReport {
+                covered: 12,
+                ..DepthReport::default()
+            },
+            whole_ms: None,
+            time_ms: None,
+            speedup: Some(Estimate {
+                median: 4.0,
+                low: 4.0,
+                high: 4.0,
+            }),
+        };
+        let own = |recipe: &str| VariantReport {
+            recipe: recipe.to_owned(),
+            shadow: Some(shadow.clone()),
+            ..variant("a", &[("wall", 1.0)], Verdict::Holds)
+        };
+        let of_maps = report(vec![own("shadow:alpha=kept")]);
+        assert_eq!(
+            headline(&of_maps),
+            "`a` has the whole programs' depths in 12 pixels of shadow maps, for 25 % of their time."
+        );
+        assert!(!nothing_pays(&of_maps));
+        // With a pass that changes the frame, the frame decides.
+        assert!(nothing_pays(&report(vec![own("depth-prepass + shadow")])));
     }
 
     #[test]
