@@ -1,8 +1,9 @@
-//! Generated WGSL that fetches vertices from storage buffers as vertex input does, in any stage.
+//! Our own WGSL that fetches vertices from storage buffers as vertex input does, from any stage.
 //!
-//! ```text fn NAME_corner(triangle: u32, corner: u32) -> u32                the vertex at a corner
-//! of a triangle, by the draw's indices fn NAME_L(vertex: u32, instance: u32) -> vec3<f32>
-//! the attribute at location L, from the host's own vertex buffer ```
+//! ```text
+//! fn NAME_corner(triangle: u32, corner: u32) -> u32                the vertex that a corner of a triangle is, by the draw's indices
+//! fn NAME_L(vertex: u32, instance: u32) -> vec3<f32>               the attribute at location L, out of the host's own vertex buffer
+//! ```
 //!
 //! Attributes are fetched and converted as WebGPU's vertex input does it (WebGPU, section
 //! 10.3.8.1): missing components are 0, and 1 for the fourth.

@@ -1,9 +1,14 @@
 //! Leaves the function after a `discard` in a loop. GLSL's `discard` and SPIR-V's `OpKill` end the
-//! invocation. WGSL's only demotes it, so a loop with no other exit would never end.
+//! invocation. WGSL's only demotes it, so a loop that nothing else ends would never end.
 //!
-//! ```text loop {                                  loop { cut();
-//! cut(); if killed { return; } discard;                                discard; return; }
-//! } ```
+//! ```text
+//! loop {                                  loop {
+//!     cut();                                  cut();
+//!                                             if killed { return; }
+//!     discard;                                discard;
+//!                                             return;
+//! }                                       }
+//! ```
 
 use std::collections::HashSet;
 

@@ -1,12 +1,16 @@
-//! Splits each combined image sampler into a texture and a sampler, because naga's IR has no such
-//! type. The reverse of `emit::spirv::combined`.
+//! Makes a texture and a sampler of each combined image sampler, because naga's IR has no such
+//! thing. The reverse of `emit::spirv::combined`.
 //!
-//! ```text %t = OpVariable %ptr_sampled            %t = OpVariable %ptr_image %s = OpVariable
-//! %ptr_sampler %1 = OpLoad %sampled %t                 %2 = OpLoad %image %t %3 = OpLoad %sampler
-//! %s %1 = OpSampledImage %sampled %2 %3 ```
+//! ```text
+//! %t = OpVariable %ptr_sampled            %t = OpVariable %ptr_image
+//!                                         %s = OpVariable %ptr_sampler
+//! %1 = OpLoad %sampled %t                 %2 = OpLoad %image %t
+//!                                         %3 = OpLoad %sampler %s
+//!                                         %1 = OpSampledImage %sampled %2 %3
+//! ```
 //!
-//! Functions that receive the one receive both. If all indices of an array are constant, each
-//! element becomes a variable. Otherwise the array becomes two binding arrays.
+//! Functions that receive the one receive both. If all indices of an array are constants, each
+//! element becomes a variable, else the array becomes two binding arrays.
 
 use std::collections::{BTreeMap, BTreeSet, HashMap};
 

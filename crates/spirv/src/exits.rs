@@ -1,11 +1,16 @@
-//! Makes the merge block of a switch its only exit. naga's reader confuses a branch to the merge
-//! block of the surrounding loop with one that leaves only the switch, and loses a `default` that
-//! leaves the loop.
+//! Lets control leave a switch by its merge block alone: naga's reader takes a branch to the merge
+//! block of the loop around a switch for one that leaves the switch only, and forgets a `default`
+//! that leaves the loop.
 //!
-//! ```text %h = OpSelectionMerge %m            %h = OpSelectionMerge %gathered OpSwitch %x %m 1
-//! %loop_merge        OpSwitch %x %gathered 1 %leaf %leaf = OpBranch %gathered %gathered = %leaves
-//! = OpPhi %bool %true %leaf %false %h OpSelectionMerge %stays OpBranchConditional %leaves
-//! %loop_merge %stays %stays = OpBranch %m ```
+//! ```text
+//! %h = OpSelectionMerge %m            %h = OpSelectionMerge %gathered
+//!      OpSwitch %x %m 1 %loop_merge        OpSwitch %x %gathered 1 %leaf
+//!                                     %leaf = OpBranch %gathered
+//!                                     %gathered = %leaves = OpPhi %bool %true %leaf %false %h
+//!                                          OpSelectionMerge %stays
+//!                                          OpBranchConditional %leaves %loop_merge %stays
+//!                                     %stays = OpBranch %m
+//! ```
 
 use std::collections::{BTreeSet, HashMap, HashSet};
 

@@ -1,9 +1,12 @@
-//! Orders the cases of switches. naga's reader assumes that a case falls through into the next one
-//! of its list, and moves `default` to the end. A `default` that falls through gets a literal, and
-//! with it a place among the cases. Literals with the same label as `default` are dropped.
+//! Orders the cases of switches: naga's reader takes a case to fall into the next one of its list,
+//! and puts `default` last. A `default` that falls through gets a literal, and so a place among the
+//! cases; literals that have the default's label are dropped.
 //!
-//! ```text OpSwitch %x %default 1 %one 2 %two      %known = %x == 1 || %x == 2 %y = OpSelect %known
-//! %x 3 OpSwitch %y %merge 1 %one 3 %default 2 %two ```
+//! ```text
+//! OpSwitch %x %default 1 %one 2 %two      %known = %x == 1 || %x == 2
+//!                                         %y = OpSelect %known %x 3
+//!                                         OpSwitch %y %merge 1 %one 3 %default 2 %two
+//! ```
 
 use std::collections::{HashMap, HashSet};
 

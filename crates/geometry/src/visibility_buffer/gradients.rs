@@ -1,10 +1,10 @@
-//! Removes derivatives from a fragment stage: the differences between lanes of a quad become
-//! inputs.
+//! A fragment stage without derivatives: the differences between lanes of a quad become inputs.
 //!
-//! ```text before:  let base = textureSample(albedo, s, in.uv * 4.0);
+//! ```text
+//! before:  let base = textureSample(albedo, s, in.uv * 4.0);
 //!
-//! after:   fn gradient_roots(in) -> vec2<f32> { return in.uv * 4.0; }       called for pixels of
-//! the quad let base = textureSampleGrad(albedo, s, in.uv * 4.0, dx, dy);    dx and dy are inputs
+//! after:   fn gradient_roots(in) -> vec2<f32> { return in.uv * 4.0; }       called for pixels of the quad
+//!          let base = textureSampleGrad(albedo, s, in.uv * 4.0, dx, dy);    dx and dy being inputs
 //! ```
 //!
 //! A level contains all derivatives that depend on no other remaining derivative. A dependent read

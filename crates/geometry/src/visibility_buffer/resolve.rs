@@ -1,9 +1,11 @@
-//! The resolve pass: the author's two stages for the triangle visible at a pixel.
+//! The resolve pass: the author's two stages for the triangle that a pixel shows.
 //!
-//! ```text fs_visible(at) -> id = ids[at]; discard if it belongs to another draw a, b, c =
-//! vs_corner(each corner of the triangle, instance) weights of a, b and c at this pixel, and at
-//! those of its quad for the gradients fs_shaded(varyings by their own interpolation, builtins
-//! reconstructed, gradients) ```
+//! ```text
+//! fs_visible(at) -> id = ids[at]; discard where it is another draw's
+//!                   a, b, c = vs_corner(each corner of the triangle, instance)
+//!                   weights of a, b and c at this pixel, and at those of its quad for the gradients
+//!                   fs_shaded(varyings by their own interpolation, builtins reconstructed, gradients)
+//! ```
 
 use std::collections::{BTreeMap, BTreeSet};
 

@@ -1,13 +1,15 @@
 //! Gives blocks a layout that WGSL can express: columns for rows, and padding for strides.
 //!
-//! | in memory | becomes | |---|---| | a block that begins at an offset | the same, after padding |
-//! | a row-major matrix | its transpose | | an array whose stride is larger than its elements | an
-//! array of structs with padding | | members that are not in the order of their offsets | the same
-//! in that order | | a matrix whose stride is larger than its columns, as `mat2` in std140 | the
-//! same, of its columns | | a vector at an offset that WGSL does not allow, as a `float3` at byte 4
-//! of a cbuffer | a member for each component |
+//! | in memory | becomes |
+//! |---|---|
+//! | a block that begins at an offset | the same, after padding |
+//! | a row-major matrix | its transpose |
+//! | an array whose stride is larger than its elements | an array of structs with padding |
+//! | members that are not in the order of their offsets | the same in that order |
+//! | a matrix whose stride is larger than its columns, as `mat2` in std140 | the same, of its columns |
+//! | a vector that begins where WGSL has none, as a `float3` at byte 4 of a cbuffer | a member for each component |
 //!
-//! Only types in memory change: a loaded value has the author's type, and the bytes stay in place.
+//! Only memory changes: a loaded value has the author's type. The bytes stay where they are.
 
 mod access;
 mod components;
