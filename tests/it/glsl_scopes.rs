@@ -519,6 +519,11 @@ fn values_of_blocks_constants_and_arrays_are_those_of_glsl() {
             "uniform vec4 b[gl_MaxDrawBuffers]; main: r = float(b.length()) + float(gl_MaxVertexUniformVectors);",
             "uniform vec4 b[8]; main: r = 8.0 + 256.0;",
         ],
+        // The level without gradients is the first.
+        [
+            "uniform samplerCubeShadow s; main: r = textureGrad(s, vec4(uv, 0.5, 0.5), vec3(0.0), vec3(0.0));",
+            "uniform samplerCubeShadow s; main: r = textureGrad(s, vec4(uv, 0.5, 0.5), vec3(0), vec3(0.0, 0.0, 0.0));",
+        ],
         [
             "struct S0 { bvec3 x; }; struct S1 { S0 a; mat2 m; }; layout(row_major, std140, binding = 0) uniform B { S1 s; }; main: S1 t = s; r = t.a.x.y == s.a.x.y ? 1.0 : 0.0;",
             "main: r = 1.0;",

@@ -194,6 +194,15 @@ pub(super) fn integers(value: ConstantValue) -> Option<Vec<i32>> {
     parts.into_iter().map(int).collect()
 }
 
+/// Whether it is 0, or a vector of zeros.
+pub(super) fn is_zero(value: &ConstantValue) -> bool {
+    match value {
+        Float(x) => *x == 0.0,
+        Vector(parts) => parts.iter().all(is_zero),
+        other => integer(other) == Some(0),
+    }
+}
+
 /// Whether all floats of a value are finite.
 pub(super) fn is_finite(value: &ConstantValue) -> bool {
     match value {

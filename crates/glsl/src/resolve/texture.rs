@@ -7,7 +7,7 @@ use super::effect::after;
 use super::expression::Ex;
 use super::fold::Folds;
 use super::{Pair, Resolver};
-use crate::constant::{self, ConstantValue};
+use crate::constant;
 use crate::errors::{unsupported, wrong};
 use crate::functions::Meaning;
 use crate::interface::handles;
@@ -256,15 +256,16 @@ impl Resolver<'_, '_> {
         let TextureFunction::Sample(Sampling { level, .. }) = function else {
             return Ok(());
         };
-        let is_zero = |e: &Expr| match self.stage.fixed(e) {
-            Some(ConstantValue::Float(x)) => x == 0.0,
-            value => value.and_then(|v| constant::integer(&v)) == Some(0),
+        let is_zero = |at: usize| {
+            let known = arguments.get(at).and_then(|e| self.stage.fixed(e));
+            known.is_some_and(|value| constant::is_zero(&value))
         };
         let what = match level {
             _ if !shape.shadow => return Ok(()),
             Level::Implicit if has_bias => "a bias",
-            Level::Exact if !arguments.get(2).is_some_and(is_zero) => "a level other than 0.0",
-            Level::Gradient => "gradients",
+            Level::Exact if !is_zero(2) => "a level other than 0.0",
+            // Without a gradient the level is the first, which is how level 0.0 of a cube is written.
+            Level::Gradient if !(is_zero(2) && is_zero(3)) => "gradients other than 0.0",
             _ => return Ok(()),
         };
         let message = format!(
