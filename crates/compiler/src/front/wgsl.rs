@@ -48,8 +48,9 @@ fn drop_requirements(tokens: &[Token<'_>], edits: &mut Edits) {
 /// whole.
 fn enclose_assertions(tokens: &[Token<'_>], edits: &mut Edits) {
     for (n, token) in tokens.iter().enumerate() {
-        let end = tokens[n..].iter().find(|t| t.text == ";");
-        if let ("const_assert", Some(end)) = (token.text, end) {
+        if token.text == "const_assert"
+            && let Some(end) = tokens[n..].iter().find(|t| t.text == ";")
+        {
             edits.replace(token.range(), "const_assert (");
             edits.replace(end.range(), ");");
         }
