@@ -129,6 +129,60 @@ fn every_sample_has_its_own_depth() {
     }
 }
 
+/// Both materials draw one box: OpenGL's depths, from -1 to 1, are those of WebGPU on the screen.
+#[test]
+fn a_material_of_opengl_has_the_depths_of_its_neighbour() {
+    let dir = tempfile::tempdir().unwrap();
+    let wgsl = "@group(0) @binding(0) var<uniform> mvp: mat4x4f;
+        @vertex fn vs(@location(0) position: vec3f) -> @builtin(position) vec4f {
+            return mvp * vec4f(position, 1.0);
+        }
+        @fragment fn fs() -> @location(0) vec4f { return vec4f(1.0); }";
+    let frag = "#version 330
+        layout(location = 0) out vec4 color;
+        void main() { color = vec4(1.0); }";
+    let write = |name: &str, text: &str| std::fs::write(dir.path().join(name), text).unwrap();
+    write("own.wgsl", wgsl);
+    write("gl.frag", frag);
+    let drawn = |material: &str| {
+        let scene = format!(
+            "size = [48, 32]\n{material}\n[meshes]\nblock.box = {{ size = [1, 2, 1] }}\n\
+             [[draws]]\nmesh = \"block\"\nmaterial = \"only\"\nrotate = [20, 30, 0]\n\
+             [[cameras]]\neye = [2, 2, 4]\ntarget = [0, 0, 0]\n"
+        );
+        let file = dir.path().join("scene.toml");
+        std::fs::write(&file, scene).unwrap();
+        let scene = preshade_scenes::load(&file).unwrap_or_else(|e| panic!("{}", e.render()));
+        render(gpu(), &scene).depth.unwrap().values
+    };
+    let webgpu = drawn("materials.only.shader = \"own.wgsl\"");
+    let covered = webgpu.iter().filter(|d| **d < 1.0).count();
+    assert!(covered > 50, "{covered}");
+    for (uniforms, matrix) in [
+        ("uniform mat4 mvp;", "mvp"),
+        (
+            "uniform mat4 projection; uniform mat4 view; uniform mat4 model;",
+            "projection * view * model",
+        ),
+        (
+            "uniform mat4 inverseProjection; uniform mat4 modelView;",
+            "inverse(inverseProjection) * modelView",
+        ),
+    ] {
+        write(
+            "gl.vert",
+            &format!(
+                "#version 330\n{uniforms}\nlayout(location = 0) in vec3 position;\n\
+                 void main() {{ gl_Position = {matrix} * vec4(position, 1.0); }}"
+            ),
+        );
+        let opengl = drawn("materials.only = { vertex = \"gl.vert\", fragment = \"gl.frag\" }");
+        for (a, b) in webgpu.iter().zip(&opengl) {
+            assert!((a - b).abs() < 1e-5, "{matrix}: {a} {b}");
+        }
+    }
+}
+
 #[test]
 fn a_viewport_confines_the_picture() {
     let gpu = gpu();

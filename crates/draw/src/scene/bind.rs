@@ -593,6 +593,7 @@ fn packed(
     observe: Observer<'_>,
 ) -> Result<Packed, SceneError> {
     let module = material.program.module();
+    let depth = material.program.declared().depth;
     let given = layout::SceneValues {
         draw: &draw.values,
         material: &material.values,
@@ -617,7 +618,7 @@ fn packed(
             } else {
                 0
             };
-            let known = semantic.evaluate(scene, draw, frame, index, leaf.rows as usize);
+            let known = semantic.evaluate(scene, draw, frame, depth, index, leaf.rows as usize);
             match fit(known, leaf) {
                 Some(numbers) => {
                     if semantic.is_per_frame() {

@@ -4,6 +4,7 @@
 use glam::{Mat4, Vec3, Vec4};
 
 use super::{Draw, Frame, Scene};
+use naga_edit::declared::Depth;
 
 /// A value that the renderer provides. `docs/reference/scene-values.md` lists the names.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -248,35 +249,37 @@ impl Semantic {
         matches!(self, Self::Joints | Self::MorphWeights)
     }
 
-    /// The value for one draw in one frame. `index` counts list elements of `components` numbers
-    /// each.
+    /// The value for one draw in one frame, for a shader that writes this range of depths. `index`
+    /// counts list elements of `components` numbers each.
     pub(crate) fn evaluate(
         self,
         scene: &Scene,
         draw: &Draw,
         frame: &Frame,
+        depth: Depth,
         index: usize,
         components: usize,
     ) -> SemanticValue {
         use SemanticValue::{Matrix, Vector};
+        let projection = in_range(frame.projection, depth);
         let xyz = |v: Vec3, w: f32| Vector(v.extend(w));
         let model = draw.transform;
         let vertex_count = scene.meshes.get(draw.mesh).map_or(0, |m| m.vertex_count);
         match self {
-            Self::ViewProjection => Matrix(frame.projection * frame.view),
-            Self::ModelViewProjection => Matrix(frame.projection * frame.view * model),
+            Self::ViewProjection => Matrix(projection * frame.view),
+            Self::ModelViewProjection => Matrix(projection * frame.view * model),
             Self::Model => Matrix(model),
             Self::NormalMatrix => Matrix(model.inverse().transpose()),
             Self::ModelView => Matrix(frame.view * model),
             Self::View => Matrix(frame.view),
-            Self::Projection => Matrix(frame.projection),
+            Self::Projection => Matrix(projection),
             Self::InverseView => Matrix(frame.view.inverse()),
-            Self::InverseProjection => Matrix(frame.projection.inverse()),
-            Self::InverseViewProjection => Matrix((frame.projection * frame.view).inverse()),
+            Self::InverseProjection => Matrix(projection.inverse()),
+            Self::InverseViewProjection => Matrix((projection * frame.view).inverse()),
             Self::InverseModel => Matrix(model.inverse()),
             Self::LightViewProjection => {
                 let light = scene.light_frame(frame.time);
-                Matrix(light.projection * light.view)
+                Matrix(in_range(light.projection, depth) * light.view)
             }
             Self::CameraPosition => xyz(frame.eye, 1.0),
             Self::Time => Vector(Vec4::splat(frame.time)),
@@ -303,6 +306,19 @@ impl Semantic {
             }
             Self::VertexCount => Vector(Vec4::splat(vertex_count as f32)),
             Self::InstanceCount => Vector(Vec4::splat(draw.instances as f32)),
+        }
+    }
+}
+
+/// A projection whose depths are from 0 to 1, for a shader that writes `depth`.
+fn in_range(projection: Mat4, depth: Depth) -> Mat4 {
+    match depth {
+        Depth::AsWritten => projection,
+        // z becomes 2 z - w.
+        Depth::OpenGl => {
+            let mut turned = Mat4::from_diagonal(Vec4::new(1.0, 1.0, 2.0, 1.0));
+            turned.w_axis.z = -1.0;
+            turned * projection
         }
     }
 }
