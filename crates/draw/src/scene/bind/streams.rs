@@ -603,7 +603,10 @@ fn source(material: &Material, mesh: &Mesh, draw: &Draw, name: &str) -> Attribut
         return AttributeSource::Vertex(own.clone());
     }
     let is_there = |stream: &&str| mesh.streams.contains_key(*stream);
-    let by_use = material.attribute_roles.get(name).map(String::as_str);
+    // What the scene names goes before the use: a wrong name is an error.
+    let is_given = material.attributes.contains_key(name);
+    let by_use = material.attribute_roles.get(name).filter(|_| !is_given);
+    let by_use = by_use.map(String::as_str);
     match (by_use.filter(is_there), alias(&normal).filter(is_there)) {
         (Some(stream), named) if named != Some(stream) => AttributeSource::Role(stream.to_owned()),
         (_, Some(stream)) => AttributeSource::Vertex(stream.to_owned()),
