@@ -13,7 +13,7 @@ use naga_edit::writer::FunctionWriter;
 use preshade_dataflow::graph::{FunctionGraph, FunctionId, Graph};
 
 /// The module in which each term is computed only if its weight's magnitude exceeds `threshold`,
-/// and is 0 otherwise.
+/// and is 0 otherwise. With a threshold of 0, a weight that is NaN counts as other than 0.
 pub(crate) fn skipping(graph: &Graph<'_>, terms: &[Term], threshold: f32) -> Module {
     let mut module = graph.module().clone();
     let functions: BTreeSet<FunctionId> = terms.iter().map(|t| t.function).collect();
@@ -181,14 +181,19 @@ impl<'a, 'p> TermCopier<'a, 'p> {
             }
         };
         let right = writer.expression(Expression::Literal(Literal::F32(self.threshold)));
-        let left = writer.expression(Expression::Math {
-            fun: MathFunction::Abs,
-            arg: weight,
-            arg1: None,
-            arg2: None,
-            arg3: None,
-        });
-        let op = BinaryOperator::Greater;
+        let (op, left) = match self.threshold > 0.0 {
+            false => (BinaryOperator::NotEqual, weight),
+            true => {
+                let magnitude = Expression::Math {
+                    fun: MathFunction::Abs,
+                    arg: weight,
+                    arg1: None,
+                    arg2: None,
+                    arg3: None,
+                };
+                (BinaryOperator::Greater, writer.expression(magnitude))
+            }
+        };
         let condition = writer.expression(Expression::Binary { op, left, right });
         let inner = self.f.info[term.tap]
             .ty
