@@ -278,7 +278,12 @@ fn what_ends_a_capture_ends_the_browser_and_keeps_the_earlier_one() {
     let _ = fs::remove_dir_all(&profiles);
     fs::create_dir_all(&profiles).unwrap();
     for signal in ["INT", "TERM", "HUP", "KILL"] {
-        let mut running = Command::new(env!("CARGO_BIN_EXE_preshade"))
+        // A shell starts what it runs in the background with SIGINT ignored, and `nohup` with SIGHUP.
+        let mut running = Command::new("env")
+            .args([
+                "--default-signal=INT,TERM,HUP",
+                env!("CARGO_BIN_EXE_preshade"),
+            ])
             .args(["capture", &good, "--after", "600", "-o"])
             .arg(&folder)
             .env("TMPDIR", &profiles)
