@@ -123,6 +123,12 @@ fn names_that_lead_nowhere_are_told() {
     let with = |stream: &str| format!("attributes.uv = \"{stream}\"\ntextures.albedo");
     insta::assert_snapshot!(refusal("stream", "textures.albedo", &with("posiiton")));
     insta::assert_snapshot!(refusal("stream-far", "textures.albedo", &with("elephant")));
+    // Also where the shader's use of an attribute tells its stream.
+    for attribute in ["position", "normal"] {
+        let named = format!("attributes.{attribute} = \"uv7\"\ntextures.albedo");
+        let refused = refusal(&format!("stream-{attribute}"), "textures.albedo", &named);
+        assert!(refused.contains("has no stream `uv7`"), "{refused}");
+    }
     // One that a mesh may lack reads what it does then.
     for (case, stream) in [
         ("own", "position"),
